@@ -1,0 +1,57 @@
+//! The one error type of the core; `python.rs` turns it into Python exceptions.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+/// Everything that can go wrong in the core. Messages name the argument, what was expected and what came.
+#[derive(Debug)]
+pub enum Error {
+    /// A value outside what the function accepts.
+    Value(String),
+    /// A file that does not hold what its format promises; `line` counts from 1.
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Line of the first fault, counted from 1.
+        line: usize,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A file that cannot be read.
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+}
+
+/// Result of the core's functions.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// A bad value: `argument: expected ..., got ...`.
+    pub fn value(argument: &str, expected: impl fmt::Display, got: impl fmt::Display) -> Self {
+        Self::Value(format!("{argument}: expected {expected}, got {got}"))
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Value(message) => f.write_str(message),
+            Self::Format { path, line, message } => write!(f, "{}:{line}: {message}", path.display()),
+            Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            Self::Value(_) | Self::Format { .. } => None,
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! Core of radarcore: triangles in, radar samples out.
+//!
+//! ```text
+//! Mesh ── tree ──┐
+//! poses ─────────┴─ Scene ── image tiles ── Hits ── scattering ── Paths ── beat signal
+//! ```
+//!
+//! Conventions, stated once and used everywhere:
+//!
+//! - SI units and radians; a name says so when it means something else (`gain_db`).
+//! - Sensor frame: x forward (boresight), y left, z up. Poses map body coordinates to the sensor frame.
+//! - The mixer forms TX times conj(RX): the phase `2 pi (f0 tau + S tau t - S tau^2 / 2)` grows with the
+//!   delay. Range is at positive beat frequency and a receding body has positive velocity.
+//! - Amplitudes are in sqrt(W): the squared magnitude is the received power.
+//! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
+//! - Results do not depend on the number of threads: every sum has a fixed order.
+
+pub mod error;
+pub mod mesh;
+
+pub use error::{Error, Result};
