@@ -1,0 +1,1 @@
+"""FMCW radar simulation for robotics."""

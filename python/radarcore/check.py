@@ -1,0 +1,87 @@
+"""Checks of arguments: every message names the argument, what was expected and what came."""
+
+from __future__ import annotations
+
+import operator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def number(name: str, value: object, unit: str = "") -> float:
+    """A finite number, or a ValueError (TypeError for what is no number at all)."""
+    unit = f" [{unit}]" if unit else ""
+    if isinstance(value, bool | str | bytes) or value is None:
+        raise TypeError(f"{name}: expected a number{unit}, got {value!r}")
+    try:
+        result = float(value)  # type: ignore[arg-type]  # what float() refuses is reported below
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: expected a number{unit}, got {value!r}") from None
+    if not np.isfinite(result):
+        raise ValueError(f"{name}: expected a finite number{unit}, got {value!r}")
+    return result
+
+
+def positive(name: str, value: object, unit: str = "") -> float:
+    """A finite number above zero."""
+    result = number(name, value, unit)
+    if result <= 0.0:
+        raise ValueError(f"{name}: expected a positive number{f' [{unit}]' if unit else ''}, got {value!r}")
+    return result
+
+
+def non_negative(name: str, value: object, unit: str = "") -> float:
+    """A finite number that is zero or above."""
+    result = number(name, value, unit)
+    if result < 0.0:
+        raise ValueError(f"{name}: expected zero or a positive number{f' [{unit}]' if unit else ''}, got {value!r}")
+    return result
+
+
+def count(name: str, value: object, minimum: int = 1) -> int:
+    """An integer of at least `minimum`."""
+    if isinstance(value, bool):
+        raise TypeError(f"{name}: expected an integer, got {value!r}")
+    try:
+        result = operator.index(value)  # type: ignore[arg-type]  # what has no index is reported below
+    except TypeError:
+        raise TypeError(f"{name}: expected an integer, got {value!r}") from None
+    if result < minimum:
+        raise ValueError(f"{name}: expected at least {minimum}, got {result}")
+    return result
+
+
+def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
+    """One of a few words."""
+    if value not in choices:
+        raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}")
+    return str(value)
+
+
+def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """A finite f64 array of the given shape (None: any length), copied so that later changes do not reach it."""
+    try:
+        result = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name}: expected numbers of shape {shape_text(shape)}, got {type(value).__name__}") from error
+    if len(result.shape) != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, result.shape, strict=True)
+    ):
+        raise ValueError(f"{name}: expected shape {shape_text(shape)}, got {result.shape}")
+    if not np.isfinite(result).all():
+        bad = np.argwhere(~np.isfinite(result))[0]
+        where = f" at index {tuple(int(i) for i in bad)}" if result.ndim else ""
+        raise ValueError(f"{name}: expected finite numbers, got {result[tuple(bad)]}{where}")
+    return result
+
+
+def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same array, no longer writable: fields of frozen records must not change under them."""
+    values.flags.writeable = False
+    return values
+
+
+def shape_text(shape: tuple[int | None, ...]) -> str:
+    """Text of a shape with free lengths, for messages: ``(n, 3)``."""
+    inner = ", ".join("n" if length is None else str(length) for length in shape)
+    return f"({inner},)" if len(shape) == 1 else f"({inner})"

@@ -1,0 +1,178 @@
+"""A radar: waveform, antennas, power and receiver; and the presets of real sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.antenna import (
+    GaussianPattern,
+    IsotropicPattern,
+    Pattern,
+    pattern_from_dict,
+    pattern_to_dict,
+)
+from radarcore.receiver import Receiver
+from radarcore.units import power_from_dbm
+from radarcore.waveform import Waveform
+
+
+@dataclass(frozen=True, eq=False)
+class Radar:
+    """A sensor: every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
+
+    Parameters
+    ----------
+    waveform : Waveform
+    tx, rx : (n, 3) array_like
+        Antenna positions in the sensor frame [m]: x forward, y left, z up.
+    pattern : IsotropicPattern or GaussianPattern
+        Power gain of every element, TX and RX.
+    tx_power_dbm : float
+        Transmitted power of one TX [dBm]; the default, 1 W, makes amplitudes transfer functions.
+    receiver : Receiver, optional
+        None: the ideal receiver, I/Q without noise.
+    """
+
+    waveform: Waveform
+    tx: NDArray[np.float64]
+    rx: NDArray[np.float64]
+    pattern: Pattern
+    tx_power_dbm: float
+    receiver: Receiver | None
+
+    def __init__(
+        self,
+        waveform: Waveform,
+        *,
+        tx: ArrayLike = ((0.0, 0.0, 0.0),),
+        rx: ArrayLike = ((0.0, 0.0, 0.0),),
+        pattern: Pattern | None = None,
+        tx_power_dbm: float = 30.0,
+        receiver: Receiver | None = None,
+    ) -> None:
+        pattern = IsotropicPattern() if pattern is None else pattern
+        for name, value, kind in (
+            ("waveform", waveform, Waveform),
+            ("pattern", pattern, Pattern),
+            ("receiver", receiver, Receiver | None),
+        ):
+            if not isinstance(value, kind):
+                raise TypeError(f"{name}: expected {getattr(kind, '__name__', kind)}, got {type(value).__name__}")
+        put = object.__setattr__
+        put(self, "waveform", waveform)
+        put(self, "tx", _positions("tx", tx))
+        put(self, "rx", _positions("rx", rx))
+        put(self, "pattern", pattern)
+        put(self, "tx_power_dbm", check.number("tx_power_dbm", tx_power_dbm, "dBm"))
+        put(self, "receiver", receiver)
+
+    @property
+    def num_channels(self) -> int:
+        """Number of TX-RX pairs."""
+        return len(self.tx) * len(self.rx)
+
+    @property
+    def tx_power(self) -> float:
+        """Transmitted power of one TX [W]."""
+        return power_from_dbm(self.tx_power_dbm)
+
+    @property
+    def is_real(self) -> bool:
+        """True when the receiver gives real samples."""
+        return self.receiver is not None and self.receiver.output == "real"
+
+    @property
+    def max_range(self) -> float:
+        """Largest unambiguous range [m]: the waveform's, twice that with I/Q samples."""
+        return self.waveform.max_range * (1.0 if self.is_real else 2.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, lists and texts, for JSON."""
+        return {
+            "waveform": self.waveform.to_dict(),
+            "tx": self.tx.tolist(),
+            "rx": self.rx.tolist(),
+            "pattern": pattern_to_dict(self.pattern),
+            "tx_power_dbm": self.tx_power_dbm,
+            "receiver": None if self.receiver is None else dict(vars(self.receiver)),
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Radar:
+        """The radar that `to_dict` described."""
+        receiver = values["receiver"]
+        return cls(
+            Waveform(**values["waveform"]),
+            tx=values["tx"],
+            rx=values["rx"],
+            pattern=pattern_from_dict(values["pattern"]),
+            tx_power_dbm=values["tx_power_dbm"],
+            receiver=None if receiver is None else Receiver(**receiver),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Radar) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash((self.waveform, self.tx.tobytes(), self.rx.tobytes()))
+
+
+def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0, **waveform: Any) -> Radar:
+    """Infineon BGT60TR13C: one TX, three RX in an L, real samples.
+
+    Defaults are the chip's power-up settings: 58 to 63.5 GHz, 64 samples at 2 MHz, 64 chirps every 591 us.
+    The ramp starts 3.1125 us before the first sample and reaches `stop_frequency` at the last, so the sampled
+    bandwidth is smaller than ``stop_frequency - start_frequency``.
+
+    Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40
+    degrees, 12 dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, 2.5 mm apart. The
+    phase centre of the TX is not public; it is put next to the corner of the L.
+
+    Parameters
+    ----------
+    stop_frequency : float, optional
+        End of the ramp [Hz]; default 63.5 GHz. Not together with `slope`.
+    tx_power_dbm : float
+        Transmitted power [dBm].
+    **waveform
+        Keywords of `Waveform` in place of the defaults.
+    """
+    settings: dict[str, Any] = {
+        "start_frequency": 58e9,
+        "sample_rate": 2e6,
+        "num_samples": 64,
+        "num_chirps": 64,
+        "adc_delay": 3.1125e-6,
+    } | waveform
+    if "slope" not in settings:
+        stop = check.positive("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency, "Hz")
+        sweep = settings["adc_delay"] + check.count("num_samples", settings["num_samples"]) / check.positive(
+            "sample_rate", settings["sample_rate"], "Hz"
+        )
+        settings["slope"] = (stop - settings["start_frequency"]) / sweep
+    elif stop_frequency is not None:
+        raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
+    if "chirp_times" not in settings:
+        settings.setdefault("chirp_interval", 591.125e-6)
+    settings.setdefault("frame_interval", 77.26885e-3)
+    spacing = 2.5e-3
+    return Radar(
+        Waveform(**settings),
+        tx=[[0.0, -spacing, 0.0]],
+        rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
+        pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
+        tx_power_dbm=tx_power_dbm,
+        receiver=Receiver(output="real", noise_figure_db=12.0),
+    )
+
+
+def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    positions = check.array(name, value, (None, 3))
+    if len(positions) == 0:
+        raise ValueError(f"{name}: expected at least one antenna position, got none")
+    return check.frozen(positions)

@@ -1,0 +1,227 @@
+"""The transmitted waveform: a frame of linear frequency ramps, and the axes that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.units import SPEED_OF_LIGHT
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Waveform:
+    """A frame of FMCW chirps and its sampling.
+
+    Time ``t = 0`` of a chirp is the start of its frequency ramp; sample ``n`` is taken at
+    ``adc_delay + n / sample_rate``. Chirp ``m`` starts at ``chirp_times[m]`` after the start of the frame.
+
+    Parameters
+    ----------
+    start_frequency : float
+        Frequency at the start of the ramp [Hz].
+    slope : float
+        Slope of the ramp [Hz/s]; negative for a down-chirp.
+    sample_rate : float
+        Samples per second of one receiver [Hz].
+    num_samples : int
+        Samples per chirp.
+    num_chirps : int
+        Chirps per frame.
+    chirp_interval : float, optional
+        From the start of one chirp to the start of the next [s]; default: back to back.
+    frame_interval : float, optional
+        From the start of one frame to the start of the next [s]; default: back to back.
+    adc_delay : float
+        From the start of the ramp to the first sample [s].
+    chirp_times : (num_chirps,) array_like, optional
+        Start of every ramp after the start of the frame [s], increasing, instead of `chirp_interval`
+        (staggered or interleaved chirps). `chirp_interval` is then their mean spacing.
+
+    Raises
+    ------
+    ValueError
+        For numbers that are not finite, not positive where they must be, or chirps that overlap.
+    """
+
+    start_frequency: float
+    slope: float
+    sample_rate: float
+    num_samples: int
+    num_chirps: int = 1
+    chirp_interval: float = None  # type: ignore[assignment]  # __post_init__ puts the default in
+    frame_interval: float = None  # type: ignore[assignment]  # __post_init__ puts the default in
+    adc_delay: float = 0.0
+    chirp_times: NDArray[np.float64] = field(default=None, repr=False)  # type: ignore[assignment]  # likewise
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "start_frequency", check.positive("start_frequency", self.start_frequency, "Hz"))
+        put(self, "slope", check.number("slope", self.slope, "Hz/s"))
+        if self.slope == 0.0:
+            raise ValueError("slope: expected a positive (up-chirp) or negative (down-chirp) number [Hz/s], got 0")
+        put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
+        put(self, "num_samples", check.count("num_samples", self.num_samples))
+        put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
+        put(self, "adc_delay", check.non_negative("adc_delay", self.adc_delay, "s"))
+        sweep = self.adc_delay + self.num_samples / self.sample_rate
+        if min(self.start_frequency, self.start_frequency + self.slope * sweep) <= 0.0:
+            raise ValueError(f"slope: the ramp falls below 0 Hz after {sweep:g} s at {self.slope:g} Hz/s")
+
+        put(self, "chirp_times", self._starts(sweep))
+        if self.frame_interval is None:
+            put(self, "frame_interval", float(self.chirp_times[-1]) + max(self.chirp_interval, sweep))
+        put(self, "frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
+
+    def _starts(self, sweep: float) -> NDArray[np.float64]:
+        """Start of every chirp [s]; sets `chirp_interval` where it follows from the starts."""
+        put = object.__setattr__
+        if self.chirp_times is None:
+            interval = sweep if self.chirp_interval is None else self.chirp_interval
+            put(self, "chirp_interval", check.positive("chirp_interval", interval, "s"))
+            starts = self.chirp_interval * np.arange(self.num_chirps)
+        else:
+            starts = check.array("chirp_times", self.chirp_times, (self.num_chirps,))
+            if starts[0] < 0.0 or (np.diff(starts) <= 0.0).any():
+                raise ValueError("chirp_times: expected times from 0 on, increasing [s]")
+            spacing = (starts[-1] - starts[0]) / (self.num_chirps - 1) if self.num_chirps > 1 else sweep
+            put(self, "chirp_interval", float(spacing))
+        sampled = self.adc_delay + (self.num_samples - 1) / self.sample_rate
+        if self.num_chirps > 1 and np.diff(starts).min() < sampled * (1.0 - 1e-9):
+            name = "chirp_interval" if self.has_uniform_chirps else "chirp_times"
+            raise ValueError(
+                f"{name}: expected at least {sampled:g} s between chirps (adc_delay + samples), "
+                f"got {np.diff(starts).min():g} s"
+            )
+        return check.frozen(starts)
+
+    @classmethod
+    def from_sweep(
+        cls, *, start_frequency: float, stop_frequency: float, sample_rate: float, num_samples: int, **others: Any
+    ) -> Waveform:
+        """Waveform whose *sampled* sweep runs from `start_frequency` to `stop_frequency` [Hz].
+
+        ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are
+        those of `Waveform`. A stop below the start is a down-chirp.
+        """
+        start = check.positive("start_frequency", start_frequency, "Hz")
+        stop = check.positive("stop_frequency", stop_frequency, "Hz")
+        if start == stop:
+            raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
+        duration = check.count("num_samples", num_samples) / check.positive("sample_rate", sample_rate, "Hz")
+        return cls(
+            start_frequency=start,
+            slope=(stop - start) / duration,
+            sample_rate=sample_rate,
+            num_samples=num_samples,
+            **others,
+        )
+
+    def replace(self, **changes: Any) -> Waveform:
+        """The same waveform with some parameters changed.
+
+        A new number of chirps or chirp interval replaces the list of chirp times.
+        """
+        if "chirp_times" not in changes and (
+            self.has_uniform_chirps or {"num_chirps", "chirp_interval"} & changes.keys()
+        ):
+            changes["chirp_times"] = None
+        return replace(self, **changes)
+
+    @property
+    def has_uniform_chirps(self) -> bool:
+        """True when the chirps follow each other at `chirp_interval`."""
+        if self.chirp_times is None:
+            return True
+        uniform = self.chirp_times[0] + self.chirp_interval * np.arange(self.num_chirps)
+        return bool(np.abs(self.chirp_times - uniform).max() <= 1e-9 * self.chirp_interval)
+
+    @property
+    def bandwidth(self) -> float:
+        """Sampled bandwidth [Hz]: ``abs(slope) * num_samples / sample_rate``."""
+        return abs(self.slope) * self.num_samples / self.sample_rate
+
+    @property
+    def center_frequency(self) -> float:
+        """Centre of the sampled band [Hz]; its wavelength scales point targets and velocities."""
+        return self.start_frequency + self.slope * (self.adc_delay + self.num_samples / (2.0 * self.sample_rate))
+
+    @property
+    def wavelength(self) -> float:
+        """Wavelength at the centre of the sampled band [m]."""
+        return SPEED_OF_LIGHT / self.center_frequency
+
+    @property
+    def range_resolution(self) -> float:
+        """Width of a range bin [m], ``c / (2 bandwidth)``."""
+        return SPEED_OF_LIGHT / (2.0 * self.bandwidth)
+
+    @property
+    def max_range(self) -> float:
+        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that."""
+        return SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
+
+    @property
+    def velocity_resolution(self) -> float:
+        """Width of a velocity bin [m/s], ``wavelength / (2 num_chirps chirp_interval)``."""
+        return self.wavelength / (2.0 * self.num_chirps * self.chirp_interval)
+
+    @property
+    def max_velocity(self) -> float:
+        """Largest unambiguous velocity, towards or away [m/s]: ``wavelength / (4 chirp_interval)``."""
+        return self.wavelength / (4.0 * self.chirp_interval)
+
+    @property
+    def sample_times(self) -> NDArray[np.float64]:
+        """Time of every sample after the start of its ramp [s], (num_samples,); includes `adc_delay`."""
+        return self.adc_delay + np.arange(self.num_samples) / self.sample_rate
+
+    @property
+    def duration(self) -> float:
+        """From the start of the first ramp to the last sample of the last chirp [s]."""
+        return float(self.chirp_times[-1] + self.sample_times[-1])
+
+    def delay_times(self, num_nodes: int) -> NDArray[np.float64]:
+        """Chebyshev times of the first kind on ``[0, duration]``, increasing [s], (num_nodes,).
+
+        Delays given at these times to `beat_signal` are interpolated by the polynomial through them.
+        """
+        n = check.count("num_nodes", num_nodes)
+        angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
+        return 0.5 * self.duration * (1.0 + np.cos(angles))
+
+    def range_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
+        """Range of every bin of a range transform of length `num_bins` [m], (num_bins,).
+
+        Bin k lies at ``k c sample_rate / (2 abs(slope) num_bins)``. A real receiver has the first
+        ``num_bins // 2 + 1`` of them. Default: `num_samples`.
+        """
+        n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
+        return np.arange(n) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
+
+    def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
+        """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
+
+        Increasing, zero at index ``num_bins // 2``, receding positive. Default: `num_chirps`.
+        """
+        n = self.num_chirps if num_bins is None else check.count("num_bins", num_bins)
+        return (np.arange(n) - n // 2) * (self.wavelength / (2.0 * n * self.chirp_interval))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Parameters as plain numbers and lists, for JSON; `Waveform(**dict)` restores them."""
+        names = ("start_frequency", "slope", "sample_rate", "num_samples", "num_chirps", "chirp_interval")
+        values: dict[str, Any] = {name: getattr(self, name) for name in (*names, "frame_interval", "adc_delay")}
+        if not (self.has_uniform_chirps and self.chirp_times[0] == 0.0):
+            values["chirp_times"] = self.chirp_times.tolist()
+        return values
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Waveform) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash((self.start_frequency, self.slope, self.sample_rate, self.num_samples, self.num_chirps))
+
+
