@@ -1,0 +1,138 @@
+# Everything a developer runs; `make help` lists it. Needs Python, a C compiler and Rust, nothing else installed.
+
+PYTHON ?= python3
+VENV = .venv
+BIN = $(VENV)/bin
+PIP = $(BIN)/pip --quiet --disable-pip-version-check
+
+# cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
+export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
+
+SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
+
+.PHONY: help demo test wheel wheel-check bench format clean tools checkers
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make demo     build and simulate the collaborative-robot scene; results go to out/demo"
+	@echo "make test     format, lint, types, Rust and Python tests, benches once tiny, wheel"
+	@echo "make wheel    build dist/*.whl"
+	@echo "make bench    measure speed"
+	@echo "make format   lay out the Rust and Python sources"
+	@echo "make clean    remove everything that was built, the environment included"
+
+demo: $(VENV)/built
+	$(BIN)/radarcore demo
+
+test: checkers $(VENV)/robots $(VENV)/built
+	@echo "-- layout"
+	@cargo fmt --check
+	@$(BIN)/ruff format --quiet --check .
+	@echo "-- lint: Rust"
+	@cargo clippy --quiet --all-targets --locked -- -D warnings
+	@cargo clippy --quiet --all-targets --locked --features python -- -D warnings
+	@echo "-- lint: Python"
+	@$(BIN)/ruff check --quiet .
+	@echo "-- types"
+	@$(BIN)/mypy --no-error-summary
+	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
+	@echo "-- tests: Rust"
+	@cargo test --quiet --locked
+	@echo "-- benches once: Rust"
+	@cargo bench --quiet --locked -- --test
+	@echo "-- tests: Python"
+	@$(BIN)/python -m pytest --quiet
+	@echo "-- benches once: Python"
+	@for bench in benches/*.py; do \
+		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \
+	done
+	@$(MAKE) --no-print-directory wheel-check
+
+wheel: $(VENV)/demo
+	@echo "-- wheel"
+	@rm -f dist/radarcore-*.whl
+	@$(BIN)/maturin build --quiet --release --locked --out dist
+
+# The wheel in an empty environment with its required packages only, away from the sources.
+wheel-check: wheel
+	@echo "-- wheel in an empty environment"
+	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; \
+	$(PYTHON) -m venv "$$directory"; \
+	"$$directory/bin/pip" install --quiet --disable-pip-version-check --constraint requirements/demo.txt dist/*.whl; \
+	"$$directory/bin/python" tests/wheel_smoke.py
+
+bench: $(VENV)/dev $(VENV)/built
+	cargo bench --locked
+	@for bench in benches/*.py; do \
+		[ ! -e "$$bench" ] || { echo "$$bench"; $(BIN)/python "$$bench"; } || exit 1; \
+	done
+
+format: $(VENV)/dev
+	cargo fmt
+	$(BIN)/ruff check --quiet --select I --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) dist build out target .mypy_cache .pytest_cache .ruff_cache
+	rm -f python/radarcore/_core*.so
+	find python tests benches examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+
+# The environment. Each file below stands for one finished step, which is repeated when what it depends on changes.
+
+$(VENV)/created: | tools
+	@echo "-- environment in $(VENV)"
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/demo: requirements/demo.txt $(VENV)/created | tools
+	@echo "-- packages: requirements/demo.txt"
+	@$(PIP) install -r requirements/demo.txt
+	@touch $@
+
+$(VENV)/dev: requirements/dev.txt $(VENV)/demo
+	@echo "-- packages: requirements/dev.txt"
+	@$(PIP) install -r requirements/dev.txt
+	@touch $@
+
+$(VENV)/robots: requirements/robots.txt $(VENV)/dev
+	@echo "-- packages: requirements/robots.txt (131 MB)"
+	@$(PIP) install --no-deps -r requirements/robots.txt
+	@touch $@
+
+$(VENV)/built: $(SOURCES) $(VENV)/demo
+	@echo "-- Rust core (a minute the first time)"
+	@PIP_QUIET=1 $(BIN)/maturin develop --quiet --release --locked
+	@touch $@
+
+# What only `make test` needs of Rust.
+checkers: tools
+	@{ cargo fmt --version && cargo clippy --version; } >/dev/null 2>&1 || { \
+		echo "rustfmt or clippy is missing: rustup component add rustfmt clippy"; exit 1; }
+
+# Name everything that is missing at once.
+tools:
+	@ok=yes; \
+	if ! $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+		ok=no; echo "Python 3.11 or newer is missing ($(PYTHON); another one: make PYTHON=python3.12 ...)"; \
+		echo "    Debian: apt install python3 python3-venv   Fedora: dnf install python3   macOS: brew install python"; \
+	elif ! $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null; then \
+		ok=no; echo "Python's venv and pip are missing"; \
+		echo "    Debian: apt install python3-venv   Fedora: dnf install python3-pip   macOS: brew install python"; \
+	fi; \
+	if ! command -v cc >/dev/null 2>&1; then \
+		ok=no; echo "A C compiler (cc), which Rust links with, is missing"; \
+		echo "    Debian: apt install gcc libc6-dev   Fedora: dnf install gcc   macOS: xcode-select --install"; \
+	fi; \
+	needed=$$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml); \
+	found=$$(rustc --version 2>/dev/null | cut -d ' ' -f 2); \
+	if ! command -v cargo >/dev/null 2>&1 || [ -z "$$found" ]; then \
+		ok=no; echo "Rust $$needed or newer is missing (cargo, rustc)"; \
+		if [ -x "$$HOME/.cargo/bin/cargo" ]; then echo "    it is installed but not in PATH: . ~/.cargo/env"; \
+		else echo "    see https://rustup.rs"; fi; \
+	elif [ "$$(printf '%s\n' "$$needed" "$$found" | sort -t . -k 1,1n -k 2,2n | head -n 1)" != "$$needed" ]; then \
+		ok=no; echo "Rust $$needed or newer is needed, this is $$found: rustup update"; \
+		echo "    not from rustup? see https://rustup.rs"; \
+	fi; \
+	[ $$ok = yes ]
