@@ -17,5 +17,6 @@
 
 pub mod error;
 pub mod mesh;
+pub mod shading;
 
 pub use error::{Error, Result};
