@@ -74,7 +74,7 @@ format: $(VENV)/dev
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) dist build out target .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) dist build out/demo target .mypy_cache .pytest_cache .ruff_cache
 	rm -f python/radarcore/_core*.so
 	find python tests benches examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 

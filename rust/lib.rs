@@ -15,8 +15,23 @@
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
+pub mod antenna;
+pub mod beat;
+pub mod bvh;
+pub mod chirp;
+pub mod delay;
+pub mod direct;
 pub mod error;
+pub mod material;
 pub mod mesh;
+pub mod motion;
+#[cfg(feature = "python")]
+mod python;
+pub mod rays;
+pub mod scatter;
 pub mod shading;
+pub mod simd;
+pub mod surface;
+pub mod trace;
 
 pub use error::{Error, Result};

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference import beat_signal_reference
 
 from radarcore import plot
 from radarcore.radar import Radar
@@ -20,6 +19,7 @@ from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Truth
 from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
+from reference import beat_signal_reference
 
 figure_module = pytest.importorskip("matplotlib.figure")
 

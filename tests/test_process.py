@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference import beat_signal_reference
 
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
 from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
+from reference import beat_signal_reference
 
 UP, DOWN = 1.0, -1.0
 

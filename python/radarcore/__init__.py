@@ -1,1 +1,56 @@
-"""FMCW radar simulation for robotics."""
+"""FMCW radar simulation for robotics: meshes in, ADC samples and range-velocity maps out.
+
+SI units and radians unless a name says otherwise; cubes are ``[frame, channel, chirp, sample]``; velocity is range
+rate, receding positive; the sensor looks along +x, y is left and z up.
+"""
+
+from radarcore import plot, shapes
+from radarcore._core import __version__
+from radarcore.antenna import GaussianPattern, IsotropicPattern
+from radarcore.beat import beat_signal
+from radarcore.body import Body, PointTarget
+from radarcore.depth import DepthImage
+from radarcore.material import Material, materials
+from radarcore.mesh import Mesh, load_mesh, load_meshes
+from radarcore.motion import Linear, Pose
+from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
+from radarcore.radar import Radar, bgt60tr13c
+from radarcore.receiver import Receiver
+from radarcore.recording import Frame, Recording, RecordingWriter, Truth
+from radarcore.scene import Scene
+from radarcore.simulate import Paths, Simulator
+from radarcore.waveform import Waveform
+
+__all__ = [
+    "Body",
+    "DepthImage",
+    "Frame",
+    "GaussianPattern",
+    "IsotropicPattern",
+    "Linear",
+    "Material",
+    "Mesh",
+    "Paths",
+    "Peak",
+    "PointTarget",
+    "Pose",
+    "Radar",
+    "Receiver",
+    "Recording",
+    "RecordingWriter",
+    "Scene",
+    "Simulator",
+    "Truth",
+    "Waveform",
+    "__version__",
+    "beat_signal",
+    "bgt60tr13c",
+    "load_mesh",
+    "load_meshes",
+    "materials",
+    "plot",
+    "range_doppler",
+    "range_profile",
+    "shapes",
+    "strongest_peak",
+]

@@ -50,4 +50,5 @@ class Receiver:
         if variance == 0.0:
             return beat_signal
         pairs = rng.standard_normal((*beat_signal.shape, 2)).view(np.complex128)[..., 0]
-        return beat_signal + np.sqrt(0.5 * variance) * pairs
+        noisy: NDArray[np.complex128] = beat_signal + np.sqrt(0.5 * variance) * pairs
+        return noisy

@@ -28,4 +28,5 @@ def power_from_dbm(level_dbm: float) -> float:
 def db_from_amplitude(amplitude: ArrayLike, floor_db: float = -400.0) -> NDArray[np.float64]:
     """Level in dB of an amplitude (20 log10), never below `floor_db`: zeros do not become -inf."""
     magnitude = np.abs(np.asarray(amplitude))
-    return 20.0 * np.log10(np.maximum(magnitude, 10.0 ** (floor_db / 20.0)))
+    level: NDArray[np.float64] = 20.0 * np.log10(np.maximum(magnitude, 10.0 ** (floor_db / 20.0)))
+    return level

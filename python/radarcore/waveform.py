@@ -55,7 +55,7 @@ class Waveform:
     chirp_interval: float = None  # type: ignore[assignment]  # __post_init__ puts the default in
     frame_interval: float = None  # type: ignore[assignment]  # __post_init__ puts the default in
     adc_delay: float = 0.0
-    chirp_times: NDArray[np.float64] = field(default=None, repr=False)  # type: ignore[assignment]  # likewise
+    chirp_times: NDArray[np.float64] = field(default=None, repr=False)  # type: ignore[arg-type]  # likewise
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -191,7 +191,8 @@ class Waveform:
         """
         n = check.count("num_nodes", num_nodes)
         angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
-        return 0.5 * self.duration * (1.0 + np.cos(angles))
+        times: NDArray[np.float64] = 0.5 * self.duration * (1.0 + np.cos(angles))
+        return times
 
     def range_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Range of every bin of a range transform of length `num_bins` [m], (num_bins,).
@@ -200,7 +201,7 @@ class Waveform:
         ``num_bins // 2 + 1`` of them. Default: `num_samples`.
         """
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
-        return np.arange(n) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
+        return np.arange(n, dtype=np.float64) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
 
     def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
@@ -208,7 +209,7 @@ class Waveform:
         Increasing, zero at index ``num_bins // 2``, receding positive. Default: `num_chirps`.
         """
         n = self.num_chirps if num_bins is None else check.count("num_bins", num_bins)
-        return (np.arange(n) - n // 2) * (self.wavelength / (2.0 * n * self.chirp_interval))
+        return (np.arange(n, dtype=np.float64) - n // 2) * (self.wavelength / (2.0 * n * self.chirp_interval))
 
     def to_dict(self) -> dict[str, Any]:
         """Parameters as plain numbers and lists, for JSON; `Waveform(**dict)` restores them."""
@@ -223,5 +224,3 @@ class Waveform:
 
     def __hash__(self) -> int:
         return hash((self.start_frequency, self.slope, self.sample_rate, self.num_samples, self.num_chirps))
-
-

@@ -1,0 +1,117 @@
+"""The compiled core. Arrays are C-contiguous and of the exact dtype; Python checks and casts before calling."""
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Hits", "Samples", "Scene", "Surface", "__version__", "beat_signal", "load_obj"]
+
+__version__: str
+
+def load_obj(
+    path: str,
+) -> tuple[NDArray[np.float64], NDArray[np.uint32], list[tuple[NDArray[np.uint32], list[str]]]]:
+    """Vertices (n, 3), triangles (m, 3) and, for objects, groups and materials, number per triangle and names."""
+
+def beat_signal(
+    delay: NDArray[np.float64],
+    amplitude: NDArray[np.complex128],
+    *,
+    is_chebyshev: bool,
+    start_frequency: float,
+    slope: float,
+    sample_rate: float,
+    adc_delay: float,
+    num_samples: int,
+    chirp_times: NDArray[np.float64],
+    threads: int | None = None,
+) -> NDArray[np.complex128]:
+    """Samples (channel, chirp, sample) of paths (term, channel, path): derivatives, or values at Chebyshev times."""
+
+@final
+class Surface:
+    """Triangles, tree and shading of one body."""
+
+    def __new__(
+        cls, vertices: NDArray[np.float64], triangles: NDArray[np.uint32], *, crease_angle: float | None = None
+    ) -> Surface: ...
+    def kept(self) -> NDArray[np.uint32]:
+        """Rows of the triangles that were kept, (m,)."""
+
+@final
+class Scene:
+    """Surfaces with materials."""
+
+    def __new__(
+        cls, surfaces: Sequence[Surface], reflection: NDArray[np.complex128], albedo: NDArray[np.float64]
+    ) -> Scene: ...
+    def cast(
+        self,
+        poses: NDArray[np.float64],
+        *,
+        rows: int,
+        columns: int,
+        half_width: float,
+        half_height: float,
+        threads: int | None = None,
+    ) -> Hits:
+        """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor."""
+
+@final
+class Hits:
+    """What the rays of an image hit."""
+
+    def distance(self) -> NDArray[np.float64]:
+        """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
+    def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:
+        """Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit."""
+    def reflectance(self) -> NDArray[np.float64]:
+        """Power reflectance of the material, (rows, columns); 0 where nothing was hit."""
+    def body(self) -> NDArray[np.int32]:
+        """Number of the body, (rows, columns); -1 where nothing was hit."""
+    def directions(self) -> NDArray[np.float64]:
+        """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
+    def samples(
+        self,
+        *,
+        tx: NDArray[np.float64],
+        rx: NDArray[np.float64],
+        pattern: tuple[float, float, float],
+        power: float,
+        frequency: float,
+        is_footprint: bool,
+        seed: int,
+        threads: int | None = None,
+    ) -> Samples:
+        """Material points of all hits that send anything back."""
+
+@final
+class Samples:
+    """Material points; delays and amplitudes follow from where their bodies are."""
+
+    def __len__(self) -> int: ...
+    def body(self) -> NDArray[np.uint32]:
+        """Number of the body of every material point, (sample,)."""
+    def pixel(self) -> NDArray[np.uint32]:
+        """Flat pixel number of every material point, (sample,)."""
+    def paths(
+        self,
+        poses: NDArray[np.float64],
+        points: NDArray[np.float64],
+        rcs: NDArray[np.float64],
+        *,
+        threads: int | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Delay [s] and amplitude [sqrt(W)], (node, channel, path): material points, then point targets."""
+    def delay_rates(
+        self,
+        poses: NDArray[np.float64],
+        pose_rates: NDArray[np.float64],
+        points: NDArray[np.float64],
+        point_rates: NDArray[np.float64],
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Rate of every delay [s/s], (channel, path)."""

@@ -1,0 +1,75 @@
+//! Antennas of the sensor: where they are, what they weigh directions with.
+
+use glam::DVec3;
+
+/// Gaussian beam `peak exp(-azimuth az^2 - elevation el^2)`; zero exponents: isotropic.
+#[derive(Clone, Copy, Debug)]
+pub struct Pattern {
+    /// Power gain on boresight.
+    pub peak: f64,
+    /// Exponent over azimuth [1/rad^2].
+    pub azimuth: f64,
+    /// Exponent over elevation [1/rad^2].
+    pub elevation: f64,
+}
+
+impl Pattern {
+    /// Power gain towards a direction of the sensor frame (any length).
+    pub fn gain(&self, d: DVec3) -> f64 {
+        if self.azimuth == 0.0 && self.elevation == 0.0 {
+            return self.peak;
+        }
+        let (az, el) = (d.y.atan2(d.x), d.z.atan2(d.x.hypot(d.y)));
+        self.peak * (-self.azimuth * az * az - self.elevation * el * el).exp()
+    }
+}
+
+/// Transmitters and receivers; channel = tx * `num_rx` + rx.
+#[derive(Clone, Debug)]
+pub struct Array {
+    /// Transmit antennas in the sensor frame [m].
+    pub tx: Vec<DVec3>,
+    /// Receive antennas in the sensor frame [m].
+    pub rx: Vec<DVec3>,
+    /// Pattern of every element.
+    pub pattern: Pattern,
+    /// Power of one transmitter [W].
+    pub power: f64,
+    /// Centre of the sampled band [Hz].
+    pub frequency: f64,
+}
+
+/// One antenna's view of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Distance [m].
+    pub distance: f64,
+    /// Unit vector from the antenna to the point.
+    pub direction: DVec3,
+    /// Power gain towards the point.
+    pub gain: f64,
+}
+
+impl Array {
+    /// Number of TX-RX pairs.
+    pub fn num_channels(&self) -> usize {
+        self.tx.len() * self.rx.len()
+    }
+
+    /// What every transmitter and every receiver sees of a point of the sensor frame, into `tx` and `rx`.
+    pub fn sights(&self, point: DVec3, tx: &mut Vec<Sight>, rx: &mut Vec<Sight>) {
+        let sight = |antenna: &DVec3| {
+            let offset = point - *antenna;
+            let distance = offset.length();
+            Sight {
+                distance,
+                direction: offset / distance,
+                gain: self.pattern.gain(offset),
+            }
+        };
+        tx.clear();
+        tx.extend(self.tx.iter().map(sight));
+        rx.clear();
+        rx.extend(self.rx.iter().map(sight));
+    }
+}

@@ -1,0 +1,48 @@
+//! Time and frequency of the waveform: when each sample is taken and where the ramp is then.
+
+use crate::error::{Error, Result};
+
+/// A frame of linear ramps and its sampling; SI units.
+#[derive(Clone, Debug)]
+pub struct Waveform {
+    /// Frequency at the start of the ramp [Hz].
+    pub start_frequency: f64,
+    /// Slope of the ramp [Hz/s], negative for a down-chirp.
+    pub slope: f64,
+    /// Samples per second [Hz].
+    pub sample_rate: f64,
+    /// From the start of the ramp to its first sample [s].
+    pub adc_delay: f64,
+    /// Samples per chirp.
+    pub num_samples: usize,
+    /// Start of every ramp after the start of the frame [s].
+    pub chirp_times: Vec<f64>,
+}
+
+impl Waveform {
+    /// Refuses what the sums cannot be formed for; Python checks the rest.
+    pub fn check(&self) -> Result<()> {
+        let numbers = [self.start_frequency, self.slope, self.sample_rate, self.adc_delay];
+        if numbers.iter().chain(&self.chirp_times).any(|x| !x.is_finite()) {
+            return Err(Error::value("waveform", "finite numbers", format!("{numbers:?}")));
+        }
+        if self.num_samples == 0 || self.chirp_times.is_empty() || self.sample_rate <= 0.0 {
+            return Err(Error::value(
+                "waveform",
+                "samples, chirps and a positive sample rate",
+                format!("{self:?}"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Time of a sample after the start of its ramp [s].
+    pub fn sample_time(&self, sample: usize) -> f64 {
+        self.adc_delay + sample as f64 / self.sample_rate
+    }
+
+    /// From the start of the first ramp to the last sample of the last chirp [s].
+    pub fn duration(&self) -> f64 {
+        self.chirp_times.last().copied().unwrap_or(0.0) + self.sample_time(self.num_samples - 1)
+    }
+}

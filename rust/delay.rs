@@ -1,0 +1,143 @@
+//! Delays and amplitudes over a frame: value, rate and acceleration, or values at Chebyshev times.
+
+use std::f64::consts::PI;
+
+use num_complex::Complex64;
+
+use crate::chirp::Waveform;
+use crate::error::{Error, Result};
+
+/// How the numbers of [`PathSeries`] follow each other along their first axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Basis {
+    /// Value, rate [1/s] and acceleration [1/s^2] at the start of the frame: `1, T, T^2/2`.
+    Taylor,
+    /// Values at the Chebyshev times of the first kind on `[0, duration]`, increasing.
+    Chebyshev,
+}
+
+/// Delays [s] and amplitudes [sqrt(W)] of all paths of all channels; row-major.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSeries<'a> {
+    /// Meaning of the first axis of `delay`.
+    pub basis: Basis,
+    /// `(num_delay_terms, num_channels, num_paths)` [s].
+    pub delay: &'a [f64],
+    /// Length of the first axis of `delay`.
+    pub num_delay_terms: usize,
+    /// `(num_amplitude_terms, num_channels, num_paths)`; one term: constant.
+    pub amplitude: &'a [Complex64],
+    /// Length of the first axis of `amplitude`: 1, or that of Chebyshev delays.
+    pub num_amplitude_terms: usize,
+    /// Number of channels.
+    pub num_channels: usize,
+    /// Paths per channel.
+    pub num_paths: usize,
+}
+
+impl PathSeries<'_> {
+    /// Refuses shapes that do not fit together and numbers that are not finite.
+    pub fn check(&self) -> Result<()> {
+        let plane = self.num_channels * self.num_paths;
+        for (name, length, terms) in [
+            ("delay", self.delay.len(), self.num_delay_terms),
+            ("amplitude", self.amplitude.len(), self.num_amplitude_terms),
+        ] {
+            if length != terms * plane {
+                let expected = format!("{terms} x {} x {} numbers", self.num_channels, self.num_paths);
+                return Err(Error::value(name, expected, length));
+            }
+        }
+        let max_terms = if self.basis == Basis::Taylor { 3 } else { usize::MAX };
+        if self.num_delay_terms == 0 || self.num_delay_terms > max_terms {
+            return Err(Error::value("delay", "one to three terms", self.num_delay_terms));
+        }
+        let follows = self.basis == Basis::Chebyshev && self.num_amplitude_terms == self.num_delay_terms;
+        if self.num_amplitude_terms != 1 && !follows {
+            let expected = "one amplitude per path, or one per node together with delays at the same nodes";
+            return Err(Error::value(
+                "amplitude",
+                expected,
+                format!("{} terms", self.num_amplitude_terms),
+            ));
+        }
+        if let Some(bad) = self.delay.iter().position(|tau| !tau.is_finite()) {
+            return Err(Error::value(
+                "delay",
+                "finite numbers [s]",
+                format!("{} at flat index {bad}", self.delay[bad]),
+            ));
+        }
+        if let Some(bad) = self.amplitude.iter().position(|a| !a.is_finite()) {
+            let got = format!("{} at flat index {bad}", self.amplitude[bad]);
+            return Err(Error::value("amplitude", "finite numbers", got));
+        }
+        Ok(())
+    }
+}
+
+/// Values of the basis functions at time `t` [s] after the start of the frame, `terms` of them into `out`.
+pub fn basis_values(basis: Basis, waveform: &Waveform, t: f64, out: &mut [f64]) {
+    let duration = waveform.duration();
+    // One sample of one chirp at time zero: every node is that time.
+    let x = if duration > 0.0 { 2.0 * t / duration - 1.0 } else { 0.0 };
+    for k in 0..out.len() {
+        out[k] = match (basis, k) {
+            (_, 0) => 1.0,
+            (Basis::Taylor, 1) => t,
+            (Basis::Taylor, _) => 0.5 * t * t,
+            (Basis::Chebyshev, 1) => x,
+            (Basis::Chebyshev, _) => 2.0 * x * out[k - 1] - out[k - 2],
+        };
+    }
+}
+
+/// Matrix `(num_nodes, num_nodes)` from values at increasing Chebyshev times to coefficients of `T_k(x)`.
+pub fn chebyshev_matrix(num_nodes: usize) -> Vec<f64> {
+    let n = num_nodes as f64;
+    let mut matrix = Vec::with_capacity(num_nodes * num_nodes);
+    for k in 0..num_nodes {
+        let scale = if k == 0 { 1.0 } else { 2.0 } / n;
+        for j in 0..num_nodes {
+            // Nodes increase: x_j = -cos(pi (2j + 1) / (2n)), and T_k(-x) = (-1)^k T_k(x).
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            matrix.push(sign * scale * (PI * (k * (2 * j + 1)) as f64 / (2.0 * n)).cos());
+        }
+    }
+    matrix
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..8).map(|c| f64::from(c) * 1e-4).collect(),
+        }
+    }
+
+    #[test]
+    fn polynomial_through_chebyshev_times_is_recovered_everywhere() {
+        let (wf, n) = (waveform(), 5);
+        let f = |t: f64| 1.0 + 3.0e3 * t - 2.0e6 * t * t + 1.0e9 * t.powi(3) - 4.0e11 * t.powi(4);
+        let nodes: Vec<f64> = (0..n)
+            .map(|j| 0.5 * wf.duration() * (1.0 - (PI * f64::from(2 * j + 1) / 10.0).cos()))
+            .collect();
+        let matrix = chebyshev_matrix(5);
+        let coefficients: Vec<f64> = (0..5)
+            .map(|k| (0..5).map(|j| matrix[5 * k + j] * f(nodes[j])).sum())
+            .collect();
+        for t in [0.0, 1e-4, 3.3e-4, wf.duration()] {
+            let mut values = [0.0; 5];
+            basis_values(Basis::Chebyshev, &wf, t, &mut values);
+            let got: f64 = values.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
+            assert!((got - f(t)).abs() < 1e-13, "{got} {}", f(t));
+        }
+    }
+}

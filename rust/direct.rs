@@ -1,0 +1,368 @@
+//! The direct sum: eq. (1) of README evaluated at every sample of every path, in f64.
+//!
+//! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its
+//! own, so there is no recurrence whose error could grow with the number of samples: what is left is the
+//! rounding of the phase, about `2 pi B tau` eps. The work is split by channel, chirp and block of samples;
+//! every block adds its paths in their order, so the result does not depend on the number of threads.
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use crate::chirp::Waveform;
+use crate::delay::{Basis, PathSeries, basis_values, chebyshev_matrix};
+use crate::simd::{Kernel, Level};
+
+/// Samples per block: their phases stay in registers and L1.
+const BLOCK: usize = 64;
+
+type Lanes = [f64; BLOCK];
+
+/// Complex beat samples `(channel, chirp, sample)`, row-major; input as [`PathSeries::check`] accepts it.
+pub fn beat_signal(waveform: &Waveform, series: &PathSeries, level: Level) -> Vec<Complex64> {
+    // Per channel: constants of every path, one record after the other.
+    let channels: Vec<Records> = (0..series.num_channels)
+        .into_par_iter()
+        .map(|channel| Records::new(waveform, series, channel))
+        .collect();
+
+    // Per channel, chirp and block of samples: add all paths.
+    let num_chirps = waveform.chirp_times.len();
+    let blocks_per_chirp = waveform.num_samples.div_ceil(BLOCK);
+    let blocks: Vec<Sums> = (0..series.num_channels * num_chirps * blocks_per_chirp)
+        .into_par_iter()
+        .map(|i| {
+            let (row, block) = (i / blocks_per_chirp, i % blocks_per_chirp);
+            let (channel, chirp) = (row / num_chirps, row % num_chirps);
+            let times = Times::new(waveform, series.basis, &channels[channel], chirp, block * BLOCK);
+            level.run(AddPaths {
+                waveform,
+                records: &channels[channel],
+                times: &times,
+            })
+        })
+        .collect();
+
+    // Blocks to rows of samples.
+    let mut samples = Vec::with_capacity(series.num_channels * num_chirps * waveform.num_samples);
+    for row in blocks.chunks(blocks_per_chirp) {
+        let lanes = row.iter().flat_map(|sums| sums.re.iter().zip(&sums.im));
+        samples.extend(
+            lanes
+                .take(waveform.num_samples)
+                .map(|(&re, &im)| Complex64::new(re, im)),
+        );
+    }
+    samples
+}
+
+/// Constants of all paths of one channel; `stride` numbers per path:
+/// mean delay tau [s], phase f0 tau modulo one turn [cycles], the further terms of the delay [s], and real and
+/// imaginary parts of the terms of conj(amplitude).
+struct Records {
+    numbers: Vec<f64>,
+    num_delay_terms: usize,
+    num_amplitude_terms: usize,
+}
+
+impl Records {
+    fn new(waveform: &Waveform, series: &PathSeries, channel: usize) -> Self {
+        let plane = series.num_channels * series.num_paths;
+        let at = |term: usize, path: usize| term * plane + channel * series.num_paths + path;
+        let (num_delays, num_amplitudes) = (series.num_delay_terms, series.num_amplitude_terms);
+        let matrix = (series.basis == Basis::Chebyshev).then(|| chebyshev_matrix(num_delays));
+
+        let mut delay_terms = vec![0.0; num_delays * series.num_paths];
+        let mut amplitude_terms = vec![Complex64::ZERO; num_amplitudes * series.num_paths];
+        for path in 0..series.num_paths {
+            let terms = &mut delay_terms[path * num_delays..][..num_delays];
+            let amplitudes = &mut amplitude_terms[path * num_amplitudes..][..num_amplitudes];
+            match &matrix {
+                None => (0..num_delays).for_each(|k| terms[k] = series.delay[at(k, path)]),
+                Some(matrix) => {
+                    // Differences from the first node are exact enough to keep the small terms.
+                    let first = series.delay[at(0, path)];
+                    for k in 0..num_delays {
+                        let row = &matrix[k * num_delays..][..num_delays];
+                        terms[k] = (0..num_delays)
+                            .map(|j| row[j] * (series.delay[at(j, path)] - first))
+                            .sum();
+                    }
+                    terms[0] += first;
+                }
+            }
+            match &matrix {
+                Some(matrix) if num_amplitudes > 1 => {
+                    for k in 0..num_amplitudes {
+                        let row = &matrix[k * num_amplitudes..][..num_amplitudes];
+                        amplitudes[k] = (0..num_amplitudes)
+                            .map(|j| series.amplitude[at(j, path)].conj() * row[j])
+                            .sum();
+                    }
+                }
+                _ => amplitudes[0] = series.amplitude[at(0, path)].conj(),
+            }
+        }
+
+        // Terms that no path has are not carried along: a static scene pays for one.
+        let used_delays = used(&delay_terms, num_delays, |tau| *tau != 0.0);
+        let used_amplitudes = used(&amplitude_terms, num_amplitudes, |a| *a != Complex64::ZERO);
+
+        let mut numbers = Vec::with_capacity(series.num_paths * (1 + used_delays + 2 * used_amplitudes));
+        for (delays, amplitudes) in delay_terms
+            .chunks(num_delays)
+            .zip(amplitude_terms.chunks(num_amplitudes))
+        {
+            numbers.extend([delays[0], turns(waveform.start_frequency, delays[0])]);
+            numbers.extend(&delays[1..used_delays]);
+            numbers.extend(amplitudes[..used_amplitudes].iter().flat_map(|a| [a.re, a.im]));
+        }
+        Self {
+            numbers,
+            num_delay_terms: used_delays,
+            num_amplitude_terms: used_amplitudes,
+        }
+    }
+
+    fn stride(&self) -> usize {
+        1 + self.num_delay_terms + 2 * self.num_amplitude_terms
+    }
+}
+
+/// Number of leading terms that any path uses, at least one.
+fn used<T>(terms: &[T], num_terms: usize, is_used: impl Fn(&T) -> bool) -> usize {
+    let last = |path: &[T]| path.iter().rposition(&is_used).map_or(1, |k| k + 1);
+    terms.chunks(num_terms).map(last).max().unwrap_or(1)
+}
+
+/// `frequency * delay` modulo one turn, in (-1, 1): the rounding of the product is put back with a fused multiply.
+fn turns(frequency: f64, delay: f64) -> f64 {
+    let product = frequency * delay;
+    let rounding = frequency.mul_add(delay, -product);
+    product.fract() + rounding
+}
+
+/// What all paths share at the samples of one block.
+struct Times {
+    /// After the start of the chirp's ramp [s].
+    fast: Lanes,
+    /// Basis functions 1, 2, ... of the delays and amplitudes; function 0 is one.
+    basis: Vec<Lanes>,
+}
+
+impl Times {
+    fn new(waveform: &Waveform, basis: Basis, records: &Records, chirp: usize, first: usize) -> Self {
+        let num_terms = records.num_delay_terms.max(records.num_amplitude_terms);
+        let mut times = Self {
+            fast: [0.0; BLOCK],
+            basis: vec![[0.0; BLOCK]; num_terms - 1],
+        };
+        let mut values = vec![0.0; num_terms];
+        for lane in 0..BLOCK.min(waveform.num_samples - first) {
+            let t = waveform.sample_time(first + lane);
+            times.fast[lane] = t;
+            basis_values(basis, waveform, waveform.chirp_times[chirp] + t, &mut values);
+            for (row, value) in times.basis.iter_mut().zip(&values[1..]) {
+                row[lane] = *value;
+            }
+        }
+        times
+    }
+}
+
+/// Sum over all paths at the samples of one block.
+struct Sums {
+    re: Lanes,
+    im: Lanes,
+}
+
+struct AddPaths<'a> {
+    waveform: &'a Waveform,
+    records: &'a Records,
+    times: &'a Times,
+}
+
+impl Kernel for AddPaths<'_> {
+    type Output = Sums;
+
+    #[inline(always)] // see `Kernel`
+    fn run(self) -> Sums {
+        let (f0, slope) = (self.waveform.start_frequency, self.waveform.slope);
+        let num_delays = self.records.num_delay_terms;
+        let fast = self.times.fast;
+        let mut sums = Sums {
+            re: [0.0; BLOCK],
+            im: [0.0; BLOCK],
+        };
+        for record in self.records.numbers.chunks_exact(self.records.stride()) {
+            let (tau_0, turns_0) = (record[0], record[1]);
+            let (delays, amplitudes) = record[2..].split_at(num_delays - 1);
+
+            // Delay of every sample, as the departure from its mean.
+            let mut delta = [0.0; BLOCK];
+            for (term, basis) in delays.iter().zip(&self.times.basis) {
+                for i in 0..BLOCK {
+                    delta[i] += term * basis[i];
+                }
+            }
+
+            // Phase f0 tau + S tau (t - tau / 2) in turns, eq. (1).
+            let mut phase = [0.0; BLOCK];
+            for i in 0..BLOCK {
+                let tau = tau_0 + delta[i];
+                phase[i] = turns_0 + f0 * delta[i] + slope * tau * (fast[i] - 0.5 * tau);
+            }
+            let (cos, sin) = cos_sin_turns(&phase);
+
+            // Amplitude of every sample.
+            let (mut re, mut im) = ([amplitudes[0]; BLOCK], [amplitudes[1]; BLOCK]);
+            for (term, basis) in amplitudes[2..].chunks_exact(2).zip(&self.times.basis) {
+                for i in 0..BLOCK {
+                    re[i] += term[0] * basis[i];
+                    im[i] += term[1] * basis[i];
+                }
+            }
+
+            for i in 0..BLOCK {
+                sums.re[i] += re[i] * cos[i] - im[i] * sin[i];
+                sums.im[i] += re[i] * sin[i] + im[i] * cos[i];
+            }
+        }
+        sums
+    }
+}
+
+/// Cosine and sine of phases in turns, to 2e-16 for phases below 2^50 turns.
+#[inline(always)]
+fn cos_sin_turns(phase: &Lanes) -> (Lanes, Lanes) {
+    /// Adding and subtracting this rounds to the nearest integer; unlike `round`, it vectorises everywhere.
+    const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
+
+    // Taylor series on an eighth of a turn to either side, |x| <= pi/4: the first term left out is below 1e-17.
+    const S: [f64; 7] = [
+        -1.0 / 6.0,
+        1.0 / 120.0,
+        -1.0 / 5_040.0,
+        1.0 / 362_880.0,
+        -1.0 / 39_916_800.0,
+        1.0 / 6_227_020_800.0,
+        -1.0 / 1_307_674_368_000.0,
+    ];
+    const C: [f64; 7] = [
+        1.0 / 24.0,
+        -1.0 / 720.0,
+        1.0 / 40_320.0,
+        -1.0 / 3_628_800.0,
+        1.0 / 479_001_600.0,
+        -1.0 / 87_178_291_200.0,
+        1.0 / 20_922_789_888_000.0,
+    ];
+
+    let (mut cos, mut sin) = ([0.0; BLOCK], [0.0; BLOCK]);
+    for i in 0..BLOCK {
+        let quarters = (4.0 * phase[i] + ROUND) - ROUND;
+        let x = std::f64::consts::TAU * (phase[i] - 0.25 * quarters);
+        let z = x * x;
+        let s = x + x * z * (S[0] + z * (S[1] + z * (S[2] + z * (S[3] + z * (S[4] + z * (S[5] + z * S[6]))))));
+        let c =
+            1.0 - 0.5 * z + z * z * (C[0] + z * (C[1] + z * (C[2] + z * (C[3] + z * (C[4] + z * (C[5] + z * C[6]))))));
+        // Turn back by the quarters, -2 ..= 2 of them: multiply by (1, j, -1, -j).
+        let turn = quarters - 4.0 * ((0.25 * quarters + ROUND) - ROUND);
+        let (cos_q, sin_q) = (1.0 - turn.abs(), turn * (2.0 - turn.abs()));
+        cos[i] = c * cos_q - s * sin_q;
+        sin[i] = s * cos_q + c * sin_q;
+    }
+    (cos, sin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn cosine_and_sine_agree_with_the_library_to_rounding() {
+        let mut phase = [0.0; BLOCK];
+        for trial in 0..1000 {
+            for (i, p) in phase.iter_mut().enumerate() {
+                *p = (f64::from(trial) * 64.0 + i as f64 - 32_000.0) / 512.0;
+            }
+            let (cos, sin) = cos_sin_turns(&phase);
+            for i in 0..BLOCK {
+                let (s, c) = (TAU * phase[i].fract()).sin_cos();
+                assert!(
+                    (cos[i] - c).abs() < 1e-15 && (sin[i] - s).abs() < 1e-15,
+                    "{} {} {}",
+                    phase[i],
+                    cos[i],
+                    sin[i]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn quarter_turns_are_exact() {
+        let phase: Lanes = std::array::from_fn(|i| (i as f64 - 32.0) / 4.0);
+        let (cos, sin) = cos_sin_turns(&phase);
+        for i in 0..BLOCK {
+            let expected = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][i % 4];
+            assert_eq!((cos[i], sin[i]), expected, "{} turns", phase[i]);
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let wf = waveform(100);
+        let delay: Vec<f64> = (0..30).map(|p| 1e-9 * f64::from(p) + 3e-9).collect();
+        let amplitude = vec![Complex64::new(1.0, 0.5); 10];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &delay,
+            num_delay_terms: 3,
+            amplitude: &amplitude,
+            num_amplitude_terms: 1,
+            num_channels: 1,
+            num_paths: 10,
+        };
+        let results: Vec<_> = Level::available()
+            .into_iter()
+            .map(|level| beat_signal(&wf, &series, level))
+            .collect();
+        assert!(results.iter().all(|r| r == &results[0]));
+        assert_eq!(results[0].len(), 300);
+    }
+
+    #[test]
+    fn one_path_is_one_tone_to_1e12_over_4096_samples() {
+        let wf = waveform(4096);
+        let tau = 41.3e-9; // 6.2 m
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[tau],
+            num_delay_terms: 1,
+            amplitude: &[Complex64::new(2.0, 0.0)],
+            num_amplitude_terms: 1,
+            num_channels: 1,
+            num_paths: 1,
+        };
+        let got = beat_signal(&wf, &series, Level::best());
+        // The tone by exact steps: its phase is linear in the sample, so double-double is not needed per sample.
+        let start = turns(wf.start_frequency, tau) - 0.5 * wf.slope * tau * tau + wf.slope * tau * wf.adc_delay;
+        let step = wf.slope * tau / wf.sample_rate;
+        for (m, sample) in got[..4096].iter().enumerate() {
+            let expected = Complex64::cis(TAU * (start + (step * m as f64).fract()).fract()) * 2.0;
+            assert!((sample - expected).norm() < 2e-12, "sample {m}: {sample} {expected}");
+        }
+    }
+
+    fn waveform(num_samples: usize) -> Waveform {
+        Waveform {
+            start_frequency: 60e9,
+            slope: 1e9 / (num_samples as f64 / 2e6),
+            sample_rate: 2e6,
+            adc_delay: 3.1e-6,
+            num_samples,
+            chirp_times: vec![0.0, 4e-3, 9e-3],
+        }
+    }
+}

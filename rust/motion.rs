@@ -1,0 +1,52 @@
+//! Rigid poses relative to the sensor, and how they change.
+
+use glam::{DMat3, DVec3};
+
+/// Affine map of a body's coordinates to the sensor frame: `rotation * x + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Body axes in the sensor frame, as columns.
+    pub rotation: DMat3,
+    /// Body origin in the sensor frame [m].
+    pub translation: DVec3,
+}
+
+impl Pose {
+    /// A body that sits at the sensor, axes aligned.
+    pub const IDENTITY: Self = Self {
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    };
+
+    /// From the rows of a 3x4 matrix.
+    pub fn from_rows(m: &[f64; 12]) -> Self {
+        Self {
+            rotation: DMat3::from_cols(
+                DVec3::new(m[0], m[4], m[8]),
+                DVec3::new(m[1], m[5], m[9]),
+                DVec3::new(m[2], m[6], m[10]),
+            ),
+            translation: DVec3::new(m[3], m[7], m[11]),
+        }
+    }
+
+    /// A point of the body in the sensor frame.
+    pub fn point(&self, position: DVec3) -> DVec3 {
+        self.rotation * position + self.translation
+    }
+
+    /// A direction of the body in the sensor frame.
+    pub fn direction(&self, direction: DVec3) -> DVec3 {
+        self.rotation * direction
+    }
+
+    /// A point of the sensor frame in body coordinates.
+    pub fn point_to_body(&self, position: DVec3) -> DVec3 {
+        self.rotation.transpose() * (position - self.translation)
+    }
+
+    /// A direction of the sensor frame in body coordinates.
+    pub fn direction_to_body(&self, direction: DVec3) -> DVec3 {
+        self.rotation.transpose() * direction
+    }
+}
