@@ -19,7 +19,7 @@ import json
 import os
 import warnings
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -83,6 +83,14 @@ class Truth:
             if values.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
             object.__setattr__(self, name, values)
+
+    def select(self, names: Sequence[str]) -> Truth:
+        """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""
+        if missing := [name for name in names if name not in self.names]:
+            raise KeyError(f"no truth of {', '.join(map(repr, missing))}; there is {', '.join(self.names)}")
+        columns = [self.names.index(name) for name in names]
+        kept = (a[..., columns] for a in (self.range, self.velocity, self.azimuth, self.elevation))
+        return Truth(tuple(names), *kept)
 
     def __getitem__(self, frame_index: int) -> Truth:
         """Truth of one frame of a recording."""
