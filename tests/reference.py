@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore.radar import Radar
+from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
 
 
@@ -31,3 +35,53 @@ def beat_signal_reference(
         turns = waveform.start_frequency * tau + waveform.slope * tau * fast - 0.5 * waveform.slope * tau**2
         cube[channel] += np.conj(a) * np.exp(2j * np.pi * turns)
     return cube
+
+
+def point_echo_reference(position: ArrayLike, rcs: float, radar: Radar) -> NDArray[np.complex128]:
+    """Beat signal of one moving point, eq. (1) with the radar equation: (channel, chirp, sample), in f64.
+
+    `position` (chirp, sample, 3) [m] is the point in the sensor frame at the time of every sample.
+    """
+    wf, position = radar.waveform, np.asarray(position, dtype=np.float64)
+    fast = wf.sample_times
+    x, y, z = np.moveaxis(position, -1, 0)
+    cube = np.zeros((radar.num_channels, wf.num_chirps, wf.num_samples), dtype=np.complex128)
+    for channel, (tx, rx) in enumerate(product(radar.tx, radar.rx)):
+        (range_t, gain_t), (range_r, gain_r) = (
+            (
+                np.linalg.norm(position - antenna, axis=-1),
+                radar.pattern.gain(
+                    np.arctan2(y - antenna[1], x - antenna[0]),
+                    np.arctan2(z - antenna[2], np.hypot(x - antenna[0], y - antenna[1])),
+                ),
+            )
+            for antenna in (tx, rx)
+        )
+        power = radar.tx_power * gain_t * gain_r * wf.wavelength**2 * rcs / (4.0 * np.pi) ** 3
+        tau = (range_t + range_r) / SPEED_OF_LIGHT
+        turns = wf.start_frequency * tau + wf.slope * tau * fast - 0.5 * wf.slope * tau**2
+        cube[channel] = np.sqrt(power) / (range_t * range_r) * np.exp(2j * np.pi * turns)
+    return cube
+
+
+def nearest_hits_reference(
+    triangles: NDArray[np.float64], directions: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distance [m] and number of the nearest triangle along rays from the origin, inf and -1 where there is none.
+
+    Möller, Trumbore, Fast Minimum Storage Ray/Triangle Intersection, JGT 1997. `triangles` (triangle, corner, 3),
+    `directions` (ray, 3) of unit length.
+    """
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    d = directions[:, None]  # (ray, 1, 3), against (triangle, 3)
+    edge1, edge2 = b - a, c - a
+    p, q = np.cross(d, edge2), np.cross(-a, edge1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # rays along the plane: inf and NaN are no hits
+        scale = 1.0 / np.sum(p * edge1, axis=-1)
+        u, v = np.sum(p * -a, axis=-1) * scale, np.sum(d * q, axis=-1) * scale
+        distance = np.sum(edge2 * q, axis=-1) * scale
+        is_hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0)
+    distance = np.where(is_hit, distance, np.inf)
+    nearest = distance.argmin(axis=1)
+    shortest = distance[np.arange(len(distance)), nearest]
+    return shortest, np.where(np.isfinite(shortest), nearest, -1)
