@@ -1,0 +1,46 @@
+//! From triangles to something rays can be cast at: triangles per second.
+//!
+//! `tree`: the bounding-volume tree over the boxes alone; `surface_flat`, `surface_smooth`: with the checks of the
+//! mesh, and with the normals of curved surfaces, as a body is built.
+
+mod common;
+
+use criterion::{BenchmarkId, Criterion, Throughput};
+use radarcore::bvh::{Bounds, Tree};
+use radarcore::surface::{ShadingMode, Surface};
+
+fn build(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("bvh/build");
+    for size in common::sizes([5000, 100_000, 1_000_000], 100) {
+        let (vertices, triangles) = common::room(size);
+        let boxes: Vec<Bounds> = triangles
+            .iter()
+            .map(|t| Bounds::of(t.map(|vertex| vertices[vertex as usize])))
+            .collect();
+        let room = format!("room_{}", common::size_id(size));
+        group.throughput(Throughput::Elements(triangles.len() as u64));
+        group.bench_function(BenchmarkId::new("tree", &room), |bencher| {
+            bencher.iter(|| Tree::build(&boxes));
+        });
+        for (name, mode) in [
+            ("surface_flat", ShadingMode::Flat),
+            (
+                "surface_smooth",
+                ShadingMode::Smooth {
+                    crease_angle: 45_f64.to_radians(),
+                },
+            ),
+        ] {
+            group.bench_function(BenchmarkId::new(name, &room), |bencher| {
+                bencher.iter(|| Surface::new(&vertices, &triangles, mode).unwrap());
+            });
+        }
+    }
+    group.finish();
+}
+
+fn main() {
+    let mut criterion = common::criterion();
+    build(&mut criterion);
+    criterion.final_summary();
+}
