@@ -93,7 +93,7 @@ FULL = Run([128, 256, 512], finest=[1024], unit=256, turns=6, repeats=3, seeds=1
 TINY = Run([32], finest=[], unit=32, turns=2, repeats=1, seeds=2)
 
 TURNS = np.array([[0.0, 0.0], [0.5, 0.17], [0.17, 0.67], [0.83, 0.33], [0.33, 0.83], [0.67, 0.5]])
-"""Where the rays fall, in pixels from the image's symmetry, down and left. The first, with the foot point on a corner of
+"""Where the rays fall, in pixels from the image's symmetry, down and left. The first, the foot point on a corner of
 four pixels, is often the worst."""
 
 

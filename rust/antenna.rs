@@ -56,10 +56,10 @@ impl Array {
         self.tx.len() * self.rx.len()
     }
 
-    /// What every transmitter and every receiver sees of a point of the sensor frame, into `tx` and `rx`.
-    pub fn sights(&self, point: DVec3, tx: &mut Vec<Sight>, rx: &mut Vec<Sight>) {
-        let sight = |antenna: &DVec3| {
-            let offset = point - *antenna;
+    /// What transmitter and receiver of a channel see of a point of the sensor frame.
+    pub fn pair(&self, channel: usize, point: DVec3) -> (Sight, Sight) {
+        let sight = |antenna: DVec3| {
+            let offset = point - antenna;
             let distance = offset.length();
             Sight {
                 distance,
@@ -67,9 +67,9 @@ impl Array {
                 gain: self.pattern.gain(offset),
             }
         };
-        tx.clear();
-        tx.extend(self.tx.iter().map(sight));
-        rx.clear();
-        rx.extend(self.rx.iter().map(sight));
+        (
+            sight(self.tx[channel / self.rx.len()]),
+            sight(self.rx[channel % self.rx.len()]),
+        )
     }
 }

@@ -156,11 +156,6 @@ impl Tree {
             }
         }
     }
-
-    /// Memory of the tree [bytes].
-    pub fn num_bytes(&self) -> usize {
-        size_of_val(&self.bvh.nodes[..]) + size_of_val(&self.bvh.primitive_indices[..])
-    }
 }
 
 /// Nodes still to walk and where the ray enters them; on the heap only for trees deeper than [`STACK`].

@@ -22,6 +22,7 @@ pub mod chirp;
 pub mod delay;
 pub mod direct;
 pub mod error;
+pub mod hash;
 pub mod material;
 pub mod mesh;
 pub mod motion;

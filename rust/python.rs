@@ -3,8 +3,9 @@
 // Python hands arguments over by value, one by one.
 #![allow(clippy::needless_pass_by_value, clippy::too_many_arguments)]
 
+use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -14,6 +15,7 @@ use numpy::{
 };
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use rayon::ThreadPool;
 
 use crate::antenna::{Array, Pattern};
 use crate::beat;
@@ -24,7 +26,7 @@ use crate::material::Material;
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
 use crate::rays::ImagePlane;
-use crate::scatter::{self, Points, Sampling};
+use crate::scatter::{self, Places, Sampling, Selection};
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, NO_BODY, Snapshot};
 
@@ -36,7 +38,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Surface>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
-    module.add_class::<Samples>()?;
+    module.add_class::<Scatterers>()?;
     Ok(())
 }
 
@@ -46,25 +48,54 @@ impl From<Error> for PyErr {
             Error::Value(_) | Error::Format { .. } => PyValueError::new_err(error.to_string()),
             Error::Io { path, source } => match source.raw_os_error() {
                 // Python picks the subclass (FileNotFoundError, ...) by the number.
-                Some(code) => PyOSError::new_err((code, source.to_string(), path.clone())),
+                Some(code) => {
+                    let text = source.to_string();
+                    let reason = text.strip_suffix(&format!(" (os error {code})")).unwrap_or(&text);
+                    PyOSError::new_err((code, reason.to_owned(), path.display().to_string()))
+                }
                 None => PyOSError::new_err(error.to_string()),
             },
         }
     }
 }
 
-/// Run without the interpreter, on a pool of `threads` threads or on the common pool of all cores.
+/// Most threads of a pool.
+const MAX_THREADS: usize = 1024;
+
+/// Pools of threads by their number, and the process they live in: a forked child has none of its parent's threads.
+static POOLS: Mutex<(u32, Vec<Arc<ThreadPool>>)> = Mutex::new((0, Vec::new()));
+
+/// Run without the interpreter, on `threads` threads or as many as there are cores.
 fn compute<T: Send>(py: Python<'_>, threads: Option<usize>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
-    py.detach(|| match threads {
-        None => work().map_err(PyErr::from),
-        Some(0) => Err(PyValueError::new_err("threads: expected at least 1, got 0")),
-        Some(num) => rayon::ThreadPoolBuilder::new()
-            .num_threads(num)
-            .build()
-            .map_err(|error| PyRuntimeError::new_err(format!("threads: {num} cannot be started: {error}")))?
-            .install(work)
-            .map_err(PyErr::from),
-    })
+    let num = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, NonZero::get));
+    py.detach(|| pool(num)?.install(work).map_err(PyErr::from))
+}
+
+/// The pool with this number of threads; the last few are kept.
+fn pool(num_threads: usize) -> PyResult<Arc<ThreadPool>> {
+    const MAX_KEPT: usize = 4;
+    if num_threads == 0 || num_threads > MAX_THREADS {
+        return Err(Error::value("threads", format!("1 to {MAX_THREADS}"), num_threads).into());
+    }
+    let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    if pools.0 != process {
+        // Dropping the parent's pools would wait for threads that are not here.
+        std::mem::forget(std::mem::take(&mut pools.1));
+        pools.0 = process;
+    }
+    if let Some(pool) = pools.1.iter().find(|pool| pool.current_num_threads() == num_threads) {
+        return Ok(pool.clone());
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(num_threads)
+        .build()
+        .map_err(|error| PyRuntimeError::new_err(format!("threads: {num_threads} cannot be started: {error}")))?;
+    if pools.1.len() == MAX_KEPT {
+        pools.1.remove(0);
+    }
+    pools.1.push(Arc::new(pool));
+    Ok(pools.1[pools.1.len() - 1].clone())
 }
 
 type ObjArrays<'py> = (
@@ -223,7 +254,7 @@ impl Scene {
         })?;
         Ok(Hits {
             snapshot,
-            rays: hits,
+            image: hits,
             materials: self.materials.clone(),
         })
     }
@@ -233,7 +264,7 @@ impl Scene {
 #[pyclass(frozen, module = "radarcore._core")]
 struct Hits {
     snapshot: Snapshot,
-    rays: trace::Hits,
+    image: trace::Hits,
     materials: Vec<Material>,
 }
 
@@ -241,31 +272,31 @@ struct Hits {
 impl Hits {
     /// Distance along the ray [m], (rows, columns); inf where nothing was hit.
     fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        self.image(PyArray1::from_slice(py, &self.rays.distance))
+        self.image(PyArray1::from_slice(py, &self.image.distance))
     }
 
     /// Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let cosines = compute(py, threads, || Ok(scatter::cos_incidence(&self.snapshot, &self.rays)))?;
+        let cosines = compute(py, threads, || Ok(scatter::cos_incidence(&self.snapshot, &self.image)))?;
         self.image(cosines.into_pyarray(py))
     }
 
     /// Power reflectance of the material, (rows, columns); 0 where nothing was hit.
     fn reflectance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let of = |body: &u32| self.materials.get(*body as usize).map_or(0.0, Material::reflectance);
-        self.image(PyArray1::from_iter(py, self.rays.body.iter().map(of)))
+        self.image(PyArray1::from_iter(py, self.image.body.iter().map(of)))
     }
 
     /// Number of the body, (rows, columns); -1 where nothing was hit.
     fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let number = |body: &u32| if *body == NO_BODY { -1 } else { (*body).cast_signed() };
-        self.image(PyArray1::from_iter(py, self.rays.body.iter().map(number)))
+        self.image(PyArray1::from_iter(py, self.image.body.iter().map(number)))
     }
 
     /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
     fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let plane = &self.rays.plane;
+        let plane = &self.image.plane;
         let pixels = (0..plane.rows).flat_map(|row| (0..plane.columns).map(move |column| (row, column)));
         let numbers = pixels.flat_map(|(row, column)| plane.direction(row, column).to_array());
         PyArray1::from_iter(py, numbers).reshape([plane.rows, plane.columns, 3])
@@ -273,7 +304,7 @@ impl Hits {
 
     /// Material points of all hits that send anything back.
     #[pyo3(signature = (*, tx, rx, pattern, power, frequency, is_footprint, seed, threads=None))]
-    fn samples(
+    fn scatterers(
         &self,
         py: Python<'_>,
         tx: PyReadonlyArray2<'_, f64>,
@@ -284,7 +315,7 @@ impl Hits {
         is_footprint: bool,
         seed: u64,
         threads: Option<usize>,
-    ) -> PyResult<Samples> {
+    ) -> PyResult<Scatterers> {
         let (peak, azimuth, elevation) = pattern;
         let array = Array {
             tx: points("tx", tx.as_slice()?)?,
@@ -302,18 +333,18 @@ impl Hits {
         } else {
             Sampling::Point
         };
-        let samples = compute(py, threads, || {
-            Ok(scatter::Samples::new(
+        let scatterers = compute(py, threads, || {
+            Ok(scatter::Scatterers::new(
                 &self.snapshot,
-                &self.rays,
+                &self.image,
                 &self.materials,
                 array,
                 sampling,
                 seed,
             ))
         })?;
-        Ok(Samples {
-            samples,
+        Ok(Scatterers {
+            scatterers,
             num_bodies: self.snapshot.num_bodies(),
         })
     }
@@ -321,71 +352,66 @@ impl Hits {
 
 impl Hits {
     fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
-        pixels.reshape([self.rays.plane.rows, self.rays.plane.columns])
+        pixels.reshape([self.image.plane.rows, self.image.plane.columns])
     }
 }
 
 /// Material points; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]
-struct Samples {
-    samples: scatter::Samples,
+struct Scatterers {
+    scatterers: scatter::Scatterers,
     num_bodies: usize,
 }
 
 type PathArrays<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<Complex64>>);
 
 #[pymethods]
-impl Samples {
+impl Scatterers {
     fn __len__(&self) -> usize {
-        self.samples.len()
+        self.scatterers.len()
     }
 
     /// Number of the body of every material point.
     fn body<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.samples.bodies())
+        PyArray1::from_slice(py, self.scatterers.bodies())
     }
 
-    /// Flat pixel number of every material point.
-    fn pixel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.samples.pixels())
-    }
-
-    /// Delay [s] and amplitude [sqrt(W)], (node, channel, path): first the material points with their bodies at
-    /// `poses` (node, body, 3, 4), then the point targets at `points` (node, point, 3).
-    #[pyo3(signature = (poses, points, rcs, *, threads=None))]
+    /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
+    /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
+    /// (node, point, 3).
+    #[pyo3(signature = (poses, points, rcs, *, first, last, step, threads=None))]
     fn paths<'py>(
         &self,
         py: Python<'py>,
         poses: PyReadonlyArray4<'py, f64>,
         points: PyReadonlyArray3<'py, f64>,
         rcs: PyReadonlyArray1<'py, f64>,
+        first: usize,
+        last: usize,
+        step: usize,
         threads: Option<usize>,
     ) -> PyResult<PathArrays<'py>> {
-        let (num_nodes, rcs) = (poses.shape()[0], rcs.as_slice()?);
+        let num_nodes = poses.shape()[0];
         let poses = self::poses(poses.as_slice()?)?;
-        let position = self::points("points", points.as_slice()?)?;
-        same_length("poses", poses.len(), num_nodes * self.num_bodies)?;
-        same_length("points", position.len(), num_nodes * rcs.len())?;
-        let paths = compute(py, threads, || {
-            Ok(self.samples.paths(
-                &poses,
-                self.num_bodies,
-                num_nodes,
-                &Points {
-                    position: &position,
-                    rcs,
-                },
-            ))
-        })?;
-        let shape = [num_nodes, self.samples.num_channels(), self.samples.len() + rcs.len()];
+        let points = self::points("points", points.as_slice()?)?;
+        let places = self.places(num_nodes, &poses, &points, rcs.as_slice()?)?;
+        let num_paths = self.scatterers.len() + places.rcs.len();
+        if step == 0 || last > num_paths {
+            let expected = format!("a step of at least 1 and at most {num_paths} paths");
+            return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
+        }
+        let selection = Selection { first, last, step };
+        let paths = compute(py, threads, || Ok(self.scatterers.paths(&places, selection)))?;
+        let shape = [num_nodes, self.scatterers.num_channels(), selection.len()];
         Ok((
             paths.delay.into_pyarray(py).reshape(shape)?,
             paths.amplitude.into_pyarray(py).reshape(shape)?,
         ))
     }
 
-    /// Rate of every delay [s/s], (channel, path), from poses and points and their time derivatives.
-    #[pyo3(signature = (poses, pose_rates, points, point_rates, *, threads=None))]
+    /// Rate of every delay [s/s], (channel, path), from poses (body, 3, 4) and points (point, 3) and their time
+    /// derivatives.
+    #[pyo3(signature = (poses, pose_rates, points, point_rates, rcs, *, threads=None))]
     fn delay_rates<'py>(
         &self,
         py: Python<'py>,
@@ -393,19 +419,37 @@ impl Samples {
         pose_rates: PyReadonlyArray3<'py, f64>,
         points: PyReadonlyArray2<'py, f64>,
         point_rates: PyReadonlyArray2<'py, f64>,
+        rcs: PyReadonlyArray1<'py, f64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (poses, pose_rates) = (self::poses(poses.as_slice()?)?, self::poses(pose_rates.as_slice()?)?);
-        let position = self::points("points", points.as_slice()?)?;
-        let velocity = self::points("point_rates", point_rates.as_slice()?)?;
-        same_length("poses", poses.len(), self.num_bodies)?;
-        same_length("pose_rates", pose_rates.len(), self.num_bodies)?;
-        same_length("point_rates", velocity.len(), position.len())?;
-        let shape = [self.samples.num_channels(), self.samples.len() + position.len()];
-        let rates = compute(py, threads, || {
-            Ok(self.samples.delay_rates(&poses, &pose_rates, &position, &velocity))
-        })?;
+        let points = self::points("points", points.as_slice()?)?;
+        let point_rates = self::points("point_rates", point_rates.as_slice()?)?;
+        let places = self.places(1, &poses, &points, rcs.as_slice()?)?;
+        let rates = self.places(1, &pose_rates, &point_rates, places.rcs)?;
+        let shape = [self.scatterers.num_channels(), self.scatterers.len() + places.rcs.len()];
+        let rates = compute(py, threads, || Ok(self.scatterers.delay_rates(&places, &rates)))?;
         rates.into_pyarray(py).reshape(shape)
+    }
+}
+
+impl Scatterers {
+    fn places<'a>(
+        &self,
+        num_nodes: usize,
+        poses: &'a [Pose],
+        points: &'a [DVec3],
+        rcs: &'a [f64],
+    ) -> Result<Places<'a>> {
+        same_length("poses", poses.len(), num_nodes * self.num_bodies)?;
+        same_length("points", points.len(), num_nodes * rcs.len())?;
+        Ok(Places {
+            num_nodes,
+            num_bodies: self.num_bodies,
+            poses,
+            points,
+            rcs,
+        })
     }
 }
 

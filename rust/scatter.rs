@@ -13,20 +13,22 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::antenna::{Array, Sight};
+use crate::hash::mix;
 use crate::material::Material;
 use crate::motion::Pose;
+use crate::rays::ImagePlane;
 use crate::shading::shade;
 use crate::trace::{Hits, NO_BODY, Snapshot};
 
 /// Speed of light in vacuum [m/s].
 pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
-/// Rays that graze a surface closer than this cosine return nothing.
-const GRAZING: f64 = 1e-6;
+/// Surfaces seen at a smaller cosine of incidence return nothing.
+const MIN_COSINE: f64 = 1e-6;
 
-/// Surface points in one cube of this edge, in wavelengths, share their diffuse phase. Waves from its ends arrive at
-/// most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
-const SPECKLE_CELL: f64 = 1.0 / 16.0;
+/// Surface points in one cube of this edge share their diffuse phase [m]. It is a sixteenth of a wavelength at 60 GHz:
+/// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
+const SPECKLE_CELL: f64 = 0.3e-3;
 
 /// Where the cubes begin, in edges: apart from the planes through the body's origin, where rounding would toss
 /// points of a plate between two cubes.
@@ -43,15 +45,14 @@ pub enum Sampling {
 }
 
 /// Material points with what their amplitude needs besides the geometry.
-pub struct Samples {
+pub struct Scatterers {
     array: Array,
     body: Vec<u32>,
-    pixel: Vec<u32>,
     /// In body coordinates [m].
     position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates.
     normal: Vec<DVec3>,
-    /// `(sample, channel)`: `(j / 4 pi) Gamma F dA / 2`.
+    /// `(scatterer, channel)`: `(j / 4 pi) Gamma F dA / 2`.
     mirror: Vec<Complex64>,
     /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
     diffuse: Vec<Complex64>,
@@ -65,17 +66,48 @@ pub struct Paths {
     pub amplitude: Vec<Complex64>,
 }
 
-/// Point targets at one time, in the sensor frame.
+/// Where everything is at a number of times, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Points<'a> {
-    /// Position of every target at every node, `(node, point)` [m].
-    pub position: &'a [DVec3],
-    /// Radar cross-section of every target [m^2].
+pub struct Places<'a> {
+    /// Number of times.
+    pub num_nodes: usize,
+    /// Number of bodies.
+    pub num_bodies: usize,
+    /// Poses `(node, body)`.
+    pub poses: &'a [Pose],
+    /// Positions of the point targets `(node, point)` [m].
+    pub points: &'a [DVec3],
+    /// Radar cross-sections of the point targets [m^2].
     pub rcs: &'a [f64],
 }
 
-/// A hit with its shading.
-struct Shaded {
+/// Every `step`-th path from `first` up to `last`.
+#[derive(Clone, Copy, Debug)]
+pub struct Selection {
+    /// First path.
+    pub first: usize,
+    /// The path behind the last.
+    pub last: usize,
+    /// From one path to the next, at least 1.
+    pub step: usize,
+}
+
+impl Selection {
+    /// Number of paths.
+    pub fn len(&self) -> usize {
+        self.last.saturating_sub(self.first).div_ceil(self.step)
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What one pixel shows.
+struct Patch {
+    pixel: usize,
+    body: u32,
     /// Unit direction of the ray.
     direction: DVec3,
     /// Distance to the curved surface that the facet stands for [m].
@@ -88,12 +120,12 @@ struct Shaded {
 pub fn cos_incidence(snapshot: &Snapshot, hits: &Hits) -> Vec<f64> {
     (0..hits.plane.num_pixels())
         .into_par_iter()
-        .map(|pixel| shaded(snapshot, hits, pixel).map_or(0.0, |s| (-s.normal.dot(s.direction)).clamp(0.0, 1.0)))
+        .map(|pixel| patch(snapshot, hits, pixel).map_or(0.0, |p| (-p.normal.dot(p.direction)).clamp(0.0, 1.0)))
         .collect()
 }
 
-/// Shading of the hit of one pixel.
-fn shaded(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<Shaded> {
+/// What the hit of one pixel shows.
+fn patch(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<Patch> {
     let hit = hits.get(pixel);
     if hit.body == NO_BODY {
         return None;
@@ -104,22 +136,23 @@ fn shaded(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<Shaded> {
         .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
     let corners = surface.corners(hit.triangle);
     let face_normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-    let normals = surface.corner_normals(hit.triangle);
     let (normal, correction) = shade(
         corners,
-        normals,
+        surface.corner_normals(hit.triangle),
         hit.barycentric,
         face_normal,
         pose.direction_to_body(direction),
     );
-    Some(Shaded {
+    Some(Patch {
+        pixel,
+        body: hit.body,
         direction,
         distance: hit.distance + correction,
         normal: pose.direction(normal),
     })
 }
 
-impl Samples {
+impl Scatterers {
     /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
         snapshot: &Snapshot,
@@ -130,27 +163,32 @@ impl Samples {
         seed: u64,
     ) -> Self {
         let weigh = Weigh {
-            snapshot,
-            hits,
-            materials,
+            plane: &hits.plane,
             array: &array,
             sampling,
-            seed,
         };
-        let mut samples: Vec<Sample> = (0..hits.plane.num_pixels())
+        let mut scatterers: Vec<Scatterer> = (0..hits.plane.num_pixels())
             .into_par_iter()
-            .filter_map(|pixel| weigh.sample(pixel))
+            .filter_map(|pixel| {
+                let patch = patch(snapshot, hits, pixel)?;
+                let speckle = mix(seed ^ snapshot.surface(patch.body).fingerprint());
+                weigh.scatterer(
+                    &patch,
+                    &materials[patch.body as usize],
+                    snapshot.pose(patch.body),
+                    speckle,
+                )
+            })
             .collect();
         if sampling == Sampling::Footprint {
-            share_speckle(&mut samples);
+            share_speckle(&mut scatterers);
         }
         Self {
-            body: samples.iter().map(|s| s.body).collect(),
-            pixel: samples.iter().map(|s| s.pixel).collect(),
-            position: samples.iter().map(|s| s.position).collect(),
-            normal: samples.iter().map(|s| s.normal).collect(),
-            diffuse: samples.iter().map(|s| s.diffuse).collect(),
-            mirror: samples.into_iter().flat_map(|s| s.mirror).collect(),
+            body: scatterers.iter().map(|s| s.body).collect(),
+            position: scatterers.iter().map(|s| s.position).collect(),
+            normal: scatterers.iter().map(|s| s.normal).collect(),
+            diffuse: scatterers.iter().map(|s| s.diffuse).collect(),
+            mirror: scatterers.into_iter().flat_map(|s| s.mirror).collect(),
             array,
         }
     }
@@ -165,14 +203,9 @@ impl Samples {
         self.body.is_empty()
     }
 
-    /// Body of every material point.
+    /// Body of every material point, in image order.
     pub fn bodies(&self) -> &[u32] {
         &self.body
-    }
-
-    /// Pixel of every material point, in image order.
-    pub fn pixels(&self) -> &[u32] {
-        &self.pixel
     }
 
     /// Number of TX-RX pairs.
@@ -180,87 +213,68 @@ impl Samples {
         self.array.num_channels()
     }
 
-    /// Delays and amplitudes with the bodies at `poses` `(node, body)`; the points follow the samples.
-    pub fn paths(&self, poses: &[Pose], num_bodies: usize, num_nodes: usize, points: &Points) -> Paths {
+    /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
+    pub fn paths(&self, places: &Places, selection: Selection) -> Paths {
         const BLOCK: usize = 1024;
-        let (num_channels, num_points) = (self.num_channels(), points.rcs.len());
-        let num_paths = self.len() + num_points;
-        let num_blocks = num_paths.div_ceil(BLOCK);
-
-        // Blocks of paths at one node, each (path, channel).
-        let blocks: Vec<Vec<(f64, Complex64)>> =
-            (0..num_nodes * num_blocks)
-                .into_par_iter()
-                .map(|i| {
-                    let (node, first) = (i / num_blocks, i % num_blocks * BLOCK);
-                    let node_poses = &poses[node * num_bodies..][..num_bodies];
-                    let node_points = &points.position[node * num_points..][..num_points];
-                    let (mut tx, mut rx) = (Vec::new(), Vec::new());
-                    let mut block = Vec::with_capacity(BLOCK * num_channels);
-                    for path in first..num_paths.min(first + BLOCK) {
-                        if path < self.len() {
-                            let pose = &node_poses[self.body[path] as usize];
-                            self.array.sights(pose.point(self.position[path]), &mut tx, &mut rx);
-                            let normal = pose.direction(self.normal[path]);
-                            block.extend(pairs(&tx, &rx).map(|(channel, t, r)| {
-                                (delay(t, r), self.surface_amplitude(path, channel, normal, t, r))
-                            }));
-                        } else {
-                            let point = path - self.len();
-                            self.array.sights(node_points[point], &mut tx, &mut rx);
-                            block.extend(
-                                pairs(&tx, &rx)
-                                    .map(|(_, t, r)| (delay(t, r), self.point_amplitude(points.rcs[point], t, r))),
-                            );
-                        }
-                    }
-                    block
-                })
-                .collect();
-
-        // To (node, channel, path).
-        let total = num_nodes * num_channels * num_paths;
+        let (num_channels, num_paths) = (self.num_channels(), selection.len());
+        let total = places.num_nodes * num_channels * num_paths;
         let mut paths = Paths {
             delay: vec![0.0; total],
             amplitude: vec![Complex64::ZERO; total],
         };
-        for (i, block) in blocks.iter().enumerate() {
-            let (node, first) = (i / num_blocks, i % num_blocks * BLOCK);
-            for (k, (delay, amplitude)) in block.iter().enumerate() {
-                let (path, channel) = (first + k / num_channels, k % num_channels);
-                let at = (node * num_channels + channel) * num_paths + path;
-                (paths.delay[at], paths.amplitude[at]) = (*delay, *amplitude);
-            }
+        if total == 0 {
+            return paths;
         }
+
+        // Rows (node, channel) in parallel, and blocks of every row.
+        let rows = paths
+            .delay
+            .par_chunks_mut(num_paths)
+            .zip(paths.amplitude.par_chunks_mut(num_paths));
+        rows.enumerate().for_each(|(row, (delay, amplitude))| {
+            let (node, channel) = (row / num_channels, row % num_channels);
+            let blocks = delay.par_chunks_mut(BLOCK).zip(amplitude.par_chunks_mut(BLOCK));
+            blocks.enumerate().for_each(|(block, (delay, amplitude))| {
+                for (i, (delay, amplitude)) in delay.iter_mut().zip(amplitude).enumerate() {
+                    let path = selection.first + (block * BLOCK + i) * selection.step;
+                    (*delay, *amplitude) = self.path(places, node, channel, path);
+                }
+            });
+        });
         paths
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, from poses and their time derivatives at one time.
+    /// Delay and amplitude of one path of one channel at one time.
+    fn path(&self, places: &Places, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+        let Some(&body) = self.body.get(path) else {
+            let point = path - self.len();
+            let (t, r) = self.array.pair(channel, places.points[node * places.rcs.len() + point]);
+            return (delay(&t, &r), self.point_amplitude(places.rcs[point], &t, &r));
+        };
+        let pose = &places.poses[node * places.num_bodies + body as usize];
+        let (t, r) = self.array.pair(channel, pose.point(self.position[path]));
+        let normal = pose.direction(self.normal[path]);
+        (delay(&t, &r), self.surface_amplitude(path, channel, normal, &t, &r))
+    }
+
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
     /// Distances do not depend on the frame they are measured in, so this is exact for a moving sensor too.
-    pub fn delay_rates(&self, poses: &[Pose], rates: &[Pose], points: &[DVec3], point_rates: &[DVec3]) -> Vec<f64> {
-        let num_channels = self.num_channels();
-        let num_paths = self.len() + points.len();
-        let rows: Vec<Vec<f64>> = (0..num_paths)
+    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
+        let num_paths = self.len() + places.rcs.len();
+        (0..self.num_channels() * num_paths)
             .into_par_iter()
-            .map(|path| {
-                let (position, velocity) = if path < self.len() {
-                    let body = self.body[path] as usize;
-                    (
-                        poses[body].point(self.position[path]),
-                        rates[body].point(self.position[path]),
-                    )
-                } else {
-                    (points[path - self.len()], point_rates[path - self.len()])
+            .map(|i| {
+                let (channel, path) = (i / num_paths, i % num_paths);
+                let (position, velocity) = match self.body.get(path) {
+                    Some(&body) => {
+                        let (pose, rate) = (&places.poses[body as usize], &rates.poses[body as usize]);
+                        (pose.point(self.position[path]), rate.point(self.position[path]))
+                    }
+                    None => (places.points[path - self.len()], rates.points[path - self.len()]),
                 };
-                let (mut tx, mut rx) = (Vec::new(), Vec::new());
-                self.array.sights(position, &mut tx, &mut rx);
-                pairs(&tx, &rx)
-                    .map(|(_, t, r)| velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT)
-                    .collect()
+                let (t, r) = self.array.pair(channel, position);
+                velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT
             })
-            .collect();
-        (0..num_channels * num_paths)
-            .map(|i| rows[i % num_paths][i / num_paths])
             .collect()
     }
 
@@ -283,22 +297,13 @@ impl Samples {
     }
 }
 
-/// All TX-RX pairs with their channel.
-fn pairs<'a>(tx: &'a [Sight], rx: &'a [Sight]) -> impl Iterator<Item = (usize, &'a Sight, &'a Sight)> {
-    tx.iter()
-        .flat_map(|t| rx.iter().map(move |r| (t, r)))
-        .enumerate()
-        .map(|(channel, (t, r))| (channel, t, r))
-}
-
 fn delay(t: &Sight, r: &Sight) -> f64 {
     (t.distance + r.distance) / SPEED_OF_LIGHT
 }
 
-/// One material point; see [`Samples`].
-struct Sample {
+/// One material point; see [`Scatterers`].
+struct Scatterer {
     body: u32,
-    pixel: u32,
     position: DVec3,
     normal: DVec3,
     mirror: Vec<Complex64>,
@@ -311,70 +316,66 @@ struct Sample {
 
 /// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cell is that of its
 /// area, however many pixels it was sampled with.
-fn share_speckle(samples: &mut [Sample]) {
-    let is_diffuse = |s: &Sample| s.diffuse != Complex64::ZERO;
+fn share_speckle(scatterers: &mut [Scatterer]) {
+    let is_diffuse = |s: &Scatterer| s.diffuse != Complex64::ZERO;
     let mut areas: HashMap<u64, f64> = HashMap::new();
-    for sample in samples.iter().filter(|s| is_diffuse(s)) {
-        *areas.entry(sample.cell).or_default() += sample.area;
+    for scatterer in scatterers.iter().filter(|s| is_diffuse(s)) {
+        *areas.entry(scatterer.cell).or_default() += scatterer.area;
     }
-    for sample in samples.iter_mut().filter(|s| is_diffuse(s)) {
-        sample.diffuse *= (sample.area / areas[&sample.cell]).sqrt();
+    for scatterer in scatterers.iter_mut().filter(|s| is_diffuse(s)) {
+        scatterer.diffuse *= (scatterer.area / areas[&scatterer.cell]).sqrt();
     }
 }
 
 struct Weigh<'a> {
-    snapshot: &'a Snapshot,
-    hits: &'a Hits,
-    materials: &'a [Material],
+    plane: &'a ImagePlane,
     array: &'a Array,
     sampling: Sampling,
-    seed: u64,
 }
 
 impl Weigh<'_> {
-    /// The material point of one pixel, if it sends anything back.
-    fn sample(&self, pixel: usize) -> Option<Sample> {
-        let Shaded {
+    /// The material point of one patch, if it sends anything back.
+    fn scatterer(&self, patch: &Patch, material: &Material, pose: &Pose, speckle: u64) -> Option<Scatterer> {
+        let &Patch {
+            pixel,
+            body,
             direction,
             distance,
             normal,
-        } = shaded(self.snapshot, self.hits, pixel)?;
+        } = patch;
         let cos = -normal.dot(direction);
-        if cos < GRAZING || distance <= 0.0 {
+        if cos < MIN_COSINE || distance <= 0.0 {
             return None;
         }
-        let plane = &self.hits.plane;
-        let body = self.hits.body[pixel];
-        let material = &self.materials[body as usize];
         let wavelength = SPEED_OF_LIGHT / self.array.frequency;
 
         // The patch of surface behind the pixel.
-        let area = distance * distance * plane.solid_angle(pixel / plane.columns, pixel % plane.columns) / cos;
+        let solid_angle = self
+            .plane
+            .solid_angle(pixel / self.plane.columns, pixel % self.plane.columns);
+        let area = distance * distance * solid_angle / cos;
 
         // Mirror-like part of every channel.
         let point = distance * direction;
         let scale = Complex64::new(0.0, 1.0 / (8.0 * PI)) * material.reflection * area;
-        let (mut tx, mut rx) = (Vec::new(), Vec::new());
-        self.array.sights(point, &mut tx, &mut rx);
-        let mirror: Vec<Complex64> = match self.sampling {
-            _ if scale == Complex64::ZERO => vec![scale; self.array.num_channels()],
-            Sampling::Point => vec![scale; self.array.num_channels()],
-            Sampling::Footprint => {
-                let (across, down) = footprint(plane, pixel, direction, distance, normal);
-                let k = TAU / wavelength;
-                let factor = |t: &Sight, r: &Sight| {
-                    let bisector = 0.5 * k * (t.direction + r.direction);
-                    taper(bisector.dot(across)) * taper(bisector.dot(down))
-                };
-                pairs(&tx, &rx).map(|(_, t, r)| scale * factor(t, r)).collect()
-            }
+        let channels = 0..self.array.num_channels();
+        let mirror: Vec<Complex64> = if scale == Complex64::ZERO || self.sampling == Sampling::Point {
+            channels.map(|_| scale).collect()
+        } else {
+            let (across, down) = footprint(self.plane, pixel, direction, distance, normal);
+            let k = TAU / wavelength;
+            let factor = |channel| {
+                let (t, r) = self.array.pair(channel, point);
+                let bisector = 0.5 * k * (t.direction + r.direction);
+                taper(bisector.dot(across)) * taper(bisector.dot(down))
+            };
+            channels.map(|channel| scale * factor(channel)).collect()
         };
 
         // Diffuse part.
-        let pose = self.snapshot.pose(body);
         let position = pose.point_to_body(point);
         let magnitude = wavelength / (4.0 * PI) * (material.albedo * area / PI).sqrt();
-        let cell = speckle_cell(self.seed, body, position / (SPECKLE_CELL * wavelength) + SPECKLE_ORIGIN);
+        let cell = speckle_cell(speckle, position / SPECKLE_CELL + SPECKLE_ORIGIN);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
             Sampling::Footprint => TAU * speckle_turns(cell),
@@ -383,9 +384,8 @@ impl Weigh<'_> {
 
         let is_silent = diffuse == Complex64::ZERO && mirror.iter().all(|m| *m == Complex64::ZERO);
         let normal = pose.direction_to_body(normal);
-        (!is_silent).then_some(Sample {
+        (!is_silent).then_some(Scatterer {
             body,
-            pixel: pixel as u32,
             position,
             normal,
             mirror,
@@ -397,7 +397,7 @@ impl Weigh<'_> {
 }
 
 /// The two edges of a pixel's patch on the tangent plane, dx/du du and dx/dv dv [m].
-fn footprint(plane: &crate::rays::ImagePlane, pixel: usize, d: DVec3, distance: f64, normal: DVec3) -> (DVec3, DVec3) {
+fn footprint(plane: &ImagePlane, pixel: usize, d: DVec3, distance: f64, normal: DVec3) -> (DVec3, DVec3) {
     let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
     let w = (1.0 + u * u + v * v).sqrt();
     let edge = |axis: DVec3, coordinate: f64, width: f64| {
@@ -423,29 +423,14 @@ fn taper(x: f64) -> f64 {
 }
 
 /// A random number that belongs to a cell of the surface: the same in every chirp, frame and pixel.
-fn speckle_cell(seed: u64, body: u32, cell: DVec3) -> u64 {
-    let cell = cell.floor();
-    let words = [
-        seed,
-        u64::from(body),
-        cell.x as i64 as u64,
-        cell.y as i64 as u64,
-        cell.z as i64 as u64,
-    ];
-    words.into_iter().fold(0, |state, word| mix(state ^ word))
+fn speckle_cell(speckle: u64, cell: DVec3) -> u64 {
+    let cell = cell.floor().to_array().map(|x| x as i64 as u64);
+    cell.into_iter().fold(speckle, |state, word| mix(state ^ word))
 }
 
 /// The phase of a cell in turns: uniform in [0, 1).
 fn speckle_turns(cell: u64) -> f64 {
     (cell >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-/// One step of `SplitMix64`: Steele, Lea, Flood, Fast Splittable Pseudorandom Number Generators, OOPSLA 2014.
-fn mix(state: u64) -> u64 {
-    let z = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]
@@ -463,7 +448,7 @@ mod tests {
     #[test]
     fn speckle_phases_are_uniform_and_uncorrelated_between_neighbours() {
         let turns: Vec<f64> = (0..20_000)
-            .map(|i| speckle_turns(speckle_cell(0, 3, DVec3::new(f64::from(i) + 0.5, -2.5, 0.5))))
+            .map(|i| speckle_turns(speckle_cell(3, DVec3::new(f64::from(i) + 0.5, -2.5, 0.5))))
             .collect();
         let mean = |values: &mut dyn Iterator<Item = Complex64>| values.sum::<Complex64>().norm() / 20_000.0;
         // Sums of n random phasors have rms sqrt(n): four sigma of 1 / sqrt(20000).

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::bvh::{Bounds, Ray, Tree};
 use crate::error::{Error, Result};
+use crate::hash::mix;
 use crate::shading::Shading;
 
 /// Triangles below this area are dropped [m^2].
@@ -31,6 +32,7 @@ pub struct Surface {
     tree: Tree,
     shading: Shading,
     bounds: Bounds,
+    fingerprint: u64,
 }
 
 /// Where a ray meets a triangle.
@@ -86,7 +88,13 @@ impl Surface {
         let triangles: Vec<[DVec3; 3]> = indices.iter().map(corners).collect();
         let boxes: Vec<Bounds> = triangles.iter().map(|t| Bounds::of(*t)).collect();
         let bounds = Bounds::of(triangles.iter().flatten().copied());
+        let fingerprint = triangles
+            .iter()
+            .flatten()
+            .flat_map(|corner| corner.to_array())
+            .fold(0, |state, x| mix(state ^ x.to_bits()));
         Ok(Self {
+            fingerprint,
             kept,
             tree: Tree::build(&boxes),
             shading,
@@ -103,6 +111,11 @@ impl Surface {
     /// For every triangle that was kept, its row in the mesh it came from.
     pub fn kept(&self) -> &[u32] {
         &self.kept
+    }
+
+    /// A number that belongs to these triangles in this order.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
     }
 
     /// Box round all triangles.

@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hits", "Samples", "Scene", "Surface", "__version__", "beat_signal", "load_obj"]
+__all__ = ["Hits", "Scatterers", "Scene", "Surface", "__version__", "beat_signal", "load_obj"]
 
 __version__: str
 
@@ -73,7 +73,7 @@ class Hits:
         """Number of the body, (rows, columns); -1 where nothing was hit."""
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
-    def samples(
+    def scatterers(
         self,
         *,
         tx: NDArray[np.float64],
@@ -84,33 +84,39 @@ class Hits:
         is_footprint: bool,
         seed: int,
         threads: int | None = None,
-    ) -> Samples:
+    ) -> Scatterers:
         """Material points of all hits that send anything back."""
 
 @final
-class Samples:
+class Scatterers:
     """Material points; delays and amplitudes follow from where their bodies are."""
 
     def __len__(self) -> int: ...
     def body(self) -> NDArray[np.uint32]:
-        """Number of the body of every material point, (sample,)."""
-    def pixel(self) -> NDArray[np.uint32]:
-        """Flat pixel number of every material point, (sample,)."""
+        """Number of the body of every material point, (scatterer,)."""
     def paths(
         self,
         poses: NDArray[np.float64],
         points: NDArray[np.float64],
         rcs: NDArray[np.float64],
         *,
+        first: int,
+        last: int,
+        step: int,
         threads: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Delay [s] and amplitude [sqrt(W)], (node, channel, path): material points, then point targets."""
+        """Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` to `last`.
+
+        First the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
+        (node, point, 3).
+        """
     def delay_rates(
         self,
         poses: NDArray[np.float64],
         pose_rates: NDArray[np.float64],
         points: NDArray[np.float64],
         point_rates: NDArray[np.float64],
+        rcs: NDArray[np.float64],
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:

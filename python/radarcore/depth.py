@@ -15,7 +15,7 @@ class DepthImage:
     Attributes
     ----------
     distance : (rows, columns) float64
-        Along the ray from the sensor's origin [m]; inf where nothing was hit.
+        Along the ray from the centre of the array [m]; inf where nothing was hit.
     cos_incidence : (rows, columns) float64
         Cosine of the angle between ray and surface normal; 0 where nothing was hit.
     reflectance : (rows, columns) float64
@@ -23,7 +23,7 @@ class DepthImage:
     body : (rows, columns) int32
         Number of the body in the scene; -1 where nothing was hit.
     directions : (rows, columns, 3) float64
-        Unit directions of the rays in the sensor frame.
+        Unit directions of the rays in sensor axes.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle of the image [degrees].
     time : float
@@ -40,6 +40,6 @@ class DepthImage:
 
     @property
     def points(self) -> NDArray[np.float64]:
-        """Hit points in the sensor frame, (num_hits, 3) [m], row by row."""
+        """Hit points in sensor axes about the centre of the array, (num_hits, 3) [m], row by row."""
         is_hit = self.body >= 0
         return self.distance[is_hit, None] * self.directions[is_hit]

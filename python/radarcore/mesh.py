@@ -100,9 +100,21 @@ class Mesh:
         a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
         return np.cross(b - a, c - a)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore_mesh, (self.vertices, self.triangles, self.num_dropped, self.crease_angle_deg, self.shading)
+
     def __repr__(self) -> str:
         dropped = f", {self.num_dropped} dropped" if self.num_dropped else ""
         return f"<Mesh: {len(self.triangles)} triangles{dropped}, {len(self.vertices)} vertices, {self.shading}>"
+
+
+def _restore_mesh(
+    vertices: ArrayLike, triangles: ArrayLike, num_dropped: int, crease_angle_deg: float, shading: str
+) -> Mesh:
+    """The mesh that was pickled; its tree is built again."""
+    mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
+    mesh.num_dropped = num_dropped
+    return mesh
 
 
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:

@@ -77,6 +77,12 @@ class Radar:
         return len(self.tx) * len(self.rx)
 
     @property
+    def array_center(self) -> NDArray[np.float64]:
+        """Mean of the centres of transmitters and receivers in the sensor frame, (3,) [m]; rays start here."""
+        center: NDArray[np.float64] = 0.5 * (self.tx.mean(axis=0) + self.rx.mean(axis=0))
+        return center
+
+    @property
     def tx_power(self) -> float:
         """Transmitted power of one TX [W]."""
         return power_from_dbm(self.tx_power_dbm)

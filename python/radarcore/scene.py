@@ -15,7 +15,7 @@ from radarcore.motion import Motion, is_static, relative_pose, relative_rate
 
 @dataclass(frozen=True)
 class Placement:
-    """Bodies and points in the sensor frame at several times.
+    """Bodies and points at several times, in sensor axes about the centre of the array.
 
     ``poses``: (time, body, 3, 4) maps of body coordinates; ``points``: (time, point, 3) [m].
     """
@@ -41,6 +41,8 @@ class Scene:
     """
 
     def __init__(self, bodies: Iterable[Body | PointTarget] = ()) -> None:
+        if not isinstance(bodies, Iterable):
+            raise TypeError(f"bodies: expected a list of Body and PointTarget, got {type(bodies).__name__}")
         self.bodies = tuple(bodies)
         for i, body in enumerate(self.bodies):
             if not isinstance(body, Body | PointTarget):
@@ -49,15 +51,15 @@ class Scene:
             body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
         )
 
-        # Meshes and points go separate ways; these lead back to the scene's numbers.
+        # Meshes and points go separate ways; the numbers lead back to the scene's order.
         self._meshed = [(i, body) for i, body in enumerate(self.bodies) if isinstance(body, Body)]
         self._targets = [(i, body) for i, body in enumerate(self.bodies) if isinstance(body, PointTarget)]
-        self.mesh_numbers = np.array([i for i, _ in self._meshed], dtype=np.int32)
-        self.point_numbers = np.array([i for i, _ in self._targets], dtype=np.int32)
-        self.rcs = np.array([target.rcs for _, target in self._targets], dtype=np.float64)
+        self._mesh_numbers = np.array([i for i, _ in self._meshed], dtype=np.int32)
+        self._point_numbers = np.array([i for i, _ in self._targets], dtype=np.int32)
+        self._rcs = np.array([target.rcs for _, target in self._targets], dtype=np.float64)
         self._positions = np.array([t.position for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
         self._velocities = np.array([t.velocity for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
-        self.core = _core.Scene(
+        self._core = _core.Scene(
             [body.mesh._surface for _, body in self._meshed],
             np.array([body.material.reflection for _, body in self._meshed], dtype=np.complex128),
             np.array([body.material.albedo for _, body in self._meshed], dtype=np.float64),
@@ -68,8 +70,8 @@ class Scene:
         """True when nothing ever moves."""
         return all(is_static(body.motion) for _, body in self._meshed) and not self._velocities.any()
 
-    def place(self, times: NDArray[np.float64], sensor_motion: Motion) -> Placement:
-        """Bodies and points in the sensor frame at `times` (n,) [s]."""
+    def _place(self, times: NDArray[np.float64], sensor_motion: Motion, center: NDArray[np.float64]) -> Placement:
+        """Bodies and points at `times` (n,) [s], in sensor axes about the array's centre."""
         poses = np.empty((len(times), len(self._meshed), 3, 4))
         points = np.empty((len(times), len(self._targets), 3))
         for k, time in enumerate(times.tolist()):
@@ -77,10 +79,11 @@ class Scene:
             for b, (_, body) in enumerate(self._meshed):
                 poses[k, b] = relative_pose(body.motion.at(time), sensor)
             points[k] = (self._positions + time * self._velocities - sensor.position) @ sensor.rotation
-        return Placement(poses, points)
+        poses[..., 3] -= center
+        return Placement(poses, points - center)
 
-    def place_rates(self, time: float, sensor_motion: Motion) -> Placement:
-        """Time derivatives of `place` at one time: poses (1, body, 3, 4) and points (1, point, 3) [m/s]."""
+    def _place_rates(self, time: float, sensor_motion: Motion) -> Placement:
+        """Time derivatives of `_place` at one time: poses (1, body, 3, 4) and points (1, point, 3) [m/s]."""
         sensor, sensor_rate = sensor_motion.at(time), sensor_motion.rate_at(time)
         rates = [
             relative_rate(body.motion.at(time), body.motion.rate_at(time), sensor, sensor_rate)
@@ -89,6 +92,9 @@ class Scene:
         offsets = self._positions + time * self._velocities - sensor.position
         velocities = (self._velocities - sensor_rate[:, 3]) @ sensor.rotation + offsets @ sensor_rate[:, :3]
         return Placement(np.array(rates, dtype=np.float64).reshape(1, -1, 3, 4), velocities[None])
+
+    def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Body | PointTarget, ...]]]:
+        return type(self), (self.bodies,)
 
     def __repr__(self) -> str:
         return f"<Scene: {', '.join(self.names) or 'empty'}>"

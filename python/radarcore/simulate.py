@@ -24,10 +24,17 @@ from radarcore.units import SPEED_OF_LIGHT
 SAMPLINGS = ("footprint", "point")
 """How a pixel stands for the patch it covers."""
 
-# Delays and amplitudes are taken at as many times as their Chebyshev series needs to end below this:
-# phase [rad], and amplitude relative to the path's own.
-_SERIES_END = 1e-9
+# Delays and amplitudes are taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that turn
+# out of sight have a kink, which no number of times follows exactly.
 _NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+_MAX_NODES_FOR_AMPLITUDES = 16
+# Delays are followed to this phase [rad] whatever the tolerance: it costs little, and other processing may need it.
+_PHASE_GOAL = 1e-7
+# Paths that are looked at to choose the number of times.
+_NUM_PROBES = 2048
+# Work and memory of one piece of the sum: path-samples (half a second), and numbers per path.
+_PIECE_PATH_SAMPLES = 2**28
+_PIECE_NUMBERS = 2**25
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +114,9 @@ class Simulator:
         sample_dtype(tolerance)
         self.tolerance = float(tolerance)
         self.seed = check.count("seed", seed, minimum=0)
+        if self.seed >= 2**64:
+            raise ValueError(f"seed: expected less than 2**64, got {seed}")
+        self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
 
     def depth_image(self, time: float = 0.0) -> DepthImage:
@@ -120,42 +130,43 @@ class Simulator:
         The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies.
         """
         start = check.number("time", time, "s")
-        samples = self._samples(self._cast(start + 0.5 * self.radar.waveform.duration))
-        now = np.array([start])
-        place, rates = self.scene.place(now, self.radar_motion), self.scene.place_rates(start, self.radar_motion)
-        delay, amplitude = self._follow(samples, place)
-        delay_rate = samples.delay_rates(
-            place.poses[0], rates.poses[0], place.points[0], rates.points[0], threads=self.threads
+        scatterers = self._scatterers(self._cast(start + self._middle))
+        place, rates = self._place(np.array([start])), self.scene._place_rates(start, self.radar_motion)
+        delay, amplitude = self._follow(scatterers, place)
+        delay_rate = scatterers.delay_rates(
+            place.poses[0], rates.poses[0], place.points[0], rates.points[0], self.scene._rcs, threads=self.threads
         )
-        body = np.broadcast_to(self._path_bodies(samples), delay_rate.shape)
-        return Paths(delay[0], delay_rate, amplitude[0], body)
+        bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
+        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
 
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
 
-        The rays are cast once, at the middle of the frame; what they hit moves with its body, and delay and amplitude
-        follow the exact geometry through the frame. `Frame.truth` holds for the middle of the frame.
+        The rays are cast once, at the middle of the frame. What they hit moves with its body, and delay and amplitude
+        follow the exact geometry through the frame; which surfaces are seen does not change within it.
+        `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
-        middle = start + 0.5 * self.radar.waveform.duration
-        hits = self._cast(middle)
-        samples = self._samples(hits)
-        delay, amplitude = self._path_series(samples, start)
-        self._warn_beyond_range(delay)
-        ideal = _core.beat_signal(
-            delay, amplitude, is_chebyshev=True, threads=self.threads, **core_waveform(self.radar.waveform)
-        )
-        num_nodes, num_channels, num_paths = delay.shape
-        image = self._image(hits, middle)
+        hits = self._cast(start + self._middle)
+        scatterers = self._scatterers(hits)
+        times, residual = self._follow_times(scatterers, start)
+        ideal = self._beat_signal(scatterers, self._place(times))
+        image = self._image(hits, start + self._middle)
+        num_hit = int((image.body >= 0).sum())
+        num_paths = len(scatterers) + len(self.scene._rcs)
         stats = {
             "rays_cast": image.body.size,
-            "rays_hit": int((image.body >= 0).sum()),
+            "rays_hit": num_hit,
+            "tiles_skipped": 0,
+            "tiles_reused": 0,
             "paths": num_paths,
-            "paths_skipped": int((image.body >= 0).sum()) - len(samples),
-            "delay_nodes": num_nodes,
-            "plan": f"direct sum: {num_channels} channels x {num_paths} paths, delays at {num_nodes} times, double",
+            "paths_skipped": num_hit - len(scatterers),
+            "delay_nodes": len(times),
+            "series_residual": residual,
+            "plan": f"direct sum in double precision: {self.radar.num_channels} channels, {num_paths} paths, delays at "
+            f"{len(times)} times",
         }
-        return Frame(self._receive(ideal, start), start, self.radar, self._truth(image, middle), stats)
+        return Frame(self._receive(ideal, start), start, self.radar, self._truth(image, start + self._middle), stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -189,6 +200,7 @@ class Simulator:
             Replace a recording at `path`.
         """
         times = _frame_times(start, stop, rate)
+        self._warn_of_overlap(rate)
         bar = _progress(times, progress)
         if path is None:
             return Recording.from_frames([self.frame(time) for time in bar], source=self._source())
@@ -199,12 +211,22 @@ class Simulator:
                 writer.append(self.frame(time))
         return Recording.load(path)
 
+    @property
+    def _middle(self) -> float:
+        """From the start of a frame to the middle of its samples [s]."""
+        waveform = self.radar.waveform
+        first = waveform.chirp_times[0] + waveform.sample_times[0]
+        return 0.5 * float(first + waveform.duration)
+
+    def _place(self, times: NDArray[np.float64]) -> Placement:
+        """Bodies and points at `times` [s], in sensor axes about the centre of the array."""
+        return self.scene._place(times, self.radar_motion, self.radar.array_center)
+
     def _cast(self, time: float) -> _core.Hits:
         """Rays of the image with the bodies where they are at `time`."""
-        place = self.scene.place(np.array([time]), self.radar_motion)
         (rows, columns), (horizontal, vertical) = self.resolution, np.deg2rad(self.field_of_view_deg)
-        return self.scene.core.cast(
-            place.poses[0],
+        return self.scene._core.cast(
+            self._place(np.array([time])).poses[0],
             rows=rows,
             columns=columns,
             half_width=float(np.tan(0.5 * horizontal)),
@@ -214,7 +236,7 @@ class Simulator:
 
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:
         """The hits as arrays, bodies numbered as in the scene."""
-        numbers = np.append(self.scene.mesh_numbers, np.int32(-1))
+        numbers = np.append(self.scene._mesh_numbers, np.int32(-1))
         return DepthImage(
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
@@ -225,11 +247,11 @@ class Simulator:
             time=time,
         )
 
-    def _samples(self, hits: _core.Hits) -> _core.Samples:
+    def _scatterers(self, hits: _core.Hits) -> _core.Scatterers:
         """Material points of the hits that send anything back."""
-        return hits.samples(
-            tx=self.radar.tx,
-            rx=self.radar.rx,
+        return hits.scatterers(
+            tx=self.radar.tx - self.radar.array_center,
+            rx=self.radar.rx - self.radar.array_center,
             pattern=self.radar.pattern.gaussian_parameters,
             power=self.radar.tx_power,
             frequency=self.radar.waveform.center_frequency,
@@ -238,35 +260,65 @@ class Simulator:
             threads=self.threads,
         )
 
-    def _follow(self, samples: _core.Samples, place: Placement) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Delays and amplitudes (time, channel, path) with bodies and points at their places."""
-        return samples.paths(place.poses, place.points, self.scene.rcs, threads=self.threads)
-
-    def _path_series(self, samples: _core.Samples, start: float) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Delays and amplitudes at enough Chebyshev times of the frame, (node, channel, path)."""
-        waveform = self.radar.waveform
-        static = self.scene.is_static and is_static(self.radar_motion)
-        highest = max(waveform.start_frequency, waveform.center_frequency) + 0.5 * waveform.bandwidth
-        for num_nodes in (1,) if static else _NODE_COUNTS:
-            times = start + waveform.delay_times(num_nodes)
-            delay, amplitude = self._follow(samples, self.scene.place(times, self.radar_motion))
-            if num_nodes == 1 or delay.size == 0:
-                break
-            phase_end = 2.0 * np.pi * highest * _series_end(delay)
-            amplitude_end = _series_end(amplitude) / max(float(np.abs(amplitude).max()), np.finfo(float).tiny)
-            if max(phase_end, amplitude_end) <= _SERIES_END:
-                break
-        else:
-            warnings.warn(
-                f"motion within a frame is too fast for {num_nodes} delays per path: "
-                f"phases are off by about {phase_end:.1e} rad",
-                stacklevel=3,
-            )
+    def _follow(
+        self, scatterers: _core.Scatterers, place: Placement, first: int = 0, last: int | None = None, step: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Delays and amplitudes (time, channel, path) of some paths with bodies and points at their places."""
+        num_paths = len(scatterers) + len(self.scene._rcs)
+        delay, amplitude = scatterers.paths(
+            place.poses,
+            place.points,
+            self.scene._rcs,
+            first=first,
+            last=num_paths if last is None else last,
+            step=step,
+            threads=self.threads,
+        )
+        if not np.isfinite(amplitude).all():
+            raise ValueError("scene: expected nothing at the place of an antenna, got a path of length zero")
         return delay, amplitude
 
-    def _path_bodies(self, samples: _core.Samples) -> NDArray[np.int32]:
-        """Number of the body of every path."""
-        return np.concatenate([self.scene.mesh_numbers[samples.body()], self.scene.point_numbers])
+    def _follow_times(self, scatterers: _core.Scatterers, start: float) -> tuple[NDArray[np.float64], float]:
+        """Times of a frame at which delays and amplitudes are taken, and the error of the series through them."""
+        waveform = self.radar.waveform
+        if self.scene.is_static and is_static(self.radar_motion):
+            return start + waveform.delay_times(1), 0.0
+        step = max(1, (len(scatterers) + len(self.scene._rcs)) // _NUM_PROBES)
+        highest = max(waveform.start_frequency, waveform.center_frequency) + 0.5 * waveform.bandwidth
+        last_phase = np.inf
+        for num_nodes in _NODE_COUNTS:
+            times = start + waveform.delay_times(num_nodes)
+            delay, amplitude = self._follow(scatterers, self._place(times), step=step)
+            phase, weight = _series_residuals(delay, amplitude, highest)
+            # Rounding of absolute time ends the improvement before the goal where time is large.
+            phase_is_done = phase <= _PHASE_GOAL or (phase <= 0.1 * self.tolerance and phase > 0.5 * last_phase)
+            weight_is_done = weight <= 0.1 * self.tolerance or num_nodes >= _MAX_NODES_FOR_AMPLITUDES
+            if phase_is_done and weight_is_done:
+                break
+            last_phase = phase
+        residual = float(np.hypot(phase, weight))
+        if residual > self.tolerance and not self._has_warned_of_series:
+            self._has_warned_of_series = True
+            reason = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
+            warnings.warn(
+                f"{reason} are followed within a frame to {residual:.1e} only, tolerance is {self.tolerance:.1e}",
+                stacklevel=3,
+            )
+        return times, residual
+
+    def _beat_signal(self, scatterers: _core.Scatterers, place: Placement) -> NDArray[np.complex128]:
+        """The sum over all paths, piece by piece: bounded memory, and Ctrl-C is heard between pieces."""
+        waveform = self.radar.waveform
+        num_paths, num_nodes = len(scatterers) + len(self.scene._rcs), len(place.poses)
+        cube = np.zeros((self.radar.num_channels, waveform.num_chirps, waveform.num_samples), dtype=np.complex128)
+        size = max(1, min(_PIECE_PATH_SAMPLES // cube.size, _PIECE_NUMBERS // (self.radar.num_channels * num_nodes)))
+        for first in range(0, num_paths, size):
+            delay, amplitude = self._follow(scatterers, place, first, min(first + size, num_paths))
+            self._warn_beyond_range(delay, amplitude)
+            cube += _core.beat_signal(
+                delay, amplitude, is_chebyshev=True, threads=self.threads, **core_waveform(waveform)
+            )
+        return cube
 
     def _receive(self, ideal: NDArray[np.complex128], start: float) -> NDArray[Any]:
         """The cube as the receiver delivers it."""
@@ -280,28 +332,42 @@ class Simulator:
 
     def _truth(self, image: DepthImage, time: float) -> Truth:
         """Range, velocity and direction of the nearest visible point of every body at `time`."""
-        columns = np.full((4, len(self.scene.bodies)), np.nan)
-        times = np.array([time])
-        place, rates = self.scene.place(times, self.radar_motion), self.scene.place_rates(time, self.radar_motion)
+        points = np.full((len(self.scene.bodies), 3), np.nan)
+        velocities = np.full_like(points, np.nan)
+        place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
 
-        for b, number in enumerate(self.scene.mesh_numbers):
-            is_body = image.body == number
-            if is_body.any():
-                nearest = np.where(is_body, image.distance, np.inf).argmin()
-                point = image.distance.flat[nearest] * image.directions.reshape(-1, 3)[nearest]
+        directions = image.directions.reshape(-1, 3)
+        for b, number in enumerate(self.scene._mesh_numbers):
+            pixels = np.flatnonzero(image.body == number)
+            if len(pixels) > 0:
+                nearest = pixels[image.distance.flat[pixels].argmin()]
                 pose, rate = place.poses[0, b], rates.poses[0, b]
-                material_point = pose[:, :3].T @ (point - pose[:, 3])
-                columns[:, number] = _polar(point, rate[:, :3] @ material_point + rate[:, 3])
-        for p, number in enumerate(self.scene.point_numbers):
-            columns[:, number] = _polar(place.points[0, p], rates.points[0, p])
-        return Truth(self.scene.names, *columns)
+                points[number] = image.distance.flat[nearest] * directions[nearest]
+                material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
+                velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
+        points[self.scene._point_numbers] = place.points[0]
+        velocities[self.scene._point_numbers] = rates.points[0]
 
-    def _warn_beyond_range(self, delay: NDArray[np.float64]) -> None:
-        farthest = 0.5 * SPEED_OF_LIGHT * float(delay.max(initial=0.0))
-        if farthest > self.radar.max_range:
+        x, y, z = points.T
+        distance = np.linalg.norm(points, axis=1)
+        velocity = (points * velocities).sum(axis=1) / np.maximum(distance, np.finfo(float).tiny)
+        return Truth(self.scene.names, distance, velocity, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
+
+    def _warn_beyond_range(self, delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> None:
+        farthest = 0.5 * SPEED_OF_LIGHT * float(delay.max(initial=0.0, where=amplitude != 0.0 if delay.size else True))
+        if farthest > self.radar.max_range and not self._has_warned_of_range:
+            self._has_warned_of_range = True
             warnings.warn(
                 f"the scene reaches to {farthest:.2f} m, beyond max_range {self.radar.max_range:.2f} m of the "
                 "waveform: echoes from there appear at wrong ranges",
+                stacklevel=4,
+            )
+
+    def _warn_of_overlap(self, rate: float) -> None:
+        duration = self.radar.waveform.duration
+        if duration * rate > 1.0:
+            warnings.warn(
+                f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second: no real sensor can do that",
                 stacklevel=3,
             )
 
@@ -319,19 +385,27 @@ class Simulator:
         }
 
 
-def _series_end(values: NDArray[Any]) -> float:
-    """Largest of the last two Chebyshev coefficients of values (node, ...) over all series."""
-    n = len(values)
+def _series_residuals(
+    delay: NDArray[np.float64], amplitude: NDArray[np.complex128], frequency: float
+) -> tuple[float, float]:
+    """Error of the Chebyshev series through delays and amplitudes (node, channel, path), relative to l2(amplitudes).
+
+    Of phases and of amplitudes, the worst channel's; from the last two coefficients, which for smooth motion are larger
+    than all that follow.
+    """
+    n = len(delay)
     angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
     last = np.cos(np.arange(n - 2, n)[:, None] * angles) * (2.0 / n)
-    return float(np.abs(np.tensordot(last, values - values[0], axes=1)).max())
 
+    def end(values: NDArray[Any]) -> NDArray[np.float64]:
+        coefficients: NDArray[np.float64] = np.abs(np.tensordot(last, values - values[0], axes=1)).max(axis=0)
+        return coefficients
 
-def _polar(point: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Range, range rate, azimuth and elevation of a point of the sensor frame."""
-    x, y, z = point
-    distance = float(np.linalg.norm(point))
-    return distance, float(point @ velocity) / distance, float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))
+    strength = np.abs(amplitude).max(axis=0)
+    total = np.maximum(np.linalg.norm(strength, axis=-1), np.finfo(float).tiny)
+    phase = np.linalg.norm(2.0 * np.pi * frequency * end(delay) * strength, axis=-1) / total
+    weight = np.linalg.norm(end(amplitude), axis=-1) / total
+    return float(phase.max(initial=0.0)), float(weight.max(initial=0.0))
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:
