@@ -9,11 +9,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use num_complex::Complex64;
+use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
@@ -143,7 +144,7 @@ fn beat_signal<'py>(
     chirp_times: PyReadonlyArray1<'py, f64>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray3<Complex64>>> {
-    let chirp_times = chirp_times.as_slice()?.to_vec();
+    let chirp_times = numbers("chirp_times", &chirp_times, [None])?.to_vec();
     let num_chirps = chirp_times.len();
     let waveform = Waveform {
         start_frequency,
@@ -158,9 +159,9 @@ fn beat_signal<'py>(
     };
     let series = PathSeries {
         basis: if is_chebyshev { Basis::Chebyshev } else { Basis::Taylor },
-        delay: delay.as_slice()?,
+        delay: numbers("delay", &delay, [None; 3])?,
         num_delay_terms,
-        amplitude: amplitude.as_slice()?,
+        amplitude: numbers("amplitude", &amplitude, [None, Some(num_channels), Some(num_paths)])?,
         num_amplitude_terms: amplitude.shape()[0],
         num_channels,
         num_paths,
@@ -185,8 +186,11 @@ impl Surface {
         triangles: PyReadonlyArray2<'_, u32>,
         crease_angle: Option<f64>,
     ) -> PyResult<Self> {
-        let vertices = points("vertices", vertices.as_slice()?)?;
-        let triangles = rows::<3, u32>("triangles", triangles.as_slice()?)?;
+        let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
+        let triangles = numbers("triangles", &triangles, [None, Some(3)])?
+            .as_chunks()
+            .0
+            .to_vec();
         let mode = crease_angle.map_or(ShadingMode::Flat, |crease_angle| ShadingMode::Smooth { crease_angle });
         let surface = compute(py, None, || surface::Surface::new(&vertices, &triangles, mode))?;
         Ok(Self(Arc::new(surface)))
@@ -213,9 +217,8 @@ impl Scene {
         reflection: PyReadonlyArray1<'_, Complex64>,
         albedo: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Self> {
-        let (reflection, albedo) = (reflection.as_slice()?, albedo.as_slice()?);
-        same_length("reflection", reflection.len(), surfaces.len())?;
-        same_length("albedo", albedo.len(), surfaces.len())?;
+        let reflection = numbers("reflection", &reflection, [Some(surfaces.len())])?;
+        let albedo = numbers("albedo", &albedo, [Some(surfaces.len())])?;
         let materials = reflection
             .iter()
             .zip(albedo)
@@ -238,8 +241,7 @@ impl Scene {
         half_height: f64,
         threads: Option<usize>,
     ) -> PyResult<Hits> {
-        let poses = self::poses(poses.as_slice()?)?;
-        same_length("poses", poses.len(), self.surfaces.len())?;
+        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane {
             rows,
             columns,
@@ -318,8 +320,8 @@ impl Hits {
     ) -> PyResult<Scatterers> {
         let (peak, azimuth, elevation) = pattern;
         let array = Array {
-            tx: points("tx", tx.as_slice()?)?,
-            rx: points("rx", rx.as_slice()?)?,
+            tx: points(numbers("tx", &tx, [None, Some(3)])?),
+            rx: points(numbers("rx", &rx, [None, Some(3)])?),
             pattern: Pattern {
                 peak,
                 azimuth,
@@ -392,16 +394,21 @@ impl Scatterers {
         threads: Option<usize>,
     ) -> PyResult<PathArrays<'py>> {
         let num_nodes = poses.shape()[0];
-        let poses = self::poses(poses.as_slice()?)?;
-        let points = self::points("points", points.as_slice()?)?;
-        let places = self.places(num_nodes, &poses, &points, rcs.as_slice()?)?;
+        let poses = self::poses(numbers(
+            "poses",
+            &poses,
+            [None, Some(self.num_bodies), Some(3), Some(4)],
+        )?);
+        let rcs = numbers("rcs", &rcs, [None])?;
+        let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
+        let places = self.places(num_nodes, &poses, &points, rcs);
         let num_paths = self.scatterers.len() + places.rcs.len();
         if step == 0 || last > num_paths {
             let expected = format!("a step of at least 1 and at most {num_paths} paths");
             return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
         }
         let selection = Selection { first, last, step };
-        let paths = compute(py, threads, || Ok(self.scatterers.paths(&places, selection)))?;
+        let paths = compute(py, threads, || self.scatterers.paths(&places, selection))?;
         let shape = [num_nodes, self.scatterers.num_channels(), selection.len()];
         Ok((
             paths.delay.into_pyarray(py).reshape(shape)?,
@@ -422,65 +429,72 @@ impl Scatterers {
         rcs: PyReadonlyArray1<'py, f64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (poses, pose_rates) = (self::poses(poses.as_slice()?)?, self::poses(pose_rates.as_slice()?)?);
-        let points = self::points("points", points.as_slice()?)?;
-        let point_rates = self::points("point_rates", point_rates.as_slice()?)?;
-        let places = self.places(1, &poses, &points, rcs.as_slice()?)?;
-        let rates = self.places(1, &pose_rates, &point_rates, places.rcs)?;
-        let shape = [self.scatterers.num_channels(), self.scatterers.len() + places.rcs.len()];
+        let per_body = [Some(self.num_bodies), Some(3), Some(4)];
+        let poses = self::poses(numbers("poses", &poses, per_body)?);
+        let pose_rates = self::poses(numbers("pose_rates", &pose_rates, per_body)?);
+        let rcs = numbers("rcs", &rcs, [None])?;
+        let per_point = [Some(rcs.len()), Some(3)];
+        let points = self::points(numbers("points", &points, per_point)?);
+        let point_rates = self::points(numbers("point_rates", &point_rates, per_point)?);
+        let places = self.places(1, &poses, &points, rcs);
+        let rates = self.places(1, &pose_rates, &point_rates, rcs);
+        let shape = [self.scatterers.num_channels(), self.scatterers.len() + rcs.len()];
         let rates = compute(py, threads, || Ok(self.scatterers.delay_rates(&places, &rates)))?;
         rates.into_pyarray(py).reshape(shape)
     }
 }
 
 impl Scatterers {
-    fn places<'a>(
-        &self,
-        num_nodes: usize,
-        poses: &'a [Pose],
-        points: &'a [DVec3],
-        rcs: &'a [f64],
-    ) -> Result<Places<'a>> {
-        same_length("poses", poses.len(), num_nodes * self.num_bodies)?;
-        same_length("points", points.len(), num_nodes * rcs.len())?;
-        Ok(Places {
+    fn places<'a>(&self, num_nodes: usize, poses: &'a [Pose], points: &'a [DVec3], rcs: &'a [f64]) -> Places<'a> {
+        Places {
             num_nodes,
             num_bodies: self.num_bodies,
             poses,
             points,
             rcs,
-        })
+        }
     }
 }
 
-/// Rows of N numbers.
-fn rows<const N: usize, T: Copy>(name: &str, numbers: &[T]) -> Result<Vec<[T; N]>> {
-    let (rows, rest) = numbers.as_chunks::<N>();
-    if rest.is_empty() {
-        Ok(rows.to_vec())
-    } else {
-        Err(Error::value(
-            name,
-            format!("rows of {N} numbers"),
-            format!("{} numbers", numbers.len()),
-        ))
+/// The numbers of an array in C order; other layouts and lengths than expected (`None`: any) are refused.
+fn numbers<'a, T: Element, D: Dimension, const N: usize>(
+    name: &str,
+    array: &'a PyReadonlyArray<'_, T, D>,
+    expected: [Option<usize>; N],
+) -> PyResult<&'a [T]> {
+    let lengths = array.shape().iter().copied().map(Some);
+    if lengths
+        .clone()
+        .zip(expected)
+        .any(|(got, want)| want.is_some() && want != got)
+    {
+        let error = Error::value(name, format!("shape {}", shape_text(expected)), shape_text(lengths));
+        return Err(error.into());
     }
-}
-
-fn points(name: &str, numbers: &[f64]) -> Result<Vec<DVec3>> {
-    Ok(rows::<3, f64>(name, numbers)?.into_iter().map(DVec3::from).collect())
-}
-
-fn poses(numbers: &[f64]) -> Result<Vec<Pose>> {
-    Ok(rows::<12, f64>("poses", numbers)?.iter().map(Pose::from_rows).collect())
-}
-
-fn same_length(name: &str, got: usize, expected: usize) -> Result<()> {
-    if got == expected {
-        Ok(())
-    } else {
-        Err(Error::value(name, format!("{expected} entries"), got))
+    // `as_slice` alone would take Fortran order too and read the numbers in the wrong order.
+    if !array.is_c_contiguous() {
+        return Err(PyTypeError::new_err(format!("{name}: expected a C-contiguous array")));
     }
+    Ok(array.as_slice()?)
+}
+
+/// Lengths as Python writes them, `(n, 3)` for free ones.
+fn shape_text(lengths: impl IntoIterator<Item = Option<usize>>) -> String {
+    let lengths: Vec<String> = lengths
+        .into_iter()
+        .map(|length| length.map_or_else(|| "n".into(), |length| length.to_string()))
+        .collect();
+    format!("({}{})", lengths.join(", "), if lengths.len() == 1 { "," } else { "" })
+}
+
+/// Rows (x, y, z).
+fn points(numbers: &[f64]) -> Vec<DVec3> {
+    numbers.as_chunks().0.iter().copied().map(DVec3::from_array).collect()
+}
+
+/// Matrices (3, 4), row by row.
+fn poses(numbers: &[f64]) -> Vec<Pose> {
+    numbers.as_chunks().0.iter().map(Pose::from_rows).collect()
 }
 
 fn matrix<T: numpy::Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, PyArray2<T>>> {
