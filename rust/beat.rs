@@ -5,7 +5,7 @@ use num_complex::Complex64;
 use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::direct;
-use crate::error::Result;
+use crate::error::{Result, fits_memory};
 use crate::simd::Level;
 
 /// Complex beat samples `(channel, chirp, sample)`, row-major, eq. (1): the sum over all paths of
@@ -13,5 +13,9 @@ use crate::simd::Level;
 pub fn beat_signal(waveform: &Waveform, series: &PathSeries) -> Result<Vec<Complex64>> {
     waveform.check()?;
     series.check()?;
+    // The sums of all blocks and, copied from them, the samples.
+    let num_samples = waveform.num_samples.saturating_add(direct::BLOCK);
+    let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
+    fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
     Ok(direct::beat_signal(waveform, series, Level::best()))
 }

@@ -7,6 +7,9 @@ use num_complex::Complex64;
 use crate::chirp::Waveform;
 use crate::error::{Error, Result};
 
+/// Most values per path: the matrix from values to coefficients has the square of that.
+const MAX_NODES: usize = 4096;
+
 /// How the numbers of [`PathSeries`] follow each other along their first axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
@@ -48,9 +51,13 @@ impl PathSeries<'_> {
                 return Err(Error::value(name, expected, length));
             }
         }
-        let max_terms = if self.basis == Basis::Taylor { 3 } else { usize::MAX };
+        let (max_terms, terms) = match self.basis {
+            Basis::Taylor => (3, "terms"),
+            Basis::Chebyshev => (MAX_NODES, "nodes"),
+        };
         if self.num_delay_terms == 0 || self.num_delay_terms > max_terms {
-            return Err(Error::value("delay", "one to three terms", self.num_delay_terms));
+            let expected = format!("1 to {max_terms} {terms}");
+            return Err(Error::value("delay", expected, self.num_delay_terms));
         }
         let follows = self.basis == Basis::Chebyshev && self.num_amplitude_terms == self.num_delay_terms;
         if self.num_amplitude_terms != 1 && !follows {
@@ -62,11 +69,12 @@ impl PathSeries<'_> {
             ));
         }
         if let Some(bad) = self.delay.iter().position(|tau| !tau.is_finite()) {
-            return Err(Error::value(
-                "delay",
-                "finite numbers [s]",
-                format!("{} at flat index {bad}", self.delay[bad]),
-            ));
+            let (name, index) = match self.basis {
+                Basis::Taylor => (["delay", "delay_rate", "delay_acceleration"][bad / plane], bad % plane),
+                Basis::Chebyshev => ("delay", bad),
+            };
+            let got = format!("{} at flat index {index}", self.delay[bad]);
+            return Err(Error::value(name, "finite numbers", got));
         }
         if let Some(bad) = self.amplitude.iter().position(|a| !a.is_finite()) {
             let got = format!("{} at flat index {bad}", self.amplitude[bad]);

@@ -13,7 +13,7 @@ use crate::delay::{Basis, PathSeries, basis_values, chebyshev_matrix};
 use crate::simd::{Kernel, Level};
 
 /// Samples per block: their phases stay in registers and L1.
-const BLOCK: usize = 64;
+pub const BLOCK: usize = 64;
 
 type Lanes = [f64; BLOCK];
 

@@ -9,6 +9,8 @@ use std::path::PathBuf;
 pub enum Error {
     /// A value outside what the function accepts.
     Value(String),
+    /// A result that does not fit into memory.
+    Memory(String),
     /// A file that does not hold what its format promises; `line` counts from 1.
     Format {
         /// The file.
@@ -37,10 +39,26 @@ impl Error {
     }
 }
 
+/// Refuses a result of `shape` with `bytes` per entry that memory cannot hold; without this, allocation would end the
+/// process.
+pub fn fits_memory(name: &str, shape: &[usize], bytes: usize) -> Result<()> {
+    let total = shape
+        .iter()
+        .try_fold(bytes, |product, length| product.checked_mul(*length));
+    let fits = total.is_some_and(|total| Vec::<u8>::new().try_reserve_exact(total).is_ok());
+    if fits || shape.contains(&0) {
+        Ok(())
+    } else {
+        Err(Error::Memory(format!(
+            "{name}: {shape:?} with {bytes} bytes each do not fit into memory"
+        )))
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Value(message) => f.write_str(message),
+            Self::Value(message) | Self::Memory(message) => f.write_str(message),
             Self::Format { path, line, message } => write!(f, "{}:{line}: {message}", path.display()),
             Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
         }
@@ -51,7 +69,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Io { source, .. } => Some(source),
-            Self::Value(_) | Self::Format { .. } => None,
+            Self::Value(_) | Self::Memory(_) | Self::Format { .. } => None,
         }
     }
 }

@@ -14,7 +14,7 @@ use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
     PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
@@ -47,6 +47,7 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         match &error {
             Error::Value(_) | Error::Format { .. } => PyValueError::new_err(error.to_string()),
+            Error::Memory(_) => PyMemoryError::new_err(error.to_string()),
             Error::Io { path, source } => match source.raw_os_error() {
                 // Python picks the subclass (FileNotFoundError, ...) by the number.
                 Some(code) => {

@@ -4,6 +4,9 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 
+/// Most pixels of an image; they are numbered in 32 bits.
+const MAX_PIXELS: usize = 1 << 28;
+
 /// Side of a tile [pixels].
 pub const TILE: usize = 8;
 
@@ -39,6 +42,14 @@ impl ImagePlane {
         if self.rows == 0 || self.columns == 0 {
             let got = format!("{} x {}", self.rows, self.columns);
             return Err(Error::value("resolution", "at least one row and one column", got));
+        }
+        if self
+            .rows
+            .checked_mul(self.columns)
+            .is_none_or(|pixels| pixels > MAX_PIXELS)
+        {
+            let got = format!("{} x {}", self.rows, self.columns);
+            return Err(Error::value("resolution", format!("at most {MAX_PIXELS} rays"), got));
         }
         let halves = [self.half_width, self.half_height];
         if halves.iter().any(|h| !h.is_finite() || *h <= 0.0) {

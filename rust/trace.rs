@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bvh::{Bounds, Ray, Tree};
-use crate::error::Result;
+use crate::error::{Result, fits_memory};
 use crate::motion::Pose;
 use crate::rays::{ImagePlane, TILE, Tile};
 use crate::surface::Surface;
@@ -144,6 +144,8 @@ impl Snapshot {
     /// Hits of all pixels, tile by tile in parallel.
     pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
         plane.check()?;
+        // Twice: by tiles and, copied from them, by rows.
+        fits_memory("hits", &[plane.rows, plane.columns], 2 * size_of::<Hit>())?;
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,

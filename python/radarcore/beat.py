@@ -18,6 +18,9 @@ METHODS = ("auto", "direct")
 SINGLE_PRECISION_TOLERANCE = 1e-6
 """Tolerances below this give complex128 and float64, others complex64 and float32."""
 
+MAX_THREADS = 1024
+"""More than this the core does not start."""
+
 
 class WaveformNumbers(TypedDict):
     """The numbers of a waveform, as keywords of the core."""
@@ -133,13 +136,21 @@ def core_waveform(waveform: Waveform) -> WaveformNumbers:
 
 def check_threads(threads: int | None) -> int | None:
     """A number of threads, or None for all cores."""
-    return None if threads is None else check.count("threads", threads)
+    if threads is None:
+        return None
+    num_threads = check.count("threads", threads)
+    if num_threads > MAX_THREADS:
+        raise ValueError(f"threads: expected at most {MAX_THREADS}, got {num_threads}")
+    return num_threads
 
 
 def _numbers(name: str, value: ArrayLike, dtype: type[Number]) -> NDArray[Number]:
-    array = np.asarray(value)
+    kind = "complex numbers" if dtype is np.complex128 else "real numbers"
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}: {error}") from None
     if array.dtype.kind not in ("iufc" if dtype is np.complex128 else "iuf"):
-        kind = "complex numbers" if dtype is np.complex128 else "real numbers"
         raise TypeError(f"{name}: expected {kind}, got {array.dtype}")
     if array.ndim > 3:
         raise ValueError(f"{name}: expected (path,), (channel, path) or (node, channel, path), got {array.shape}")
