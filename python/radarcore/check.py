@@ -22,6 +22,19 @@ def number(name: str, value: object, unit: str = "") -> float:
     return result
 
 
+def complex_number(name: str, value: object) -> complex:
+    """A finite complex number, or a ValueError (TypeError for what is no number at all)."""
+    if isinstance(value, bool | str | bytes) or value is None:
+        raise TypeError(f"{name}: expected a number, got {value!r}")
+    try:
+        result = complex(value)  # type: ignore[call-overload]  # what complex() refuses is reported below
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: expected a number, got {value!r}") from None
+    if not np.isfinite(result):
+        raise ValueError(f"{name}: expected a finite number, got {value!r}")
+    return complex(result)
+
+
 def positive(name: str, value: object, unit: str = "") -> float:
     """A finite number above zero."""
     result = number(name, value, unit)

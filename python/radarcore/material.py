@@ -32,10 +32,7 @@ class Material:
     albedo: float = 0.0
 
     def __post_init__(self) -> None:
-        coefficient = complex(self.reflection)
-        if not np.isfinite(coefficient):
-            raise ValueError(f"reflection: expected a finite number, got {self.reflection!r}")
-        object.__setattr__(self, "reflection", coefficient)
+        object.__setattr__(self, "reflection", check.complex_number("reflection", self.reflection))
         object.__setattr__(self, "albedo", check.non_negative("albedo", self.albedo))
         if self.reflectance > 1.0 + 1e-12:
             raise ValueError(
@@ -58,8 +55,8 @@ class Material:
 
         The reflection coefficient is that of normal incidence, ``(1 - sqrt(eps)) / (1 + sqrt(eps))``.
         """
-        eps = complex(permittivity)
-        if not np.isfinite(eps) or eps.imag > 0.0 or eps == 0.0:
+        eps = check.complex_number("permittivity", permittivity)
+        if eps.imag > 0.0 or eps == 0.0:
             raise ValueError(f"permittivity: expected eps' - j eps'' with eps'' >= 0, got {permittivity!r}")
         root = np.sqrt(eps)
         return cls(complex((1.0 - root) / (1.0 + root)))
