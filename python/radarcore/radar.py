@@ -156,11 +156,14 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         "adc_delay": 3.1125e-6,
     } | waveform
     if "slope" not in settings:
+        start = check.positive("start_frequency", settings["start_frequency"], "Hz")
         stop = check.positive("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency, "Hz")
-        sweep = settings["adc_delay"] + check.count("num_samples", settings["num_samples"]) / check.positive(
-            "sample_rate", settings["sample_rate"], "Hz"
-        )
-        settings["slope"] = (stop - settings["start_frequency"]) / sweep
+        if start == stop:
+            raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
+        sweep = check.non_negative("adc_delay", settings["adc_delay"], "s") + check.count(
+            "num_samples", settings["num_samples"]
+        ) / check.positive("sample_rate", settings["sample_rate"], "Hz")
+        settings["slope"] = (stop - start) / sweep
     elif stop_frequency is not None:
         raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
     if "chirp_times" not in settings:

@@ -68,8 +68,12 @@ class Waveform:
         put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
         put(self, "adc_delay", check.non_negative("adc_delay", self.adc_delay, "s"))
         sweep = self.adc_delay + self.num_samples / self.sample_rate
-        if min(self.start_frequency, self.start_frequency + self.slope * sweep) <= 0.0:
-            raise ValueError(f"slope: the ramp falls below 0 Hz after {sweep:g} s at {self.slope:g} Hz/s")
+        stop = self.start_frequency + self.slope * sweep
+        if stop <= 0.0:
+            raise ValueError(
+                f"slope: expected a ramp above 0 Hz for {sweep:g} s (adc_delay + samples), got {stop:g} Hz after "
+                f"that at {self.slope:g} Hz/s"
+            )
 
         put(self, "chirp_times", self._starts(sweep))
         if self.frame_interval is None:
@@ -80,18 +84,25 @@ class Waveform:
         """Start of every chirp [s]; sets `chirp_interval` where it follows from the starts."""
         put = object.__setattr__
         if self.chirp_times is None:
+            name = "chirp_interval"
             interval = sweep if self.chirp_interval is None else self.chirp_interval
             put(self, "chirp_interval", check.positive("chirp_interval", interval, "s"))
             starts = self.chirp_interval * np.arange(self.num_chirps)
         else:
+            name = "chirp_times"
             starts = check.array("chirp_times", self.chirp_times, (self.num_chirps,))
-            if starts[0] < 0.0 or (np.diff(starts) <= 0.0).any():
-                raise ValueError("chirp_times: expected times from 0 on, increasing [s]")
+            if starts[0] < 0.0:
+                raise ValueError(f"chirp_times: expected times from 0 on [s], got {starts[0]:g}")
+            if (np.diff(starts) <= 0.0).any():
+                i = int(np.argmax(np.diff(starts) <= 0.0))
+                raise ValueError(
+                    f"chirp_times: expected increasing times [s], got {starts[i]:g} and {starts[i + 1]:g} "
+                    f"at index {i} and {i + 1}"
+                )
             spacing = (starts[-1] - starts[0]) / (self.num_chirps - 1) if self.num_chirps > 1 else sweep
             put(self, "chirp_interval", float(spacing))
         sampled = self.adc_delay + (self.num_samples - 1) / self.sample_rate
         if self.num_chirps > 1 and np.diff(starts).min() < sampled * (1.0 - 1e-9):
-            name = "chirp_interval" if self.has_uniform_chirps else "chirp_times"
             raise ValueError(
                 f"{name}: expected at least {sampled:g} s between chirps (adc_delay + samples), "
                 f"got {np.diff(starts).min():g} s"
