@@ -1,0 +1,221 @@
+"""Radars, their antennas and the presets of real sensors."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+C = 299_792_458.0  # [m/s]
+
+WAVEFORM = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=64, num_chirps=4)
+TX = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]
+RX = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.05], [0.02, 0.0, 0.0]]
+
+
+def test_channel_is_tx_times_num_rx_plus_rx() -> None:
+    radar = rc.Radar(WAVEFORM, tx=TX, rx=RX)
+    assert radar.num_channels == 6
+    target = np.array([2.0, 0.7, -0.4])
+    delay = rc.Simulator(rc.Scene([rc.PointTarget(target)]), radar, resolution=2).paths().delay
+    for i, tx in enumerate(TX):
+        for j, rx in enumerate(RX):
+            expected = (np.linalg.norm(target - tx) + np.linalg.norm(target - rx)) / C
+            # Every delay differs from the others by picoseconds; rounding is 1e-24 s.
+            assert delay[3 * i + j, 0] == pytest.approx(expected, rel=1e-15)
+
+
+def test_default_radar_is_one_isotropic_watt_into_an_ideal_receiver() -> None:
+    radar = rc.Radar(WAVEFORM)
+    assert (radar.num_channels, radar.tx_power, radar.receiver, radar.is_real) == (1, 1.0, None, False)
+    assert radar.pattern == rc.IsotropicPattern()
+    assert radar.pattern.gain(0.3, -1.0) == 1.0
+    assert rc.Radar(WAVEFORM, tx_power_dbm=4.0).tx_power == pytest.approx(2.511886e-3, rel=2e-7)
+
+
+def test_iq_receiver_is_unambiguous_twice_as_far_as_a_real_one() -> None:
+    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")).max_range == WAVEFORM.max_range
+    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="iq")).max_range == 2.0 * WAVEFORM.max_range
+    assert rc.Radar(WAVEFORM).max_range == 2.0 * WAVEFORM.max_range
+
+
+def test_gaussian_beam_has_its_gain_on_boresight_and_half_at_half_the_full_width() -> None:
+    pattern = rc.GaussianPattern(6.0, beamwidth_azimuth_deg=60.0, beamwidth_elevation_deg=40.0)
+    peak = 10.0**0.6
+    assert pattern.gain(0.0, 0.0) == pytest.approx(peak, rel=1e-14)
+    for sign in (-1.0, 1.0):
+        assert pattern.gain(sign * np.deg2rad(30.0), 0.0) == pytest.approx(peak / 2.0, rel=1e-14)
+        assert pattern.gain(0.0, sign * np.deg2rad(20.0)) == pytest.approx(peak / 2.0, rel=1e-14)
+    # Gaussian: a quarter where both are half, a sixteenth at the full width.
+    assert pattern.gain(np.deg2rad(30.0), np.deg2rad(20.0)) == pytest.approx(peak / 4.0, rel=1e-14)
+    assert pattern.gain(np.deg2rad(60.0), 0.0) == pytest.approx(peak / 16.0, rel=1e-14)
+
+
+def test_gain_takes_arrays_that_broadcast() -> None:
+    azimuth, elevation = np.linspace(-1.0, 1.0, 5), np.linspace(-0.5, 0.5, 3)[:, None]
+    for pattern in (rc.GaussianPattern(6.0, 60.0, 40.0), rc.IsotropicPattern(3.0)):
+        gain = pattern.gain(azimuth, elevation)
+        assert gain.shape == (3, 5)
+        assert gain[1, 2] == gain.max() == pytest.approx(10.0 ** (pattern.gain_db / 10.0), rel=1e-14)
+        assert gain[2, 0] == pattern.gain(-1.0, 0.5)
+
+
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(30.0, 0.0), (-30.0, 0.0), (0.0, 20.0), (0.0, -20.0)])
+def test_point_at_half_power_returns_a_quarter_of_the_power(azimuth_deg: float, elevation_deg: float) -> None:
+    radar = rc.Radar(WAVEFORM, pattern=rc.GaussianPattern(6.0, 60.0, 40.0), tx_power_dbm=10.0)
+    az, el = np.deg2rad([azimuth_deg, elevation_deg])
+    position = 2.0 * np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
+    amplitude = rc.Simulator(rc.Scene([rc.PointTarget(position, rcs=0.5)]), radar, resolution=2).paths().amplitude
+    # Radar equation: P Gt Gr lambda^2 sigma / ((4 pi)^3 R^4), both gains halved.
+    power = 1e-2 * (10.0**0.6 / 2.0) ** 2 * WAVEFORM.wavelength**2 * 0.5 / ((4.0 * np.pi) ** 3 * 2.0**4)
+    assert abs(amplitude[0, 0]) ** 2 == pytest.approx(power, rel=1e-12)
+    assert amplitude[0, 0].imag == 0.0
+
+
+def test_bgt60tr13c_samples_5_ghz_of_its_sweep() -> None:
+    radar = rc.bgt60tr13c()
+    wf = radar.waveform
+    # 58 to 63.5 GHz in 3.1125 + 32 us, of which 32 us are sampled: 5.5 GHz * 32 / 35.1125, table value 5.0125 GHz.
+    assert abs(wf.bandwidth - 5.0125e9) <= 0.5e5
+    assert wf.start_frequency + wf.slope * (wf.adc_delay + 64 / 2e6) == pytest.approx(63.5e9, rel=1e-15)
+    assert (wf.start_frequency, wf.sample_rate, wf.num_samples, wf.num_chirps) == (58e9, 2e6, 64, 64)
+    assert (wf.adc_delay, wf.chirp_interval) == (3.1125e-6, 591.125e-6)
+    assert wf.range_resolution == pytest.approx(0.029905, abs=5e-7)  # 3 cm
+
+
+def test_bgt60tr13c_has_one_tx_and_three_rx_in_an_l_with_real_samples() -> None:
+    radar = rc.bgt60tr13c()
+    assert (radar.tx.shape, radar.rx.shape, radar.num_channels) == ((1, 3), (3, 3), 3)
+    assert radar.is_real
+    rx1, rx2, rx3 = radar.rx
+    np.testing.assert_allclose(abs(rx1 - rx3), [0.0, 2.5e-3, 0.0], rtol=0, atol=1e-15)  # azimuth pair
+    np.testing.assert_allclose(abs(rx2 - rx3), [0.0, 0.0, 2.5e-3], rtol=0, atol=1e-15)  # elevation pair
+    # About half a wavelength: 2.47 mm at 60.75 GHz.
+    assert 0.4 < 2.5e-3 / radar.waveform.wavelength < 0.6
+    assert (radar.receiver.output, radar.receiver.noise_figure_db) == ("real", 12.0)
+    assert (radar.pattern.gain_db, radar.tx_power_dbm) == (3.5, 4.0)
+
+
+def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
+    wf = rc.bgt60tr13c(num_chirps=16, num_samples=128, chirp_interval=400e-6, stop_frequency=62e9).waveform
+    assert (wf.num_chirps, wf.num_samples, wf.chirp_interval) == (16, 128, 400e-6)
+    assert wf.start_frequency + wf.slope * (wf.adc_delay + 128 / 2e6) == pytest.approx(62e9, rel=1e-15)
+    assert rc.bgt60tr13c(slope=-50e12, start_frequency=63e9).waveform.slope == -50e12
+    assert rc.bgt60tr13c(tx_power_dbm=0.0).tx_power == pytest.approx(1e-3, rel=1e-15)
+    staggered = rc.bgt60tr13c(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]).waveform
+    assert staggered.chirp_times.tolist() == [0.0, 1e-3, 3e-3]
+
+
+@pytest.mark.parametrize(
+    ("keywords", "error", "message"),
+    [
+        ({"stop_frequency": 62e9, "slope": 1e14}, ValueError, "stop_frequency: expected either .* or slope, got both"),
+        ({"stop_frequency": 58e9}, ValueError, "stop_frequency: expected another frequency.*got 5.8e"),
+        ({"stop_frequency": -1.0}, ValueError, "stop_frequency: expected a positive number.*got -1.0"),
+        ({"stop_frequency": "62e9"}, TypeError, "stop_frequency: expected a number.*got '62e9'"),
+        ({"start_frequency": "58e9"}, TypeError, "start_frequency: expected a number.*got '58e9'"),
+        ({"start_frequency": None}, TypeError, "start_frequency: expected a number.*got None"),
+        ({"adc_delay": "late"}, TypeError, "adc_delay: expected a number.*got 'late'"),
+        ({"adc_delay": -3e-6}, ValueError, "adc_delay: expected zero or a positive number"),
+        ({"num_samples": 0}, ValueError, "num_samples: expected at least 1, got 0"),
+        ({"sample_rate": float("nan")}, ValueError, "sample_rate: expected a finite number.*got nan"),
+        ({"num_chirps": -1}, ValueError, "num_chirps: expected at least 1, got -1"),
+        ({"tx_power_dbm": float("inf")}, ValueError, "tx_power_dbm: expected a finite number.*got inf"),
+        ({"frame_rate": 10.0}, TypeError, "frame_rate"),
+    ],
+)
+def test_bgt60tr13c_refuses_what_makes_no_sweep(keywords: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        rc.bgt60tr13c(**keywords)
+
+
+RADARS = [
+    rc.Radar(WAVEFORM),
+    rc.Radar(WAVEFORM, tx=TX, rx=RX, pattern=rc.GaussianPattern(5.0, 60.0, 30.0), tx_power_dbm=0.1 + 0.2),
+    rc.Radar(WAVEFORM, pattern=rc.IsotropicPattern(3.0), receiver=rc.Receiver(noise_figure_db=12.0)),
+    rc.bgt60tr13c(),
+    rc.bgt60tr13c(num_chirps=2, chirp_times=[1e-4, 7e-4]),
+]
+
+
+@pytest.mark.parametrize("radar", RADARS)
+def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
+    back = rc.Radar.from_dict(json.loads(json.dumps(radar.to_dict())))
+    assert back == radar
+    assert hash(back) == hash(radar)
+    np.testing.assert_array_equal(back.rx, radar.rx)
+    assert (back.pattern, back.receiver, back.tx_power_dbm) == (radar.pattern, radar.receiver, radar.tx_power_dbm)
+
+
+def test_radars_are_equal_when_their_numbers_are() -> None:
+    for i, one in enumerate(RADARS):
+        for j, other in enumerate(RADARS):
+            assert (one == other) == (i == j)
+    assert RADARS[0] != "radar"
+
+
+def test_antenna_positions_are_copies_that_cannot_be_changed() -> None:
+    rx = np.array(RX)
+    radar = rc.Radar(WAVEFORM, rx=rx)
+    rx[0] = 7.0
+    assert radar.rx.tolist() == RX
+    with pytest.raises(ValueError, match="read-only"):
+        radar.rx[0, 0] = 1.0
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"tx": []}, ValueError, r"tx: expected shape \(n, 3\), got \(0,\)"),
+        ({"rx": np.zeros((0, 3))}, ValueError, "rx: expected at least one antenna position, got none"),
+        ({"rx": [0.0, 0.0, 0.0]}, ValueError, r"rx: expected shape \(n, 3\), got \(3,\)"),
+        ({"tx": [[0.0, 0.0]]}, ValueError, r"tx: expected shape \(n, 3\), got \(1, 2\)"),
+        ({"rx": [RX]}, ValueError, r"rx: expected shape \(n, 3\), got \(1, 3, 3\)"),
+        ({"rx": [[0.0, NAN, 0.0]]}, ValueError, r"rx: expected finite numbers, got nan at index \(0, 1\)"),
+        ({"tx": "left"}, TypeError, r"tx: expected numbers of shape \(n, 3\), got str"),
+        ({"tx": [[0.0, 0.0, 0.0], [1.0]]}, TypeError, r"tx: expected numbers of shape \(n, 3\), got list"),
+        ({"tx": None}, (TypeError, ValueError), r"tx: expected (numbers of )?shape \(n, 3\)"),
+        ({"tx": [[0.0, 0.0, 1j]]}, TypeError, r"tx: expected numbers of shape \(n, 3\), got list"),
+        ({"pattern": "isotropic"}, TypeError, "pattern: expected .*IsotropicPattern.*got str"),
+        ({"receiver": "real"}, TypeError, "receiver: expected .*Receiver.*got str"),
+        ({"waveform": None}, TypeError, "waveform: expected Waveform, got NoneType"),
+        ({"tx_power_dbm": NAN}, ValueError, "tx_power_dbm: expected a finite number.*got nan"),
+        ({"tx_power_dbm": "4"}, TypeError, "tx_power_dbm: expected a number.*got '4'"),
+    ],
+)
+def test_what_is_no_radar_is_refused_with_its_name(changes: dict[str, Any], error: Any, message: str) -> None:
+    with pytest.raises(error, match=message):
+        rc.Radar(**({"waveform": WAVEFORM} | changes))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "arguments", "error", "message"),
+    [
+        (rc.IsotropicPattern, (NAN,), ValueError, "gain_db: expected a finite number.*got nan"),
+        (rc.IsotropicPattern, ("3",), TypeError, "gain_db: expected a number.*got '3'"),
+        (rc.GaussianPattern, (NAN, 60.0, 40.0), ValueError, "gain_db: expected a finite number"),
+        (rc.GaussianPattern, (6.0, 0.0, 40.0), ValueError, "beamwidth_azimuth_deg: expected a positive number.*got 0"),
+        (rc.GaussianPattern, (6.0, 60.0, -1.0), ValueError, "beamwidth_elevation_deg: expected a positive.*got -1"),
+        (rc.GaussianPattern, (6.0, 60.0, float("inf")), ValueError, "beamwidth_elevation_deg: expected a finite"),
+        (rc.GaussianPattern, (6.0, 60.0, None), TypeError, "beamwidth_elevation_deg: expected a number.*got None"),
+    ],
+)
+def test_what_is_no_pattern_is_refused_with_its_name(
+    pattern: Any, arguments: tuple[Any, ...], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        pattern(*arguments)
+
+
+def test_description_of_another_pattern_is_refused() -> None:
+    values = RADARS[0].to_dict()
+    values["pattern"] = {"kind": "cosine"}
+    with pytest.raises(ValueError, match="pattern kind: expected one of 'isotropic', 'gaussian', got 'cosine'"):
+        rc.Radar.from_dict(values)

@@ -1,0 +1,142 @@
+"""The receiver: thermal noise of the right power, real or I/Q, the same for the same seed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+
+THERMAL = 1.380649e-23 * 290.0  # k T [W/Hz]
+NUM = 200_000
+"""Samples of a statistical test; four sigma of an estimated variance are then 0.9 % (I/Q) and 1.3 % (real)."""
+
+
+def noise(receiver: rc.Receiver, seed: int, sample_rate: float = 2e6) -> NDArray[Any]:
+    silence = np.zeros((4, 50, NUM // 200), dtype=np.complex128)
+    return receiver.receive(silence, sample_rate, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("figure_db", [0.0, 3.0103, 12.0])
+@pytest.mark.parametrize("sample_rate", [1e6, 2.5e6])
+def test_noise_variance_is_k_t_f_fs_and_half_of_it_for_a_real_receiver(figure_db: float, sample_rate: float) -> None:
+    power = THERMAL * 10.0 ** (figure_db / 10.0) * sample_rate
+    iq, real = (rc.Receiver(output=output, noise_figure_db=figure_db) for output in ("iq", "real"))
+    assert iq.noise_variance(sample_rate) == pytest.approx(power, rel=1e-14)
+    assert real.noise_variance(sample_rate) == pytest.approx(0.5 * power, rel=1e-14)
+    assert rc.Receiver().noise_variance(sample_rate) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_iq_noise_is_circular_with_the_stated_power(seed: int) -> None:
+    receiver = rc.Receiver(noise_figure_db=12.0)
+    n = noise(receiver, seed) / np.sqrt(receiver.noise_variance(2e6))
+    four_sigma = 4.0 / np.sqrt(NUM)  # of a mean of NUM numbers of unit variance
+    assert abs(np.mean(abs(n) ** 2) - 1.0) <= four_sigma, f"seed {seed}"  # |n|^2: exponential, variance 1
+    assert abs(np.mean(n)) <= four_sigma, f"seed {seed}"
+    assert abs(np.mean(n**2)) <= np.sqrt(2.0) * four_sigma, f"seed {seed}"  # |n^2|^2 has mean 2
+    assert abs(np.mean(n.real**2) - 0.5) <= np.sqrt(0.5) * four_sigma, f"seed {seed}"  # half in either part
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_real_noise_has_half_the_power_of_iq(seed: int) -> None:
+    receiver = rc.Receiver(output="real", noise_figure_db=12.0)
+    n = noise(receiver, seed) / np.sqrt(THERMAL * 10.0**1.2 * 2e6)
+    four_sigma = 4.0 / np.sqrt(NUM)
+    assert n.dtype == np.float64
+    assert abs(np.mean(n**2) - 0.5) <= 0.5 * np.sqrt(2.0) * four_sigma, f"seed {seed}"  # x^2 has variance 2 sigma^4
+    assert abs(np.mean(n)) <= np.sqrt(0.5) * four_sigma, f"seed {seed}"
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_noise_of_neighbours_in_time_chirp_and_channel_is_independent(output: str) -> None:
+    receiver = rc.Receiver(output=output, noise_figure_db=12.0)
+    n = noise(receiver, 7) / np.sqrt(receiver.noise_variance(2e6))
+    for axis in range(3):
+        shifted = n * np.roll(n, 1, axis=axis).conj()
+        # A product of two independent numbers of unit variance has unit variance.
+        assert abs(shifted.mean()) <= 4.0 / np.sqrt(NUM), axis
+
+
+def test_noise_adds_to_the_signal_and_equal_seeds_give_equal_bits() -> None:
+    receiver = rc.Receiver(noise_figure_db=12.0)
+    signal = 1e-6 * np.exp(1j * np.arange(24.0)).reshape(1, 2, 12)
+    first, again, other = (receiver.receive(signal, 2e6, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).all()
+    alone = receiver.receive(np.zeros_like(signal), 2e6, np.random.default_rng(1))
+    np.testing.assert_array_equal(first, signal + alone)
+    # More noise is the same noise, louder: F from 12 to 32 dB is 10 in amplitude.
+    louder = rc.Receiver(noise_figure_db=32.0).receive(np.zeros_like(signal), 2e6, np.random.default_rng(1))
+    np.testing.assert_allclose(louder, 10.0 * alone, rtol=1e-12)
+
+
+def test_without_noise_iq_is_the_signal_and_real_its_real_part() -> None:
+    signal = np.exp(1j * np.arange(24.0)).reshape(1, 2, 12)
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(rc.Receiver().receive(signal, 2e6, rng), signal)
+    real = rc.Receiver(output="real").receive(signal, 2e6, rng)
+    np.testing.assert_array_equal(real, signal.real)
+    assert real.flags.c_contiguous
+
+
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=100, num_chirps=50, chirp_interval=100e-6
+)
+
+
+def frame(
+    receiver: rc.Receiver | None, scene: rc.Scene | None = None, *, time: float = 0.0, **options: Any
+) -> rc.Frame:
+    radar = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]], receiver=receiver)
+    return rc.Simulator(scene or rc.Scene(), radar, resolution=8, **options).frame(time)
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_empty_scene_is_noise_of_the_receiver_and_nothing_else(output: str) -> None:
+    receiver = rc.Receiver(output=output, noise_figure_db=12.0)
+    cube = frame(receiver).cube
+    assert cube.dtype == {"iq": np.complex64, "real": np.float32}[output]
+    power = np.mean(abs(cube.astype(complex)) ** 2) / receiver.noise_variance(2e6)
+    spread = np.sqrt({"iq": 1.0, "real": 2.0}[output] / cube.size)
+    assert abs(power - 1.0) <= 4.0 * spread
+    assert not frame(None).cube.any()
+
+
+def test_frames_have_noise_of_their_seed_and_time() -> None:
+    receiver = rc.Receiver(noise_figure_db=12.0)
+    first = frame(receiver, seed=3).cube
+    np.testing.assert_array_equal(frame(receiver, seed=3, threads=2).cube, first)
+    for other in (frame(receiver, seed=4).cube, frame(receiver, seed=3, time=0.025).cube, first[::-1]):
+        assert (other != first).mean() > 0.99
+
+
+def test_real_cube_is_the_real_part_of_the_iq_cube() -> None:
+    scene = rc.Scene([rc.PointTarget([1.0, 0.2, 0.1], rcs=0.1, velocity=[0.5, 0.0, 0.0])])
+    real, iq = frame(rc.Receiver(output="real"), scene=scene).cube, frame(None, scene=scene).cube
+    np.testing.assert_array_equal(real, iq.real)
+    assert real.any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"output": "complex"}, ValueError, "output: expected one of 'iq', 'real', got 'complex'"),
+        ({"output": None}, ValueError, "output: expected one of 'iq', 'real', got None"),
+        ({"output": ["iq"]}, ValueError, r"output: expected one of 'iq', 'real', got \['iq'\]"),
+        ({"noise_figure_db": -1.0}, ValueError, r"noise_figure_db: expected zero or a positive number \[dB\], got -1"),
+        ({"noise_figure_db": float("nan")}, ValueError, "noise_figure_db: expected a finite number.*got nan"),
+        ({"noise_figure_db": float("inf")}, ValueError, "noise_figure_db: expected a finite number.*got inf"),
+        ({"noise_figure_db": "12"}, TypeError, "noise_figure_db: expected a number.*got '12'"),
+        ({"noise_figure_db": True}, TypeError, "noise_figure_db: expected a number.*got True"),
+        ({"gain_db": 3.0}, TypeError, "gain_db"),
+    ],
+)
+def test_what_is_no_receiver_is_refused_with_its_name(
+    changes: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        rc.Receiver(**changes)
