@@ -1,0 +1,421 @@
+"""The beat signal against the direct sum, tones on paper and exact geometry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from reference import beat_signal_reference
+
+C = 299_792_458.0  # [m/s]
+EPS = np.finfo(float).eps
+STRICT: dict[str, Any] = {"tolerance": 1e-9}
+"""Double precision."""
+
+
+def waveform(**changes: Any) -> rc.Waveform:
+    settings: dict[str, Any] = {
+        "start_frequency": 60e9,
+        "slope": 50e12,
+        "sample_rate": 2e6,
+        "num_samples": 40,
+        "num_chirps": 16,
+        "chirp_interval": 400e-6,
+        "adc_delay": 3e-6,
+    }
+    return rc.Waveform(**(settings | changes))
+
+
+def rounding(wf: rc.Waveform, delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> float:
+    """Largest rounding error of a sum over paths in double precision.
+
+    The phase of a path is f0 tau turns, of which eps/2 is lost in each of eight steps (three terms of tau, its times
+    f0, tau and t, the three terms of the phase): 4 eps f0 tau turns. Adding n paths loses n eps of their amplitudes.
+    """
+    turns = max(wf.start_frequency, wf.center_frequency + wf.bandwidth) * float(np.abs(delay).max())
+    return (2.0 * np.pi * turns * 4.0 + delay.shape[-1]) * EPS * float(np.abs(amplitude).sum(axis=-1).max())
+
+
+def exact_signal(delay: NDArray[np.float64], amplitude: Any, wf: rc.Waveform) -> NDArray[np.complex128]:
+    """Eq. (1) with any delays, given at every sample of every path: (path, chirp, sample) to (chirp, sample)."""
+    turns = wf.start_frequency * delay + wf.slope * delay * (wf.sample_times - 0.5 * delay)
+    result: NDArray[np.complex128] = (np.conj(amplitude) * np.exp(2j * np.pi * turns)).sum(axis=0)
+    return result
+
+
+def all_times(wf: rc.Waveform) -> NDArray[np.float64]:
+    """Time of every sample since the start of the frame, (chirp, sample)."""
+    return wf.chirp_times[:, None] + wf.sample_times
+
+
+def random_paths(rng: np.random.Generator, shape: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
+    """Delays of 0.2 to 3 m, rates of up to 5 m/s, accelerations of up to 50 m/s^2, and complex amplitudes."""
+    two_way = 2.0 / C
+    return (
+        two_way * rng.uniform(0.2, 3.0, shape),
+        two_way * rng.uniform(-5.0, 5.0, shape),
+        two_way * rng.uniform(-50.0, 50.0, shape),
+        rng.standard_normal(shape) + 1j * rng.standard_normal(shape),
+    )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_beat_signal_agrees_with_the_direct_sum_on_random_paths(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    num_chirps = int(rng.integers(1, 9))
+    wf = waveform(
+        slope=rng.choice([-1.0, 1.0]) * rng.uniform(1e12, 200e12),
+        num_samples=int(rng.integers(1, 150)),  # below, at and above a block of 64
+        num_chirps=num_chirps,
+        chirp_times=rng.choice([0.0, 1e-4]) + np.cumsum(rng.uniform(0.2e-3, 2e-3, num_chirps)),  # staggered
+        adc_delay=rng.choice([0.0, 7.3e-6]),
+    )
+    shape = (int(rng.integers(1, 4)), int(rng.integers(1, 30)))
+    delay, rate, acceleration, amplitude = random_paths(rng, shape)
+    for options, terms in [
+        ({}, (0.0, 0.0)),
+        ({"delay_rate": rate}, (rate, 0.0)),
+        ({"delay_acceleration": acceleration}, (0.0, acceleration)),
+        ({"delay_rate": rate, "delay_acceleration": acceleration}, (rate, acceleration)),
+    ]:
+        got = rc.beat_signal(delay, amplitude, wf, **options, **STRICT)
+        expected = beat_signal_reference(delay, amplitude, wf, *terms)
+        assert got.shape == expected.shape == (shape[0], num_chirps, wf.num_samples)
+        # About 1e-12 of the sum of amplitudes at 1 m; a wrong residual video phase alone would be 1e-2.
+        assert abs(got - expected).max() <= rounding(wf, delay, amplitude), f"seed {seed}, {list(options)}"
+
+
+def test_exact_tone_is_reproduced_to_rounding_of_its_sample() -> None:
+    # Powers of two, so that every phase is exact in binary: f0 tau = n / 2^14, S tau t = n k / 2^25, ...
+    wf = rc.Waveform(
+        start_frequency=2.0**36, slope=2.0**45, sample_rate=2.0**21, num_samples=200, num_chirps=3,
+        chirp_interval=2.0**-13, adc_delay=2.0**-18,
+    )  # fmt: skip
+    for n in (1, 12_345_679, 35_184_371):  # to 31 ns, 4.7 m
+        tau = n * 2.0**-50
+        t = wf.sample_times
+        turns = (n % 2**14) / 2**14 + (2.0**45 * tau * t) - 2.0**44 * tau**2
+        got = rc.beat_signal([tau], [1.0], wf, **STRICT)[0]
+        # 2 pi eps for a phase within one turn, times its few hundred turns of S tau t, each rounded once.
+        bound = 2.0 * np.pi * EPS * (2.0 + 2.0**45 * tau * t[-1])
+        assert abs(got - np.exp(2j * np.pi * turns)).max() <= bound, n
+
+
+@pytest.mark.parametrize(
+    ("distance", "frequency", "phase"),
+    [(0.5, 333_564.095, 0.866456), (2.0, 1_334_256.381, 3.423879), (10.0, 6_671_281.904, 3.434467)],
+)
+def test_beat_frequency_and_phase_have_the_values_of_the_closed_form(
+    distance: float, frequency: float, phase: float
+) -> None:
+    wf = rc.Waveform(start_frequency=60e9, slope=1e14, sample_rate=20e6, num_samples=64)
+    (samples,) = rc.beat_signal([2.0 * distance / C], [1.0], wf, **STRICT)[0]
+    # Half a unit of the last digit of the values; rounding is 1e-11 rad and 1e-4 Hz.
+    assert abs(np.angle(samples[0]) % (2.0 * np.pi) - phase) <= 0.51e-6
+    assert abs(np.angle(samples[1] / samples[0]) * 20e6 / (2.0 * np.pi) - frequency) <= 0.51e-3
+    np.testing.assert_allclose(abs(samples), 1.0, rtol=0, atol=4 * EPS)
+
+
+def test_residual_video_phase_is_there() -> None:
+    # -pi S tau^2 is 1.398 rad at 10 m and 100 MHz/us; without it the phase at t = 0 would be that of f0 tau alone.
+    wf = rc.Waveform(start_frequency=60e9, slope=1e14, sample_rate=20e6, num_samples=1)
+    tau = 20.0 / C
+    got = rc.beat_signal([tau], [1.0], wf, **STRICT)[0, 0, 0]
+    video = np.angle(got * np.exp(-2j * np.pi * (60e9 * tau % 1.0)))
+    assert video == pytest.approx(-1.398, abs=0.0005)
+
+
+@pytest.mark.parametrize("velocity", [-2.0, 1.0])
+def test_receding_target_has_positive_slow_time_phase(velocity: float) -> None:
+    wf = waveform(slope=1e12, adc_delay=0.0, num_samples=4, chirp_interval=200e-6)
+    first = rc.beat_signal([2.0 / C], [1.0], wf, delay_rate=[2.0 * velocity / C], **STRICT)[0, :, 0]
+    doppler = np.angle(first[1:] / first[:-1]) / (2.0 * np.pi * 200e-6)
+    # +400.2769 Hz per m/s at 60 GHz; the residual video phase takes S tau / f0 = 1e-7 of it.
+    np.testing.assert_allclose(doppler, 400.2769 * velocity, rtol=3e-7)
+
+
+@pytest.mark.parametrize("slope", [50e12, -50e12])
+def test_range_is_at_positive_frequency_of_an_up_chirp_and_negative_of_a_down_chirp(slope: float) -> None:
+    wf = waveform(slope=slope, num_chirps=1)
+    samples = rc.beat_signal([2.0 * 1.5 / C], [1.0], wf, **STRICT)[0, 0]
+    frequency = np.angle(samples[1:] / samples[:-1]) * wf.sample_rate / (2.0 * np.pi)
+    np.testing.assert_allclose(frequency, slope * 2.0 * 1.5 / C, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_paths_superpose(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wf = waveform()
+    delay, rate, acceleration, amplitude = random_paths(rng, (2, 20))
+
+    def signal(part: slice, factor: complex = 1.0) -> Any:
+        return rc.beat_signal(
+            delay[:, part], factor * amplitude[:, part], wf,
+            delay_rate=rate[:, part], delay_acceleration=acceleration[:, part], **STRICT,
+        )  # fmt: skip
+
+    whole, halves = signal(slice(None)), signal(slice(7)) + signal(slice(7, None))
+    # The same numbers added in another order.
+    bound = 20 * EPS * abs(amplitude).sum()
+    assert abs(whole - halves).max() <= bound, f"seed {seed}"
+    # Mixed as tx conj(rx): a factor of the amplitudes comes out conjugated.
+    assert abs(signal(slice(None), 2.0 - 1.0j) - (2.0 + 1.0j) * whole).max() <= 3.0 * bound, f"seed {seed}"
+
+
+def test_channels_do_not_know_of_each_other() -> None:
+    delay, rate, _, amplitude = random_paths(np.random.default_rng(5), (3, 8))
+    together = rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, **STRICT)
+    for channel in range(3):
+        alone = rc.beat_signal(delay[channel], amplitude[channel], waveform(), delay_rate=rate[channel], **STRICT)
+        np.testing.assert_array_equal(together[channel], alone[0])
+
+
+@pytest.mark.parametrize("slope", [50e12, -50e12])
+@pytest.mark.parametrize("num_nodes", [3, 4, 7])
+def test_delays_at_nodes_reproduce_polynomial_motion(num_nodes: int, slope: float) -> None:
+    rng = np.random.default_rng(num_nodes)
+    wf = waveform(slope=slope, chirp_times=np.cumsum(rng.uniform(0.1e-3, 1e-3, 16)))
+    delay, rate, acceleration, amplitude = random_paths(rng, (2, 5))
+    nodes = wf.delay_times(num_nodes)[:, None, None]
+    nodal = rc.beat_signal(delay + rate * nodes + 0.5 * acceleration * nodes**2, amplitude, wf, **STRICT)
+    taylor = rc.beat_signal(delay, amplitude, wf, delay_rate=rate, delay_acceleration=acceleration, **STRICT)
+    # Delays at nodes are rounded before they are interpolated: by less than n times (Lebesgue's constant is below 3).
+    assert abs(nodal - taylor).max() <= 3.0 * rounding(wf, delay, amplitude)
+
+
+@pytest.mark.parametrize("num_nodes", [4, 6])
+def test_delays_and_amplitudes_at_nodes_reproduce_cubics(num_nodes: int) -> None:
+    wf, rng = waveform(), np.random.default_rng(num_nodes)
+    shapes = rng.uniform(-1.0, 1.0, (4, 3)) * np.array([[1e-9], [1e-9], [1e-10], [1e-10]])  # of x^k, x in [-1, 1]
+    shapes[0] += 10e-9
+    weights = rng.standard_normal((4, 3)) + 1j * rng.standard_normal((4, 3))
+
+    def at(coefficients: NDArray[Any], times: NDArray[np.float64]) -> NDArray[Any]:
+        return np.polynomial.polynomial.polyval(2.0 * times / wf.duration - 1.0, coefficients)  # (path, ...)
+
+    nodes = wf.delay_times(num_nodes)
+    got = rc.beat_signal(at(shapes, nodes).T[:, None], at(weights, nodes).T[:, None], wf, **STRICT)
+    delay, amplitude = at(shapes, all_times(wf)), at(weights, all_times(wf))
+    bound = 3.0 * rounding(wf, delay, abs(amplitude).max(axis=(1, 2)))
+    assert abs(got[0] - exact_signal(delay, amplitude, wf)).max() <= bound
+    constant = rc.beat_signal(at(shapes, nodes).T[:, None], weights[:1], wf, **STRICT)
+    assert abs(constant[0] - exact_signal(delay, weights[0][:, None, None], wf)).max() <= bound
+
+
+@pytest.mark.parametrize("num_nodes", [4, 8, 12])
+@pytest.mark.parametrize("slope", [50e12, -50e12])
+def test_pass_by_at_nodes_agrees_with_exact_geometry_at_every_sample(num_nodes: int, slope: float) -> None:
+    # 3 m/s past the radar at 0.3 m, nearest in the middle of a frame of 26 ms.
+    wf = waveform(slope=slope, num_chirps=64)
+    middle = 0.5 * wf.duration
+
+    def distance(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.hypot(0.3, 3.0 * (times - middle))
+
+    nodes = wf.delay_times(num_nodes)[:, None, None]
+    got = rc.beat_signal(2.0 * distance(nodes) / C, 0.09 / distance(nodes) ** 2 + 0j, wf, **STRICT)[0]
+    there = distance(all_times(wf))[None]
+    expected = exact_signal(2.0 * there / C, 0.09 / there**2, wf)
+
+    # Interpolation of a function analytic in the Bernstein ellipse of parameter rho and below M there errs by
+    # 4 M rho^(1-n) / (rho - 1) (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2). R has its
+    # branch points at +-0.1 s, rho = 15.5 of half the frame; within 12, |t| < 78 ms, so R < 0.38 m, 0.09 / R^2 < 2.6.
+    decay = 4.0 * 12.0 ** (1 - num_nodes) / 11.0
+    radians = 4.0 * np.pi * (max(60e9, 60e9 + slope * 23e-6)) / C
+    bound = (radians * 0.38 + 2.6) * decay + 3.0 * rounding(wf, 2.0 * there[:, 0] / C, np.ones(1))
+    error = abs(got - expected).max()
+    assert error <= bound
+    if num_nodes == 12:
+        assert error <= 1e-9
+
+
+def test_nodes_need_no_motion_nor_duration() -> None:
+    delay, _, _, amplitude = random_paths(np.random.default_rng(9), (2, 5))
+    for wf in (waveform(), waveform(num_chirps=1, num_samples=1, adc_delay=0.0)):
+        for num_nodes in (1, 2, 5):
+            nodal = rc.beat_signal(np.tile(delay, (num_nodes, 1, 1)), amplitude, wf, **STRICT)
+            constant = rc.beat_signal(delay, amplitude, wf, **STRICT)
+            assert abs(nodal - constant).max() <= 3.0 * rounding(wf, delay, amplitude)
+
+
+@pytest.mark.parametrize("nodal", [False, True])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-9])
+def test_threads_do_not_change_a_bit(nodal: bool, tolerance: float) -> None:
+    wf = waveform(num_samples=130)
+    rng = np.random.default_rng(3)
+    delay, rate, _, amplitude = random_paths(rng, (3, 200))
+    if nodal:
+        delay, rate = delay + rate * wf.delay_times(5)[:, None, None], None
+    results = [
+        rc.beat_signal(delay, amplitude, wf, delay_rate=rate, tolerance=tolerance, threads=threads)
+        for threads in (1, 2, 3, None)
+    ]
+    for result in results[1:]:
+        np.testing.assert_array_equal(result, results[0])
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "dtype"),
+    [(1e-1, "complex64"), (1e-4, "complex64"), (1e-6, "complex64"), (9.9e-7, "complex128"), (1e-12, "complex128")],
+)
+def test_samples_are_single_unless_the_tolerance_is_below_a_millionth(tolerance: float, dtype: str) -> None:
+    delay, rate, _, amplitude = random_paths(np.random.default_rng(4), (2, 50))
+    got = rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, tolerance=tolerance)
+    assert got.dtype == dtype
+    assert got.flags.c_contiguous
+    assert rc.beat_signal([1e-9], [1.0], waveform()).dtype == "complex64"
+    # The contract: rms of the error over the samples of a channel against the l2 norm of its amplitudes; rounding to
+    # single precision, 6e-8 of each sample, comes on top.
+    expected = beat_signal_reference(delay, amplitude, waveform(), rate)
+    error = np.sqrt((abs(got - expected) ** 2).mean(axis=(1, 2))) / np.linalg.norm(amplitude, axis=1)
+    single = np.finfo(np.float32).eps / 2 if dtype == "complex64" else 0.0
+    size = np.sqrt((abs(expected) ** 2).mean(axis=(1, 2))) / np.linalg.norm(amplitude, axis=1)
+    own = rounding(waveform(), delay, amplitude) / np.linalg.norm(amplitude, axis=1)
+    assert (error <= tolerance + single * size + own).all()
+
+
+def test_methods_agree() -> None:
+    delay, rate, _, amplitude = random_paths(np.random.default_rng(8), (2, 300))
+    direct, auto = (
+        rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, tolerance=1e-6, method=method)
+        for method in ("direct", "auto")
+    )
+    norm = np.linalg.norm(amplitude, axis=1)
+    error = np.sqrt((abs(direct.astype(complex) - auto) ** 2).mean(axis=(1, 2)))
+    # Both within the tolerance, and both rounded to single precision (6e-8 of samples of about the norm, twice).
+    assert (error <= 2.0 * (1e-6 + 6e-8) * norm).all()
+
+
+@pytest.mark.parametrize("shape", [(0,), (1, 0), (3, 0), (4, 3, 0)])
+def test_no_paths_give_silence(shape: tuple[int, ...]) -> None:
+    silence = rc.beat_signal(np.zeros(shape), np.zeros(shape), waveform())
+    assert silence.shape == (shape[-2] if len(shape) > 1 else 1, 16, 40)
+    assert not silence.any()
+    assert rc.beat_signal([], [], waveform()).shape == (1, 16, 40)
+
+
+def test_no_channels_give_no_samples() -> None:
+    assert rc.beat_signal(np.zeros((0, 5)), np.zeros((0, 5)), waveform()).shape == (0, 16, 40)
+
+
+def test_path_without_amplitude_is_silent_and_without_delay_is_constant() -> None:
+    assert not rc.beat_signal([1e-9, 2e-9], [0.0, 0.0], waveform()).any()
+    np.testing.assert_array_equal(rc.beat_signal([0.0], [2.0 - 1.0j], waveform()), np.full((1, 16, 40), 2.0 + 1.0j))
+
+
+def test_one_sample_of_one_chirp_is_a_signal() -> None:
+    wf = waveform(num_samples=1, num_chirps=1, adc_delay=0.0)
+    got = rc.beat_signal([1e-9], [1.0], wf, **STRICT)
+    assert got.shape == (1, 1, 1)
+    expected = np.exp(2j * np.pi * (60.0 - 0.5 * 50e12 * 1e-18))
+    assert abs(got[0, 0, 0] - expected) <= rounding(wf, np.array([1e-9]), np.ones(1))
+
+
+def test_what_numpy_takes_for_numbers_is_accepted() -> None:
+    wf = waveform()
+    delay, rate, _, amplitude = random_paths(np.random.default_rng(2), (2, 6))
+    expected = rc.beat_signal(delay, amplitude, wf, delay_rate=rate)
+    for got in (
+        rc.beat_signal(delay.tolist(), amplitude.tolist(), wf, delay_rate=rate.tolist()),
+        rc.beat_signal(np.asfortranarray(delay), np.asfortranarray(amplitude), wf, delay_rate=np.asfortranarray(rate)),
+        rc.beat_signal(np.repeat(delay, 2, axis=1)[:, ::2], amplitude, wf, delay_rate=rate),
+        rc.beat_signal(delay.astype(">f8"), amplitude.astype(">c16"), wf, delay_rate=rate),
+    ):
+        np.testing.assert_array_equal(got, expected)
+    one = rc.beat_signal([1e-9], [1.0], wf)
+    for delay_like, amplitude_like in [(1e-9, 1), ((1e-9,), (1.0,)), ([1e-9], np.ones(1, np.float32)), ([1e-9], [1])]:
+        np.testing.assert_array_equal(rc.beat_signal(delay_like, amplitude_like, wf), one)
+    # One value for all paths, one row for all channels.
+    same = rc.beat_signal(delay, np.ones((2, 6)), wf, delay_rate=np.full((2, 6), 1e-9))
+    np.testing.assert_array_equal(rc.beat_signal(delay, 1.0, wf, delay_rate=1e-9), same)
+    np.testing.assert_array_equal(rc.beat_signal(delay, np.ones(6), wf, delay_rate=[1e-9]), same)
+
+
+def test_arguments_are_left_alone() -> None:
+    arguments = random_paths(np.random.default_rng(6), (2, 6))
+    before = [values.copy() for values in arguments]
+    delay, rate, acceleration, amplitude = arguments
+    rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, delay_acceleration=acceleration)
+    for values, copy in zip(arguments, before, strict=True):
+        np.testing.assert_array_equal(values, copy)
+
+
+def test_more_samples_than_memory_holds_are_a_memory_error() -> None:
+    with pytest.raises(MemoryError, match=r"samples: \[1, 1, .*\] .* do not fit into memory"):
+        rc.beat_signal([1e-9], [1.0], waveform(num_samples=10**15, num_chirps=1, slope=1.0))
+
+
+NAN, INF = float("nan"), float("inf")
+D, A = np.full((2, 3), 1e-9), np.ones((2, 3), complex)
+NODAL = np.full((4, 2, 3), 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"delay": np.zeros((1, 1, 1, 1))}, ValueError, r"delay: expected \(path,\).*got \(1, 1, 1, 1\)"),
+        ({"amplitude": np.zeros((1, 1, 1, 1))}, ValueError, r"amplitude: expected \(path,\).*got \(1, 1, 1, 1\)"),
+        ({"amplitude": np.ones(4)}, ValueError, r"amplitude: expected shape .*2, 3\).*got \(4,\)"),
+        ({"amplitude": np.ones((3, 2))}, ValueError, r"amplitude: expected shape .*2, 3\).*got \(3, 2\)"),
+        ({"amplitude": np.ones((4, 2, 3))}, ValueError, r"amplitude: expected shape .*got \(4, 2, 3\)"),
+        ({"delay": NODAL, "amplitude": np.ones((3, 2, 3))}, ValueError, r"amplitude: expected shape \(4, 2, 3\).*got"),
+        ({"delay": np.zeros((0, 2, 3))}, ValueError, "delay: expected 1 to 4096 nodes, got 0"),
+        ({"delay": np.zeros((4097, 2, 3))}, ValueError, "delay: expected 1 to 4096 nodes, got 4097"),
+        ({"delay_rate": np.zeros((2, 2))}, ValueError, r"delay_rate: expected shape \(2, 3\).*got \(2, 2\)"),
+        ({"delay_acceleration": np.zeros(2)}, ValueError, r"delay_acceleration: expected shape \(2, 3\).*got \(2,\)"),
+        ({"delay": NODAL, "delay_rate": D}, ValueError, r"delay_rate: expected none .* nodes \(4, 2, 3\)"),
+        ({"delay": NODAL, "delay_acceleration": D}, ValueError, "delay_acceleration: expected none .* nodes"),
+        ({"delay": [NAN, 0.0, 0.0], "amplitude": 1.0}, ValueError, "delay: expected finite numbers.*got NaN"),
+        (
+            {"delay": [0.0, -INF, 0.0], "amplitude": 1.0},
+            ValueError,
+            "delay: expected finite numbers, got -inf at flat index 1",
+        ),
+        (
+            {"delay_rate": np.full((2, 3), NAN)},
+            ValueError,
+            "delay_rate: expected finite numbers, got NaN at flat index 0",
+        ),
+        ({"delay_acceleration": np.full((2, 3), INF)}, ValueError, "delay_acceleration: expected finite.*got inf"),
+        ({"amplitude": np.full((2, 3), complex(0.0, NAN))}, ValueError, "amplitude: expected finite numbers, got"),
+        ({"amplitude": np.full((2, 3), INF)}, ValueError, "amplitude: expected finite numbers, got"),
+        ({"delay": D + 0j}, TypeError, "delay: expected real numbers, got complex128"),
+        ({"delay": "near"}, TypeError, "delay: expected real numbers, got <U4"),
+        ({"delay": ["1e-9"] * 3}, TypeError, "delay: expected real numbers, got <U4"),
+        ({"delay": None}, TypeError, "delay: expected real numbers, got object"),
+        ({"delay": D > 0}, TypeError, "delay: expected real numbers, got bool"),
+        ({"delay": [[1e-9, 2e-9], [1e-9]]}, TypeError, "delay: expected real numbers, got list"),
+        ({"delay_rate": "fast"}, TypeError, "delay_rate: expected real numbers, got <U4"),
+        ({"delay_rate": D + 0j}, TypeError, "delay_rate: expected real numbers, got complex128"),
+        ({"amplitude": "loud"}, TypeError, "amplitude: expected complex numbers, got <U4"),
+        ({"amplitude": None}, TypeError, "amplitude: expected complex numbers, got object"),
+        ({"waveform": {"slope": 1.0}}, TypeError, "waveform: expected Waveform, got dict"),
+        ({"waveform": None}, TypeError, "waveform: expected Waveform, got NoneType"),
+        ({"method": "fast"}, ValueError, "method: expected one of 'auto', .*got 'fast'"),
+        ({"method": None}, ValueError, "method: expected one of 'auto', .*got None"),
+        ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number, got 0.0"),
+        ({"tolerance": -1e-4}, ValueError, "tolerance: expected a positive number, got -0.0001"),
+        ({"tolerance": 1.0}, ValueError, "tolerance: expected 1e-12 to 1e-1, got 1.0"),
+        ({"tolerance": 1e-13}, ValueError, "tolerance: expected 1e-12 to 1e-1, got 1e-13"),
+        ({"tolerance": NAN}, ValueError, "tolerance: expected a finite number, got nan"),
+        ({"tolerance": "1e-4"}, TypeError, "tolerance: expected a number, got '1e-4'"),
+        ({"tolerance": None}, TypeError, "tolerance: expected a number, got None"),
+        ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
+        ({"threads": -2}, ValueError, "threads: expected at least 1, got -2"),
+        ({"threads": 10**6}, ValueError, "threads: expected .*1024, got 1000000"),
+        ({"threads": 2**70}, ValueError, "threads: expected .*1024, got 1180591620717411303424"),
+        ({"threads": 1.5}, TypeError, "threads: expected an integer, got 1.5"),
+        ({"threads": True}, TypeError, "threads: expected an integer, got True"),
+        ({"threads": "2"}, TypeError, "threads: expected an integer, got '2'"),
+    ],
+)
+def test_what_is_no_set_of_paths_is_refused_with_its_name(
+    changes: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    arguments = {"delay": D, "amplitude": A, "waveform": waveform()} | changes
+    with pytest.raises(error, match=message):
+        rc.beat_signal(**arguments)
