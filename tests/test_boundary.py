@@ -1,0 +1,480 @@
+"""The compiled core: exact dtypes, layouts and shapes, errors instead of panics, and threads beside it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radarcore import _core
+
+WAVEFORM: dict[str, Any] = {
+    "start_frequency": 60e9,
+    "slope": 1e13,
+    "sample_rate": 2e6,
+    "adc_delay": 0.0,
+    "num_samples": 8,
+    "chirp_times": np.array([0.0, 1e-4]),
+}
+DELAY = np.full((1, 2, 3), 1e-8)
+AMPLITUDE = np.ones((1, 2, 3), complex)
+
+# Two squares that face the sensor, one body at x = 2 m.
+VERTICES = np.array([[0.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (-0.5, 0.5)])
+TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4]], np.uint32)
+POSES = np.array([[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]])
+IMAGE: dict[str, Any] = {"rows": 20, "columns": 30, "half_width": 0.5, "half_height": 0.5}
+ANTENNAS: dict[str, Any] = {
+    "tx": np.zeros((1, 3)),
+    "rx": np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]]),
+    "pattern": (2.0, 1.0, 1.5),
+    "power": 1.0,
+    "frequency": 60e9,
+    "is_footprint": True,
+    "seed": 0,
+}
+POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
+
+SURFACE = _core.Surface(VERTICES, TRIANGLES)
+REFLECTION, ALBEDO = np.array([-0.5 + 0j]), np.array([0.5])
+SCENE = _core.Scene([SURFACE], REFLECTION, ALBEDO)
+HITS = SCENE.cast(POSES, **IMAGE)
+SAMPLES = HITS.samples(**ANTENNAS)
+
+
+def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *, is_chebyshev: Any = False, **changes: Any) -> Any:
+    return _core.beat_signal(delay, amplitude, is_chebyshev=is_chebyshev, **(WAVEFORM | changes))
+
+
+def cast(poses: Any = POSES, **changes: Any) -> Any:
+    return SCENE.cast(poses, **(IMAGE | changes))
+
+
+def samples(**changes: Any) -> Any:
+    return HITS.samples(**(ANTENNAS | changes))
+
+
+def paths(poses: Any = POSES[None], points: Any = POINTS, rcs: Any = RCS, **changes: Any) -> Any:
+    return SAMPLES.paths(poses, points, rcs, **changes)
+
+
+def rates(
+    poses: Any = POSES, pose_rates: Any = POSES, points: Any = POINTS[0], point_rates: Any = POINTS[0], **changes: Any
+) -> Any:
+    return SAMPLES.delay_rates(poses, pose_rates, points, point_rates, **changes)
+
+
+def scene(surfaces: Any = (SURFACE,), reflection: Any = REFLECTION, albedo: Any = ALBEDO) -> Any:
+    return _core.Scene(list(surfaces), reflection, albedo)
+
+
+def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:
+    return _core.Surface(vertices, triangles, **changes)
+
+
+Call = Callable[[], Any]
+
+
+def refuses(call: Call, error: type[Exception] | tuple[type[Exception], ...], message: str | None = None) -> None:
+    """A panic is no Exception but a BaseException, so `pytest.raises` of any of these lets it through as a failure."""
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
+    delay, amplitude = paths()
+    for array, dtype, shape in [
+        (beat(), "complex128", (2, 2, 8)),
+        (SURFACE.kept(), "uint32", (4,)),
+        (HITS.distance(), "float64", (20, 30)),
+        (HITS.cos_incidence(), "float64", (20, 30)),
+        (HITS.reflectance(), "float64", (20, 30)),
+        (HITS.body(), "int32", (20, 30)),
+        (HITS.directions(), "float64", (20, 30, 3)),
+        (SAMPLES.body(), "uint32", (len(SAMPLES),)),
+        (SAMPLES.pixel(), "uint32", (len(SAMPLES),)),
+        (delay, "float64", (1, 2, len(SAMPLES) + 1)),
+        (amplitude, "complex128", (1, 2, len(SAMPLES) + 1)),
+        (rates(), "float64", (2, len(SAMPLES) + 1)),
+    ]:
+        assert (array.dtype, array.shape) == (dtype, shape)
+        assert array.flags.c_contiguous
+        assert array.flags.writeable
+    assert len(SAMPLES) > 100  # the plate is in sight
+
+
+# Every array argument of the core: how to call it with another one, and one that it takes.
+ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
+    "beat delay": (lambda a: beat(delay=a), DELAY),
+    "beat amplitude": (lambda a: beat(amplitude=a), AMPLITUDE),
+    "beat chirp_times": (lambda a: beat(chirp_times=a), WAVEFORM["chirp_times"]),
+    "surface vertices": (lambda a: surface(vertices=a), VERTICES),
+    "surface triangles": (lambda a: surface(triangles=a), TRIANGLES),
+    "scene reflection": (lambda a: scene([SURFACE] * 2, a, np.zeros(2)), np.ones(2, complex)),
+    "scene albedo": (lambda a: scene([SURFACE] * 2, np.ones(2, complex), a), np.zeros(2)),
+    "cast poses": (lambda a: cast(a), POSES),
+    "samples tx": (lambda a: samples(tx=a), ANTENNAS["rx"]),
+    "samples rx": (lambda a: samples(rx=a), ANTENNAS["rx"]),
+    "paths poses": (lambda a: paths(poses=a), POSES[None]),
+    "paths points": (lambda a: paths(points=a), POINTS),
+    "paths rcs": (lambda a: paths(points=np.ones((1, 2, 3)), rcs=a), np.ones(2)),
+    "rates poses": (lambda a: rates(poses=a), POSES),
+    "rates pose_rates": (lambda a: rates(pose_rates=a), POSES),
+    "rates points": (lambda a: rates(points=a), POINTS[0]),
+    "rates point_rates": (lambda a: rates(point_rates=a), POINTS[0]),
+}
+each_argument = pytest.mark.parametrize("argument", ARGUMENTS)
+
+
+@each_argument
+def test_wrong_dtype_is_a_type_error(argument: str) -> None:
+    call, good = ARGUMENTS[argument]
+    call(good)
+    kinds: list[Any] = ["float32", "float64", "complex64", "complex128", "int64", "uint32", "int32", "bool", "U4", "O"]
+    for dtype in kinds:
+        if good.dtype != dtype:
+            bad = np.zeros_like(good, shape=good.shape).real.astype(dtype)
+            refuses(lambda bad=bad: call(bad), TypeError)
+    refuses(lambda: call(good.astype(good.dtype.newbyteorder(">"))), TypeError)
+    for thing in (good.tolist(), None, "array", 1.0, memoryview(good)):
+        refuses(lambda thing=thing: call(thing), TypeError)
+
+
+@each_argument
+def test_array_that_is_not_contiguous_is_a_type_error(argument: str) -> None:
+    call, good = ARGUMENTS[argument]
+    call(np.ascontiguousarray(good))
+    strided = np.repeat(good, 2, axis=-1)[..., ::2]
+    backwards = np.ascontiguousarray(good[..., ::-1])[..., ::-1]
+    for bad in (strided, backwards):
+        assert not bad.flags.c_contiguous
+        np.testing.assert_array_equal(bad, good)
+        refuses(lambda bad=bad: call(bad), TypeError, "contiguous")
+    fortran = np.asfortranarray(good)
+    if not fortran.flags.c_contiguous:
+        refuses(lambda: call(fortran), TypeError, "contiguous")
+
+
+@each_argument
+def test_read_only_array_is_taken_and_left_alone(argument: str) -> None:
+    call, good = ARGUMENTS[argument]
+    before, good = good, good.copy()
+    good.flags.writeable = False
+    call(good)
+    np.testing.assert_array_equal(good, before)
+
+
+@each_argument
+def test_wrong_number_of_axes_is_a_type_error(argument: str) -> None:
+    call, good = ARGUMENTS[argument]
+    refuses(lambda: call(good[None]), TypeError)
+    refuses(lambda: call(good[0]), TypeError)
+    refuses(lambda: call(good.reshape(-1)[:1].reshape(())), TypeError)
+
+
+NAN, INF = float("nan"), float("inf")
+HUGE = 2**64 - 1
+EMPTY = _core.Scene([], np.zeros(0, complex), np.zeros(0))
+EMPTY_HITS = EMPTY.cast(np.zeros((0, 3, 4)), **IMAGE)
+EMPTY_SAMPLES = EMPTY_HITS.samples(**ANTENNAS)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        # Shapes that hold as many numbers, but others.
+        (
+            lambda: beat(amplitude=np.ones((1, 3, 2), complex)),
+            r"amplitude: expected shape \(n, 2, 3\), got \(1, 3, 2\)",
+        ),
+        (lambda: beat(amplitude=np.ones((2, 2, 3), complex)), "amplitude: expected one amplitude per path"),
+        (lambda: beat(amplitude=np.ones((0, 2, 3), complex)), "amplitude: expected one amplitude per path"),
+        (lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2, 3), complex), is_chebyshev=True), "amplitude: expected one"),
+        (lambda: beat(np.zeros((4, 2, 3))), "delay: expected 1 to 3 terms, got 4"),
+        (lambda: beat(np.zeros((0, 2, 3))), "delay: expected 1 to 3 terms, got 0"),
+        (lambda: beat(np.zeros((0, 2, 3)), is_chebyshev=True), "delay: expected 1 to 4096 nodes, got 0"),
+        (lambda: beat(np.zeros((4097, 2, 3)), is_chebyshev=True), "delay: expected 1 to 4096 nodes, got 4097"),
+        (lambda: surface(VERTICES.reshape(3, 6)), r"vertices: expected shape \(n, 3\), got \(3, 6\)"),
+        (lambda: surface(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
+        (lambda: surface(np.zeros((6, 0))), r"vertices: expected shape \(n, 3\), got \(6, 0\)"),
+        (lambda: surface(triangles=TRIANGLES.reshape(3, 4)), r"triangles: expected shape \(n, 3\), got \(3, 4\)"),
+        (lambda: scene([SURFACE] * 2), r"reflection: expected shape \(2,\), got \(1,\)"),
+        (lambda: scene([]), r"reflection: expected shape \(0,\), got \(1,\)"),
+        (lambda: scene(albedo=np.zeros(2)), r"albedo: expected shape \(1,\), got \(2,\)"),
+        (lambda: cast(np.zeros((1, 4, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 4, 3\)"),
+        (lambda: cast(np.zeros((1, 3, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 3, 3\)"),
+        (lambda: cast(np.zeros((0, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
+        (lambda: cast(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
+        (lambda: EMPTY.cast(POSES, **IMAGE), r"poses: expected shape \(0, 3, 4\), got \(1, 3, 4\)"),
+        (lambda: samples(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
+        (lambda: samples(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
+        (lambda: paths(np.zeros((1, 2, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 2, 3, 4\)"),
+        (lambda: paths(np.zeros((2, 0, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(2, 0, 3, 4\)"),
+        (lambda: paths(np.zeros((1, 1, 4, 3))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 1, 4, 3\)"),
+        (lambda: paths(np.zeros((2, 1, 3, 4))), r"points: expected shape \(2, 1, 3\), got \(1, 1, 3\)"),
+        (lambda: paths(points=np.zeros((1, 3, 1))), r"points: expected shape \(1, 1, 3\), got \(1, 3, 1\)"),
+        (lambda: paths(rcs=np.ones(2)), r"points: expected shape \(1, 2, 3\), got \(1, 1, 3\)"),
+        (lambda: rates(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
+        (lambda: rates(pose_rates=np.zeros((0, 3, 4))), r"pose_rates: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
+        (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(n, 3\), got \(1, 4\)"),
+        (lambda: rates(point_rates=np.zeros((2, 3))), r"point_rates: expected shape \(1, 3\), got \(2, 3\)"),
+        # Values that no result can be formed for.
+        (lambda: beat(np.full((1, 2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
+        (lambda: beat(amplitude=np.full((1, 2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
+        (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
+        (lambda: beat(chirp_times=np.array([0.0, INF])), "waveform: expected finite numbers"),
+        (lambda: beat(sample_rate=0.0), "waveform: expected samples, chirps and a positive sample rate"),
+        (lambda: beat(num_samples=0), "waveform: expected samples, chirps"),
+        (lambda: beat(chirp_times=np.zeros(0)), "waveform: expected samples, chirps"),
+        (lambda: surface(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: surface(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
+        (lambda: surface(triangles=TRIANGLES + np.uint32(1)), "triangles: expected vertex numbers below 6.*at row 2"),
+        (lambda: surface(triangles=TRIANGLES - np.uint32(1)), "triangles: expected vertex numbers below 6.*at row 0"),
+        (lambda: surface(np.zeros((0, 3))), "triangles: expected vertex numbers below 0, got .* at row 0"),
+        (lambda: cast(rows=0), "resolution: expected at least one row and one column, got 0 x 30"),
+        (lambda: cast(columns=0), "resolution: expected at least one row and one column, got 20 x 0"),
+        (lambda: cast(rows=2**24), "resolution: expected at most 268435456 rays, got 16777216 x 30"),
+        (lambda: cast(rows=HUGE), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(rows=2**32, columns=2**32), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(rows=HUGE, columns=HUGE), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(half_width=0.0), "field_of_view: expected angles between 0 and 180 degrees"),
+        (lambda: cast(half_height=-1.0), "field_of_view: expected"),
+        (lambda: cast(half_height=NAN), "field_of_view: expected"),
+        (lambda: cast(half_width=INF), "field_of_view: expected"),
+    ],
+)
+def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -> None:
+    refuses(call, ValueError, message)
+
+
+@pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
+@pytest.mark.parametrize("call", [beat, cast, samples, paths, rates, HITS.cos_incidence])
+def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
+    refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: beat(num_samples=2**40),
+        lambda: beat(num_samples=2**62),
+        lambda: beat(num_samples=HUGE),
+        lambda: beat(np.zeros((1, 2**40, 0)), np.zeros((1, 2**40, 0), complex)),
+        lambda: beat(np.zeros((1, 2**58, 0)), np.zeros((1, 2**58, 0), complex)),
+    ],
+)
+def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
+    refuses(call, MemoryError, "samples: .* do not fit into memory")
+
+
+@pytest.mark.parametrize(
+    ("call", "error"),
+    [
+        (lambda: beat(num_samples=-1), OverflowError),
+        (lambda: beat(num_samples=2**64), OverflowError),
+        (lambda: beat(num_samples=8.0), TypeError),
+        (lambda: beat(slope="1e13"), TypeError),
+        (lambda: beat(is_chebyshev=1), TypeError),
+        (lambda: beat(threads=-1), OverflowError),
+        (lambda: beat(threads=1.0), TypeError),
+        (lambda: cast(rows=-1), OverflowError),
+        (lambda: cast(rows=8.0), TypeError),
+        (lambda: cast(half_width=None), TypeError),
+        (lambda: samples(seed=-1), OverflowError),
+        (lambda: samples(seed=2**64), OverflowError),
+        (lambda: samples(seed=1.0), TypeError),
+        (lambda: samples(pattern=(1.0, 0.0)), (TypeError, ValueError)),
+        (lambda: samples(pattern=None), TypeError),
+        (lambda: scene([None]), TypeError),
+        (lambda: scene(["surface"]), TypeError),
+        (lambda: _core.Scene(SURFACE, np.ones(1, complex), np.zeros(1)), TypeError),
+        (lambda: surface(crease_angle="45"), TypeError),
+        (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
+        (lambda: _core.Hits(), TypeError),
+        (lambda: _core.Samples(), TypeError),
+        (lambda: _core.load_obj(7), TypeError),
+        (lambda: _core.load_obj(""), FileNotFoundError),
+        (lambda: _core.load_obj("no such\n file.obj"), FileNotFoundError),
+        (lambda: _core.load_obj("/"), IsADirectoryError),
+        (lambda: _core.load_obj("nul\0.obj"), (OSError, ValueError)),
+    ],
+)
+def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any) -> None:
+    refuses(call, error)
+
+
+@pytest.mark.parametrize(
+    ("call", "shape"),
+    [
+        (lambda: beat(np.zeros((1, 0, 3)), np.zeros((1, 0, 3), complex)), (0, 2, 8)),
+        (lambda: beat(np.zeros((3, 2, 0)), np.zeros((1, 2, 0), complex)), (2, 2, 8)),
+        (lambda: beat(np.zeros((4, 2, 0)), np.zeros((4, 2, 0), complex), is_chebyshev=True), (2, 2, 8)),
+        (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
+        (lambda: surface(np.zeros((0, 3)), np.zeros((0, 3), np.uint32)).kept(), (0,)),
+        (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
+        (lambda: surface(crease_angle=NAN).kept(), (4,)),
+        (lambda: surface(crease_angle=-1.0).kept(), (4,)),
+        (lambda: EMPTY_HITS.distance(), (20, 30)),
+        (lambda: EMPTY_SAMPLES.body(), (0,)),
+        (lambda: EMPTY_SAMPLES.paths(np.zeros((5, 0, 3, 4)), np.zeros((5, 0, 3)), np.zeros(0))[0], None),
+        (lambda: EMPTY_SAMPLES.paths(np.zeros((2**40, 0, 3, 4)), np.zeros((2**40, 0, 3)), RCS[:0])[0], None),
+        (lambda: EMPTY_SAMPLES.delay_rates(POSES[:0], POSES[:0], POINTS[0, :0], POINTS[0, :0]), (2, 0)),
+        (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
+        (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
+        (lambda: samples(tx=np.zeros((0, 3))).paths(POSES[None], POINTS, RCS)[1], None),
+        (lambda: samples(seed=HUGE).body(), (len(SAMPLES),)),
+        (lambda: paths(np.zeros((0, 1, 3, 4)), np.zeros((0, 1, 3)))[0], (0, 2, len(SAMPLES) + 1)),
+        (lambda: paths(points=np.zeros((1, 0, 3)), rcs=np.zeros(0))[0], (1, 2, len(SAMPLES))),
+    ],
+)
+def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None:
+    result = call()
+    assert result.size == 0 if shape is None else result.shape == shape
+
+
+@pytest.mark.parametrize("value", [NAN, INF, -INF, 1e300, -1e300, 1e-300, 0.0])
+def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
+    poses = np.full((1, 3, 4), value)
+    hits = cast(poses)
+    assert np.isin(hits.body(), (-1, 0)).all()
+    for wild in (
+        hits.samples(**ANTENNAS),
+        samples(frequency=value),
+        samples(power=value),
+        samples(pattern=(value,) * 3),
+    ):
+        wild.paths(POSES[None], np.full((1, 1, 3), value), np.full(1, value))
+    hit_samples = samples(tx=np.full((1, 3), value), rx=np.full((2, 3), -value))
+    delay, amplitude = hit_samples.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
+    assert delay.shape == amplitude.shape == (2, 2, len(hit_samples) + 1)
+    rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
+    scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).samples(**ANTENNAS)
+    if np.isfinite(value):
+        beat(np.full((3, 2, 3), value), np.full((1, 2, 3), value + 0j), slope=value, start_frequency=value)
+
+
+def test_wild_surfaces_neither_panic_nor_hang() -> None:
+    rng = np.random.default_rng(0)
+    for scale in (1e-300, 1e-9, 1.0, 1e9, 9e14):
+        for shape in ((3, 1), (50, 30), (50, 500)):
+            vertices = scale * rng.uniform(-1.0, 1.0, (shape[0], 3))
+            triangles = rng.integers(0, shape[0], (shape[1], 3)).astype(np.uint32)
+            for crease_angle in (None, 0.0, 0.8, 7.0, NAN):
+                body = surface(vertices, triangles, crease_angle=crease_angle)
+                hits = scene([body]).cast(POSES, **IMAGE)
+                assert np.isin(hits.body(), (-1, 0)).all()
+                hits.samples(**ANTENNAS)
+
+
+def test_threads_do_not_change_a_bit() -> None:
+    rng = np.random.default_rng(1)
+    vertices = np.concatenate([VERTICES, rng.uniform(-1.0, 1.0, (24, 3))])
+    triangles = np.concatenate([TRIANGLES, np.arange(6, 30, dtype=np.uint32).reshape(8, 3)])
+    body = surface(vertices, triangles, crease_angle=0.8)
+    world = scene([body, SURFACE], np.full(2, -0.6 + 0.1j), np.full(2, 0.4))
+    poses = np.concatenate([POSES, POSES - np.array([0.0, 0.0, 0.0, 0.5])])
+    nodes = np.stack([poses + k * np.array([0.0, 0.0, 0.0, 0.01]) for k in range(5)])
+    points = rng.uniform(1.0, 3.0, (5, 7, 3))
+
+    def everything(threads: int | None) -> list[NDArray[Any]]:
+        hits = world.cast(poses, **(IMAGE | {"rows": 67, "columns": 91}), threads=threads)
+        found = hits.samples(**ANTENNAS, threads=threads)
+        delay, amplitude = found.paths(nodes, points, np.ones(7), threads=threads)
+        return [
+            hits.distance(),
+            hits.body(),
+            hits.cos_incidence(threads=threads),
+            found.body(),
+            found.pixel(),
+            delay,
+            amplitude,
+            found.delay_rates(poses, poses, points[0], points[1], threads=threads),
+            beat(delay, amplitude, is_chebyshev=True, num_samples=130, threads=threads),
+        ]
+
+    first = everything(1)
+    assert (first[1] >= 0).sum() > 1000
+    assert {0, 1} <= set(first[3].tolist())
+    for threads in (2, 3, None):
+        for one, other in zip(first, everything(threads), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def runs_beside(call: Call) -> bool:
+    """True when another Python thread gets to run between the start of a call and its end."""
+    inside = threading.Event()
+    ran: list[bool] = []
+
+    def wait_and_run() -> None:
+        inside.wait()
+        ran.append(True)
+
+    # With this interval no thread gives way because of the clock, only when it leaves the interpreter itself.
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000.0)
+    thread = threading.Thread(target=wait_and_run, daemon=True)
+    try:
+        thread.start()
+        inside.set()
+        before = bool(ran)
+        call()
+        after = bool(ran)
+    finally:
+        sys.setswitchinterval(interval)
+        thread.join(60.0)
+    return after and not before
+
+
+def test_interpreter_is_free_while_the_core_computes() -> None:
+    delay, amplitude = np.full((1, 1, 20_000), 1e-8), np.ones((1, 1, 20_000), complex)
+    chirps = 1e-4 * np.arange(16)
+    calls: list[Call] = [
+        lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),
+        lambda: cast(rows=700, columns=700, threads=1),
+    ]
+    # Some ten milliseconds each; where the machine is so busy that the other thread sleeps through it: once more.
+    for call in calls:
+        assert any(runs_beside(call) for _ in range(100))
+    # The measure itself: work that keeps the interpreter lets nobody in.
+    assert not any(runs_beside(lambda: sum(range(1_000_000))) for _ in range(5))
+
+
+def test_calls_from_several_threads_give_what_one_gives() -> None:
+    expected_beat, expected_hits = beat(num_samples=200), HITS.distance()
+    failures: list[BaseException] = []
+
+    def work(threads: int | None) -> None:
+        try:
+            for _ in range(20):
+                np.testing.assert_array_equal(beat(num_samples=200, threads=threads), expected_beat)
+                np.testing.assert_array_equal(cast(threads=threads).distance(), expected_hits)
+        except BaseException as failure:  # a panic is a BaseException
+            failures.append(failure)
+
+    workers = [threading.Thread(target=work, args=(threads,)) for threads in (None, 1, 2, None)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert not failures
+
+
+IMPORT = """
+import sys
+before = set(sys.modules)
+import radarcore
+new = {name.partition(".")[0] for name in set(sys.modules) - before}
+print(*sorted(name for name in new if name not in sys.stdlib_module_names))
+"""
+
+
+def test_importing_radarcore_imports_numpy_and_nothing_else() -> None:
+    result = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True, check=True)
+    assert result.stderr == ""
+    assert result.stdout.split() == ["numpy", "radarcore"]
