@@ -382,7 +382,7 @@ impl Scatterers {
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
     /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
     /// (node, point, 3).
-    #[pyo3(signature = (poses, points, rcs, *, first, last, step, threads=None))]
+    #[pyo3(signature = (poses, points, rcs, *, first=0, last=None, step=1, threads=None))]
     fn paths<'py>(
         &self,
         py: Python<'py>,
@@ -390,7 +390,7 @@ impl Scatterers {
         points: PyReadonlyArray3<'py, f64>,
         rcs: PyReadonlyArray1<'py, f64>,
         first: usize,
-        last: usize,
+        last: Option<usize>,
         step: usize,
         threads: Option<usize>,
     ) -> PyResult<PathArrays<'py>> {
@@ -404,6 +404,7 @@ impl Scatterers {
         let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
         let places = self.places(num_nodes, &poses, &points, rcs);
         let num_paths = self.scatterers.len() + places.rcs.len();
+        let last = last.unwrap_or(num_paths);
         if step == 0 || last > num_paths {
             let expected = format!("a step of at least 1 and at most {num_paths} paths");
             return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
@@ -419,7 +420,7 @@ impl Scatterers {
 
     /// Rate of every delay [s/s], (channel, path), from poses (body, 3, 4) and points (point, 3) and their time
     /// derivatives.
-    #[pyo3(signature = (poses, pose_rates, points, point_rates, rcs, *, threads=None))]
+    #[pyo3(signature = (poses, pose_rates, points, point_rates, *, threads=None))]
     fn delay_rates<'py>(
         &self,
         py: Python<'py>,
@@ -427,19 +428,17 @@ impl Scatterers {
         pose_rates: PyReadonlyArray3<'py, f64>,
         points: PyReadonlyArray2<'py, f64>,
         point_rates: PyReadonlyArray2<'py, f64>,
-        rcs: PyReadonlyArray1<'py, f64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let per_body = [Some(self.num_bodies), Some(3), Some(4)];
         let poses = self::poses(numbers("poses", &poses, per_body)?);
         let pose_rates = self::poses(numbers("pose_rates", &pose_rates, per_body)?);
-        let rcs = numbers("rcs", &rcs, [None])?;
-        let per_point = [Some(rcs.len()), Some(3)];
-        let points = self::points(numbers("points", &points, per_point)?);
+        let per_point = [Some(points.shape()[0]), Some(3)];
         let point_rates = self::points(numbers("point_rates", &point_rates, per_point)?);
-        let places = self.places(1, &poses, &points, rcs);
-        let rates = self.places(1, &pose_rates, &point_rates, rcs);
-        let shape = [self.scatterers.num_channels(), self.scatterers.len() + rcs.len()];
+        let points = self::points(numbers("points", &points, per_point)?);
+        let places = self.places(1, &poses, &points, &[]);
+        let rates = self.places(1, &pose_rates, &point_rates, &[]);
+        let shape = [self.scatterers.num_channels(), self.scatterers.len() + points.len()];
         let rates = compute(py, threads, || Ok(self.scatterers.delay_rates(&places, &rates)))?;
         rates.into_pyarray(py).reshape(shape)
     }

@@ -13,6 +13,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::antenna::{Array, Sight};
+use crate::error::{Result, fits_memory};
 use crate::hash::mix;
 use crate::material::Material;
 use crate::motion::Pose;
@@ -214,16 +215,18 @@ impl Scatterers {
     }
 
     /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
-    pub fn paths(&self, places: &Places, selection: Selection) -> Paths {
+    pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
         const BLOCK: usize = 1024;
         let (num_channels, num_paths) = (self.num_channels(), selection.len());
-        let total = places.num_nodes * num_channels * num_paths;
+        let shape = [places.num_nodes, num_channels, num_paths];
+        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
+        let total = shape.iter().product();
         let mut paths = Paths {
             delay: vec![0.0; total],
             amplitude: vec![Complex64::ZERO; total],
         };
         if total == 0 {
-            return paths;
+            return Ok(paths);
         }
 
         // Rows (node, channel) in parallel, and blocks of every row.
@@ -241,7 +244,7 @@ impl Scatterers {
                 }
             });
         });
-        paths
+        Ok(paths)
     }
 
     /// Delay and amplitude of one path of one channel at one time.
@@ -260,7 +263,7 @@ impl Scatterers {
     /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
     /// Distances do not depend on the frame they are measured in, so this is exact for a moving sensor too.
     pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
-        let num_paths = self.len() + places.rcs.len();
+        let num_paths = self.len() + places.points.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {

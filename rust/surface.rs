@@ -91,7 +91,7 @@ impl Surface {
         let fingerprint = triangles
             .iter()
             .flatten()
-            .flat_map(|corner| corner.to_array())
+            .flat_map(DVec3::to_array)
             .fold(0, |state, x| mix(state ^ x.to_bits()));
         Ok(Self {
             fingerprint,

@@ -45,7 +45,7 @@ SURFACE = _core.Surface(VERTICES, TRIANGLES)
 REFLECTION, ALBEDO = np.array([-0.5 + 0j]), np.array([0.5])
 SCENE = _core.Scene([SURFACE], REFLECTION, ALBEDO)
 HITS = SCENE.cast(POSES, **IMAGE)
-SAMPLES = HITS.samples(**ANTENNAS)
+SCATTERERS = HITS.scatterers(**ANTENNAS)
 
 
 def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *, is_chebyshev: Any = False, **changes: Any) -> Any:
@@ -56,18 +56,18 @@ def cast(poses: Any = POSES, **changes: Any) -> Any:
     return SCENE.cast(poses, **(IMAGE | changes))
 
 
-def samples(**changes: Any) -> Any:
-    return HITS.samples(**(ANTENNAS | changes))
+def scatterers(**changes: Any) -> Any:
+    return HITS.scatterers(**(ANTENNAS | changes))
 
 
 def paths(poses: Any = POSES[None], points: Any = POINTS, rcs: Any = RCS, **changes: Any) -> Any:
-    return SAMPLES.paths(poses, points, rcs, **changes)
+    return SCATTERERS.paths(poses, points, rcs, **changes)
 
 
 def rates(
     poses: Any = POSES, pose_rates: Any = POSES, points: Any = POINTS[0], point_rates: Any = POINTS[0], **changes: Any
 ) -> Any:
-    return SAMPLES.delay_rates(poses, pose_rates, points, point_rates, **changes)
+    return SCATTERERS.delay_rates(poses, pose_rates, points, point_rates, **changes)
 
 
 def scene(surfaces: Any = (SURFACE,), reflection: Any = REFLECTION, albedo: Any = ALBEDO) -> Any:
@@ -97,16 +97,16 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.reflectance(), "float64", (20, 30)),
         (HITS.body(), "int32", (20, 30)),
         (HITS.directions(), "float64", (20, 30, 3)),
-        (SAMPLES.body(), "uint32", (len(SAMPLES),)),
-        (SAMPLES.pixel(), "uint32", (len(SAMPLES),)),
-        (delay, "float64", (1, 2, len(SAMPLES) + 1)),
-        (amplitude, "complex128", (1, 2, len(SAMPLES) + 1)),
-        (rates(), "float64", (2, len(SAMPLES) + 1)),
+        (SCATTERERS.body(), "uint32", (len(SCATTERERS),)),
+        (SCATTERERS.pixel(), "uint32", (len(SCATTERERS),)),
+        (delay, "float64", (1, 2, len(SCATTERERS) + 1)),
+        (amplitude, "complex128", (1, 2, len(SCATTERERS) + 1)),
+        (rates(), "float64", (2, len(SCATTERERS) + 1)),
     ]:
         assert (array.dtype, array.shape) == (dtype, shape)
         assert array.flags.c_contiguous
         assert array.flags.writeable
-    assert len(SAMPLES) > 100  # the plate is in sight
+    assert len(SCATTERERS) > 100  # the plate is in sight
 
 
 # Every array argument of the core: how to call it with another one, and one that it takes.
@@ -119,8 +119,8 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "scene reflection": (lambda a: scene([SURFACE] * 2, a, np.zeros(2)), np.ones(2, complex)),
     "scene albedo": (lambda a: scene([SURFACE] * 2, np.ones(2, complex), a), np.zeros(2)),
     "cast poses": (lambda a: cast(a), POSES),
-    "samples tx": (lambda a: samples(tx=a), ANTENNAS["rx"]),
-    "samples rx": (lambda a: samples(rx=a), ANTENNAS["rx"]),
+    "scatterers tx": (lambda a: scatterers(tx=a), ANTENNAS["rx"]),
+    "scatterers rx": (lambda a: scatterers(rx=a), ANTENNAS["rx"]),
     "paths poses": (lambda a: paths(poses=a), POSES[None]),
     "paths points": (lambda a: paths(points=a), POINTS),
     "paths rcs": (lambda a: paths(points=np.ones((1, 2, 3)), rcs=a), np.ones(2)),
@@ -182,7 +182,7 @@ NAN, INF = float("nan"), float("inf")
 HUGE = 2**64 - 1
 EMPTY = _core.Scene([], np.zeros(0, complex), np.zeros(0))
 EMPTY_HITS = EMPTY.cast(np.zeros((0, 3, 4)), **IMAGE)
-EMPTY_SAMPLES = EMPTY_HITS.samples(**ANTENNAS)
+EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
 
 
 @pytest.mark.parametrize(
@@ -212,8 +212,8 @@ EMPTY_SAMPLES = EMPTY_HITS.samples(**ANTENNAS)
         (lambda: cast(np.zeros((0, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
         (lambda: cast(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
         (lambda: EMPTY.cast(POSES, **IMAGE), r"poses: expected shape \(0, 3, 4\), got \(1, 3, 4\)"),
-        (lambda: samples(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
-        (lambda: samples(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
+        (lambda: scatterers(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
+        (lambda: scatterers(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
         (lambda: paths(np.zeros((1, 2, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 2, 3, 4\)"),
         (lambda: paths(np.zeros((2, 0, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(2, 0, 3, 4\)"),
         (lambda: paths(np.zeros((1, 1, 4, 3))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 1, 4, 3\)"),
@@ -254,7 +254,7 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
-@pytest.mark.parametrize("call", [beat, cast, samples, paths, rates, HITS.cos_incidence])
+@pytest.mark.parametrize("call", [beat, cast, scatterers, paths, rates, HITS.cos_incidence])
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
 
@@ -286,18 +286,18 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: cast(rows=-1), OverflowError),
         (lambda: cast(rows=8.0), TypeError),
         (lambda: cast(half_width=None), TypeError),
-        (lambda: samples(seed=-1), OverflowError),
-        (lambda: samples(seed=2**64), OverflowError),
-        (lambda: samples(seed=1.0), TypeError),
-        (lambda: samples(pattern=(1.0, 0.0)), (TypeError, ValueError)),
-        (lambda: samples(pattern=None), TypeError),
+        (lambda: scatterers(seed=-1), OverflowError),
+        (lambda: scatterers(seed=2**64), OverflowError),
+        (lambda: scatterers(seed=1.0), TypeError),
+        (lambda: scatterers(pattern=(1.0, 0.0)), (TypeError, ValueError)),
+        (lambda: scatterers(pattern=None), TypeError),
         (lambda: scene([None]), TypeError),
         (lambda: scene(["surface"]), TypeError),
         (lambda: _core.Scene(SURFACE, np.ones(1, complex), np.zeros(1)), TypeError),
         (lambda: surface(crease_angle="45"), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
-        (lambda: _core.Samples(), TypeError),
+        (lambda: _core.Scatterers(), TypeError),
         (lambda: _core.load_obj(7), TypeError),
         (lambda: _core.load_obj(""), FileNotFoundError),
         (lambda: _core.load_obj("no such\n file.obj"), FileNotFoundError),
@@ -321,16 +321,16 @@ def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any
         (lambda: surface(crease_angle=NAN).kept(), (4,)),
         (lambda: surface(crease_angle=-1.0).kept(), (4,)),
         (lambda: EMPTY_HITS.distance(), (20, 30)),
-        (lambda: EMPTY_SAMPLES.body(), (0,)),
-        (lambda: EMPTY_SAMPLES.paths(np.zeros((5, 0, 3, 4)), np.zeros((5, 0, 3)), np.zeros(0))[0], None),
-        (lambda: EMPTY_SAMPLES.paths(np.zeros((2**40, 0, 3, 4)), np.zeros((2**40, 0, 3)), RCS[:0])[0], None),
-        (lambda: EMPTY_SAMPLES.delay_rates(POSES[:0], POSES[:0], POINTS[0, :0], POINTS[0, :0]), (2, 0)),
+        (lambda: EMPTY_SCATTERERS.body(), (0,)),
+        (lambda: EMPTY_SCATTERERS.paths(np.zeros((5, 0, 3, 4)), np.zeros((5, 0, 3)), np.zeros(0))[0], None),
+        (lambda: EMPTY_SCATTERERS.paths(np.zeros((2**40, 0, 3, 4)), np.zeros((2**40, 0, 3)), RCS[:0])[0], None),
+        (lambda: EMPTY_SCATTERERS.delay_rates(POSES[:0], POSES[:0], POINTS[0, :0], POINTS[0, :0]), (2, 0)),
         (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
         (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
-        (lambda: samples(tx=np.zeros((0, 3))).paths(POSES[None], POINTS, RCS)[1], None),
-        (lambda: samples(seed=HUGE).body(), (len(SAMPLES),)),
-        (lambda: paths(np.zeros((0, 1, 3, 4)), np.zeros((0, 1, 3)))[0], (0, 2, len(SAMPLES) + 1)),
-        (lambda: paths(points=np.zeros((1, 0, 3)), rcs=np.zeros(0))[0], (1, 2, len(SAMPLES))),
+        (lambda: scatterers(tx=np.zeros((0, 3))).paths(POSES[None], POINTS, RCS)[1], None),
+        (lambda: scatterers(seed=HUGE).body(), (len(SCATTERERS),)),
+        (lambda: paths(np.zeros((0, 1, 3, 4)), np.zeros((0, 1, 3)))[0], (0, 2, len(SCATTERERS) + 1)),
+        (lambda: paths(points=np.zeros((1, 0, 3)), rcs=np.zeros(0))[0], (1, 2, len(SCATTERERS))),
     ],
 )
 def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None:
@@ -344,17 +344,17 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     hits = cast(poses)
     assert np.isin(hits.body(), (-1, 0)).all()
     for wild in (
-        hits.samples(**ANTENNAS),
-        samples(frequency=value),
-        samples(power=value),
-        samples(pattern=(value,) * 3),
+        hits.scatterers(**ANTENNAS),
+        scatterers(frequency=value),
+        scatterers(power=value),
+        scatterers(pattern=(value,) * 3),
     ):
         wild.paths(POSES[None], np.full((1, 1, 3), value), np.full(1, value))
-    hit_samples = samples(tx=np.full((1, 3), value), rx=np.full((2, 3), -value))
-    delay, amplitude = hit_samples.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
-    assert delay.shape == amplitude.shape == (2, 2, len(hit_samples) + 1)
+    hit_scatterers = scatterers(tx=np.full((1, 3), value), rx=np.full((2, 3), -value))
+    delay, amplitude = hit_scatterers.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
+    assert delay.shape == amplitude.shape == (2, 2, len(hit_scatterers) + 1)
     rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
-    scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).samples(**ANTENNAS)
+    scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
     if np.isfinite(value):
         beat(np.full((3, 2, 3), value), np.full((1, 2, 3), value + 0j), slope=value, start_frequency=value)
 
@@ -369,7 +369,7 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
                 body = surface(vertices, triangles, crease_angle=crease_angle)
                 hits = scene([body]).cast(POSES, **IMAGE)
                 assert np.isin(hits.body(), (-1, 0)).all()
-                hits.samples(**ANTENNAS)
+                hits.scatterers(**ANTENNAS)
 
 
 def test_threads_do_not_change_a_bit() -> None:
@@ -384,14 +384,13 @@ def test_threads_do_not_change_a_bit() -> None:
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
         hits = world.cast(poses, **(IMAGE | {"rows": 67, "columns": 91}), threads=threads)
-        found = hits.samples(**ANTENNAS, threads=threads)
+        found = hits.scatterers(**ANTENNAS, threads=threads)
         delay, amplitude = found.paths(nodes, points, np.ones(7), threads=threads)
         return [
             hits.distance(),
             hits.body(),
             hits.cos_incidence(threads=threads),
             found.body(),
-            found.pixel(),
             delay,
             amplitude,
             found.delay_rates(poses, poses, points[0], points[1], threads=threads),

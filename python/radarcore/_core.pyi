@@ -100,9 +100,9 @@ class Scatterers:
         points: NDArray[np.float64],
         rcs: NDArray[np.float64],
         *,
-        first: int,
-        last: int,
-        step: int,
+        first: int = 0,
+        last: int | None = None,
+        step: int = 1,
         threads: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` to `last`.
@@ -116,7 +116,6 @@ class Scatterers:
         pose_rates: NDArray[np.float64],
         points: NDArray[np.float64],
         point_rates: NDArray[np.float64],
-        rcs: NDArray[np.float64],
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:

@@ -134,7 +134,7 @@ class Simulator:
         place, rates = self._place(np.array([start])), self.scene._place_rates(start, self.radar_motion)
         delay, amplitude = self._follow(scatterers, place)
         delay_rate = scatterers.delay_rates(
-            place.poses[0], rates.poses[0], place.points[0], rates.points[0], self.scene._rcs, threads=self.threads
+            place.poses[0], rates.poses[0], place.points[0], rates.points[0], threads=self.threads
         )
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
         return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
@@ -264,15 +264,8 @@ class Simulator:
         self, scatterers: _core.Scatterers, place: Placement, first: int = 0, last: int | None = None, step: int = 1
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delays and amplitudes (time, channel, path) of some paths with bodies and points at their places."""
-        num_paths = len(scatterers) + len(self.scene._rcs)
         delay, amplitude = scatterers.paths(
-            place.poses,
-            place.points,
-            self.scene._rcs,
-            first=first,
-            last=num_paths if last is None else last,
-            step=step,
-            threads=self.threads,
+            place.poses, place.points, self.scene._rcs, first=first, last=last, step=step, threads=self.threads
         )
         if not np.isfinite(amplitude).all():
             raise ValueError("scene: expected nothing at the place of an antenna, got a path of length zero")
