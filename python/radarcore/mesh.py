@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import warnings
 from os import PathLike, fspath
 from pathlib import Path
@@ -185,8 +187,10 @@ def _is_obj(path: str | PathLike[str]) -> bool:
 
 
 def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    if not path.is_file():
-        raise FileNotFoundError(2, "No such file or directory", str(path))
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not path.exists():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
     try:
         import trimesh
     except ImportError as error:
@@ -200,8 +204,19 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
 
 
+def _numbers(name: str, value: ArrayLike, shape: str, kinds: str) -> NDArray[Any]:
+    """An array of some kinds of number (NumPy's letters); an empty one may be of any."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name}: expected shape {shape}, got rows of different lengths") from None
+    if array.size > 0 and array.dtype.kind not in kinds:
+        raise TypeError(f"{name}: expected {'numbers' if 'f' in kinds else 'integers'}, got {array.dtype}")
+    return array
+
+
 def _vertices(value: ArrayLike) -> NDArray[np.float64]:
-    array = np.array(value, dtype=np.float64, order="C")
+    array = np.array(_numbers("vertices", value, "(n, 3)", "fiu"), dtype=np.float64, order="C")
     if array.size == 0:
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
@@ -210,13 +225,11 @@ def _vertices(value: ArrayLike) -> NDArray[np.float64]:
 
 
 def _triangles(value: ArrayLike, num_vertices: int) -> NDArray[np.uint32]:
-    array = np.asarray(value)
+    array = _numbers("triangles", value, "(m, 3)", "iu")
     if array.size == 0:
         array = np.zeros((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"triangles: expected shape (m, 3), got {array.shape}")
-    if array.dtype.kind not in "iu":
-        raise TypeError(f"triangles: expected integers, got {array.dtype}")
     bad = ((array < 0) | (array >= num_vertices)).any(axis=1)
     if bad.any():
         row = int(bad.argmax())
