@@ -1,0 +1,218 @@
+"""Depth images: planes on paper, the order of an image, and soups of triangles against brute force."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from reference import nearest_hits_reference
+
+RADAR = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=8))
+
+PLANE = 1e-13
+"""Relative: a few roundings of f64."""
+
+
+def depth_image(bodies: list[Any], *, time: float = 0.0, **options: Any) -> rc.DepthImage:
+    settings: dict[str, Any] = {"resolution": 33, "field_of_view_deg": (60.0, 60.0)} | options
+    return rc.Simulator(rc.Scene(bodies), RADAR, **settings).depth_image(time)
+
+
+def wall(x: float = 3.0, size: float = 20.0, **options: Any) -> rc.Body:
+    return rc.Body(rc.shapes.plate(size, size), motion=rc.Pose([x, 0.0, 0.0]), **options)
+
+
+def random_pose(rng: np.random.Generator, spread: float) -> rc.Pose:
+    return rc.Pose.from_quaternion(rng.uniform(-spread, spread, 3), rng.standard_normal(4))
+
+
+def image_plane(rows: int, columns: int, field_of_view_deg: tuple[float, float]) -> tuple[Any, Any]:
+    """Coordinates u = y/x and v = z/x of the pixel centres, (rows, columns) each."""
+    half_width, half_height = np.tan(0.5 * np.deg2rad(field_of_view_deg))
+    u = half_width * (1.0 - (2.0 * np.arange(columns) + 1.0) / columns)
+    v = half_height * (1.0 - (2.0 * np.arange(rows) + 1.0) / rows)
+    return np.meshgrid(u, v)
+
+
+@pytest.mark.parametrize(
+    ("resolution", "field_of_view_deg"),
+    [(33, (60.0, 60.0)), ((20, 50), (100.0, 40.0)), ((7, 1), (1.0, 120.0)), (1, (60.0, 60.0))],
+)
+def test_wall_at_three_metres_is_three_times_the_slant_away(resolution: Any, field_of_view_deg: Any) -> None:
+    image = depth_image([wall()], resolution=resolution, field_of_view_deg=field_of_view_deg)
+    rows, columns = np.broadcast_to(resolution, 2)
+    u, v = image_plane(rows, columns, field_of_view_deg)
+    slant = np.sqrt(1.0 + u**2 + v**2)
+    assert image.distance.shape == (rows, columns)
+    np.testing.assert_allclose(image.distance, 3.0 * slant, rtol=PLANE)
+    np.testing.assert_allclose(image.cos_incidence, 1.0 / slant, rtol=PLANE)
+    np.testing.assert_allclose(image.directions, np.stack([np.ones_like(u), u, v], -1) / slant[..., None], rtol=PLANE)
+    np.testing.assert_allclose(image.points[:, 0], 3.0, rtol=PLANE)
+    assert image.field_of_view_deg == field_of_view_deg
+
+
+def test_arrays_have_the_documented_types() -> None:
+    image = depth_image([wall()], time=0.25)
+    assert (image.distance.dtype, image.cos_incidence.dtype, image.reflectance.dtype) == (np.float64,) * 3
+    assert (image.body.dtype, image.directions.shape) == (np.int32, (33, 33, 3))
+    assert image.time == 0.25
+
+
+def test_body_up_on_the_left_appears_at_the_top_left() -> None:
+    ball = rc.shapes.sphere(0.1)
+    image = depth_image([rc.Body(ball, motion=rc.Pose([2.0, 0.8, 0.6]))])
+    rows, columns = np.nonzero(image.body == 0)
+    assert len(rows) > 0
+    assert rows.max() < 16
+    assert columns.max() < 16
+    assert columns.mean() < rows.mean()  # farther to the left than up
+    assert (image.points[:, 1:] > 0.0).all()
+
+
+def test_misses_are_inf_and_minus_one_and_zero() -> None:
+    image = depth_image([rc.PointTarget([2.0, 0.0, 0.0]), wall(-3.0), wall(3.0, size=1.0)])
+    is_miss = image.body == -1
+    assert 0 < is_miss.sum() < is_miss.size
+    assert (image.distance[is_miss] == np.inf).all()
+    assert np.isfinite(image.distance[~is_miss]).all()
+    assert (image.cos_incidence[is_miss] == 0.0).all()
+    assert (image.reflectance[is_miss] == 0.0).all()
+    assert len(image.points) == (~is_miss).sum()
+
+
+@pytest.mark.parametrize("bodies", [[], [rc.PointTarget([1.0, 0.0, 0.0])], [rc.Body(rc.Mesh([], []))]])
+def test_scene_without_triangles_has_no_hits(bodies: list[Any]) -> None:
+    image = depth_image(bodies)
+    assert (image.body == -1).all()
+    assert (image.distance == np.inf).all()
+    assert image.points.shape == (0, 3)
+
+
+def test_body_numbers_are_those_of_the_scene_with_points_and_empty_meshes_in_between() -> None:
+    material = rc.Material(0.3j, 0.5)
+    image = depth_image(
+        [
+            rc.PointTarget([1.0, 0.0, 0.0]),
+            wall(3.0, material=rc.materials["concrete"]),
+            rc.Body(rc.Mesh([], [])),
+            rc.PointTarget([1.0, 0.1, 0.0]),
+            rc.Body(rc.shapes.box(0.5), motion=rc.Pose([2.0, 0.1, 0.0]), material=material),
+        ]
+    )
+    assert set(image.body.ravel().tolist()) == {1, 4}
+    assert image.body[16, 16] == 4
+    assert image.reflectance[image.body == 4] == pytest.approx(0.09 + 0.5, rel=PLANE)
+    assert image.reflectance[image.body == 1] == pytest.approx(abs(rc.materials["concrete"].reflection) ** 2, rel=PLANE)
+
+
+def test_bodies_and_sensor_are_where_they_are_at_the_time_of_the_image() -> None:
+    receding = rc.Body(
+        rc.shapes.plate(20.0, 20.0), motion=rc.Linear(rc.Pose([3.0, 0.0, 0.0]), velocity=[2.0, 0.0, 0.0])
+    )
+    chasing = rc.Linear(rc.Pose(), velocity=[0.5, 0.0, 0.0])
+    for time in (-1.0, 0.0, 0.5):
+        image = depth_image([receding], time=time, radar_motion=chasing)
+        assert image.distance[16, 16] == pytest.approx(3.0 + 1.5 * time, rel=PLANE)
+    # A quarter of a turn to the left in one second: the wall in front appears on the right, then not at all.
+    turning = rc.Linear(rc.Pose(), angular_velocity=[0.0, 0.0, 0.5 * np.pi])
+    image = depth_image([wall(3.0, size=1.0)], time=0.2, radar_motion=turning)
+    assert np.nonzero(image.body == 0)[1].min() > 16
+    assert (depth_image([wall(3.0, size=1.0)], time=1.0, radar_motion=turning).body == -1).all()
+
+
+def soup(rng: np.random.Generator, num_triangles: int = 1000) -> NDArray[np.float64]:
+    """Triangles of all sizes in a cube of 4 m, (triangle, corner, 3)."""
+    centre = rng.uniform(-2.0, 2.0, (num_triangles, 1, 3))
+    size = 10.0 ** rng.uniform(-2.0, 0.3, (num_triangles, 1, 1))
+    return centre + size * rng.uniform(-0.5, 0.5, (num_triangles, 3, 3))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_every_ray_through_a_soup_hits_what_brute_force_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    triangles = soup(rng)
+    mesh = rc.Mesh(triangles.reshape(-1, 3), np.arange(3000).reshape(-1, 3), shading="flat")
+    body, sensor = random_pose(rng, 1.0), random_pose(rng, 1.5)
+    field_of_view_deg = (rng.uniform(20, 120), rng.uniform(20, 120))
+    image = depth_image(
+        [rc.Body(mesh, motion=body)], radar_motion=sensor, resolution=32, field_of_view_deg=field_of_view_deg
+    )
+
+    seen = (sensor.inverse() @ body).apply(triangles)
+    directions = image.directions.reshape(-1, 3)
+    distance, nearest = nearest_hits_reference(seen, directions)
+    np.testing.assert_array_equal(image.body.ravel() == 0, nearest >= 0, err_msg=f"seed {seed}")
+    is_hit = nearest >= 0
+    assert is_hit.any()
+    np.testing.assert_allclose(image.distance.ravel(), distance, rtol=0, atol=1e-9, err_msg=f"seed {seed}")
+    edges = seen[nearest[is_hit]]
+    normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    cosines = np.abs(np.sum(normals * directions[is_hit], axis=1)) / np.linalg.norm(normals, axis=1)
+    # The cosine of a triangle of 1 cm at 4 m: eps * 4 m / 1 cm, and needles.
+    np.testing.assert_allclose(image.cos_incidence.ravel()[is_hit], cosines, rtol=0, atol=1e-9, err_msg=f"seed {seed}")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_ray_leaves_a_closed_mesh(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    closed = [rc.shapes.sphere(1.0, subdivisions=3), rc.shapes.box(2.0), rc.shapes.capsule(0.5, 3.0)]
+    for mesh in closed:
+        # Anywhere inside, looking anywhere; and from the middle along the axes, through edges and corners.
+        for sensor in (random_pose(rng, 0.25), rc.Pose(), rc.Pose.from_rpy([0, 0, 0], [0, 0, np.pi / 4])):
+            image = depth_image([rc.Body(mesh)], radar_motion=sensor, resolution=65, field_of_view_deg=(150.0, 150.0))
+            assert (image.body == 0).all(), f"seed {seed}"
+            assert image.distance.max() <= 4.0  # no closed mesh here is longer than 2 sqrt(3) m
+            assert (image.cos_incidence >= 0.0).all()
+
+
+def test_box_from_its_middle_has_its_walls_at_half_its_edges() -> None:
+    image = depth_image([rc.Body(rc.shapes.box((4.0, 3.0, 2.0)))], field_of_view_deg=(120.0, 120.0))
+    points = np.abs(image.points)
+    assert len(points) == 33 * 33
+    np.testing.assert_allclose((points / [2.0, 1.5, 1.0]).max(axis=1), 1.0, rtol=PLANE)
+
+
+def test_sensor_inside_a_body_sees_it_from_inside_and_nothing_else() -> None:
+    image = depth_image([rc.Body(rc.shapes.sphere(0.3)), wall(3.0)])
+    assert (image.body == 0).all()
+    assert image.distance == pytest.approx(0.3, abs=5e-5)  # the sagitta of its facets
+
+
+def test_image_is_the_same_a_kilometre_from_the_origin() -> None:
+    box = rc.shapes.box((0.3, 0.4, 0.5))
+    here = rc.Pose.from_rpy([2.0, 0.1, -0.2], [0.3, 0.2, 0.1])
+    near = depth_image([rc.Body(box, motion=here)])
+    offset = np.array([1000.0, -700.0, 300.0])
+
+    # Far from the world's origin, and far from the body's own.
+    far_world = depth_image([rc.Body(box, motion=rc.Pose(offset) @ here)], radar_motion=rc.Pose(offset))
+    far_vertices = depth_image([rc.Body(rc.Mesh(box.vertices + offset, box.triangles), motion=here @ rc.Pose(-offset))])
+    for far in (far_world, far_vertices):
+        np.testing.assert_array_equal(far.body, near.body)
+        is_hit = near.body == 0
+        # Coordinates of 1 km are known to 1e-13 m; oblique faces and the turn make a few of those.
+        np.testing.assert_allclose(far.distance[is_hit], near.distance[is_hit], rtol=0, atol=5e-12)
+
+
+def test_a_tenth_of_a_millimetre_before_a_kilometre_of_wall() -> None:
+    speck = rc.Body(rc.shapes.plate(1e-4, 1e-4), motion=rc.Pose([0.05, 0.0, 0.0]))
+    image = depth_image([wall(900.0, size=1000.0), speck], field_of_view_deg=(0.2, 0.2))
+    u, v = image_plane(33, 33, (0.2, 0.2))
+    is_speck = (np.abs(u) < 1e-3) & (np.abs(v) < 1e-3)
+    assert is_speck.sum() == 19 * 19  # 2e-3 of 3.49e-3 in 33 columns
+    np.testing.assert_array_equal(image.body, is_speck.astype(np.int32))
+    np.testing.assert_allclose(image.distance, np.where(is_speck, 0.05, 900.0) * np.sqrt(1 + u**2 + v**2), rtol=PLANE)
+
+
+def test_image_does_not_depend_on_the_number_of_threads() -> None:
+    rng = np.random.default_rng(0)
+    mesh = rc.Mesh(soup(rng).reshape(-1, 3), np.arange(3000).reshape(-1, 3))
+    bodies = [rc.Body(mesh, motion=rc.Pose([3.0, 0.0, 0.0])), wall(4.0)]
+    one, two, five = (depth_image(bodies, threads=threads) for threads in (1, 2, 5))
+    for name in ("distance", "cos_incidence", "reflectance", "body", "directions"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+        np.testing.assert_array_equal(getattr(one, name), getattr(five, name))
