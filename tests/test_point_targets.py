@@ -145,7 +145,8 @@ def test_receding_target_has_positive_velocity(slope: float, velocity: float) ->
 # at 10 ms, and the point is nearest in the middle of it.
 PASSING = {"position": [0.3, -0.06, 0.02], "velocity": [0.0, 3.0, 0.0]}
 PASSING_WAVEFORM = {"num_chirps": 64, "chirp_interval": 400e-6, "num_samples": 32}
-EXACT_GEOMETRY = 1e-6
+EXACT_GEOMETRY = 1e-8
+"""Relative. The series of delays and amplitudes end below 1e-9, with a few terms each."""
 
 
 @pytest.mark.parametrize(
@@ -218,8 +219,8 @@ def test_moving_world_and_radar_together_changes_nothing(kind: str) -> None:
         far = rng.standard_normal(3)
         moved = rc.Pose(1000.0 * far / np.linalg.norm(far), random_rotation(rng))
         there = simulate(world(moved)[picked], radar, radar_motion=moved @ sensor, **options)
-        # Positions at 1 km are known to 1e-13 m: 3e-10 rad, 1e-9 for what rotations add.
-        assert relative_error(there, here) <= 1e-6, f"seed {seed}"
+        # Positions at 1 km are known to 1e-13 m: 3e-10 rad, a few times that with rotations and two ways.
+        assert relative_error(there, here) <= 1e-8, f"seed {seed}"
 
 
 @pytest.mark.parametrize("kind", ["points", "meshes"])

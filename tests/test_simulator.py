@@ -1,0 +1,505 @@
+"""The simulator end to end: rates, truth, Doppler, recordings, and what it refuses."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+
+C = 299_792_458.0
+
+CONDUCTOR = rc.materials["perfect_conductor"]
+TX = [[0.0, -0.005, 0.0]]
+RX = [[0.0, 0.004, 0.001], [0.0, 0.0, -0.003]]
+
+
+def waveform(**changes: Any) -> rc.Waveform:
+    settings: dict[str, Any] = {
+        "start_frequency": 60e9,
+        "slope": 2e13,
+        "sample_rate": 2e6,
+        "num_samples": 32,
+        "num_chirps": 8,
+        "chirp_interval": 300e-6,
+    }
+    return rc.Waveform(**settings | changes)
+
+
+def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:
+    settings: dict[str, Any] = {"resolution": 32, "field_of_view_deg": (40.0, 40.0)} | options
+    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **settings)
+
+
+def instant() -> rc.Radar:
+    """A radar whose frame is over at once: its rays are cast at the time of `paths`, one antenna at the origin."""
+    return rc.Radar(waveform(num_samples=1, num_chirps=1))
+
+
+def tumbling_box() -> rc.Body:
+    """A box that moves in every way, half mirror, half matt: every ray on it comes back."""
+    motion = rc.Linear(
+        rc.Pose.from_rpy([1.5, 0.1, -0.05], [0.3, 0.2, 0.4]),
+        velocity=[0.8, -0.5, 0.3],
+        angular_velocity=[2.0, -1.0, 3.0],
+    )
+    return rc.Body(rc.shapes.box((0.3, 0.5, 0.4)), material=rc.Material(-0.5, 0.5), motion=motion)
+
+
+def still_life() -> list[Any]:
+    """Surfaces of all kinds and a point, none of them in motion."""
+    return [
+        rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.5, 0.2, 0.1]), name="ball"),
+        rc.PointTarget([1.2, -0.2, 0.1], rcs=1e-3),
+        rc.Body(
+            rc.shapes.plate(2.0, 2.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]), name="wall"
+        ),
+    ]
+
+
+# --- paths ---------------------------------------------------------------------------------------------------------
+
+
+SENSOR_MOTIONS = [
+    rc.Pose(),
+    rc.Linear(
+        rc.Pose.from_rpy([0.1, 0, 0], [0, 0.05, 0]), velocity=[0.4, 0.7, -0.2], angular_velocity=[0.5, -0.3, 0.8]
+    ),
+]
+
+
+@pytest.mark.parametrize("radar_motion", SENSOR_MOTIONS, ids=["fixed sensor", "moving sensor"])
+def test_delay_rate_is_the_derivative_of_delay(radar_motion: Any) -> None:
+    # Rays are cast in the middle of a frame. Frames that start h earlier and last 2 h longer have the same middle,
+    # hence the same material points.
+    h, start, bodies = 2e-5, 0.02, [tumbling_box(), rc.PointTarget([1.0, 0.3, 0.1], velocity=[0.5, 1.0, -1.0])]
+
+    def paths(shift: float) -> rc.Paths:
+        wf = waveform(num_chirps=2, chirp_interval=None, chirp_times=[0.0, 1e-3 - 2.0 * shift])
+        radar = rc.Radar(wf, tx=TX, rx=RX)
+        return simulator(bodies, radar, radar_motion=radar_motion).paths(start + shift)
+
+    before, now, after = paths(-h), paths(0.0), paths(h)
+    assert now.delay.shape == now.delay_rate.shape == now.amplitude.shape == now.body.shape
+    assert now.delay.shape[0] == 2
+    assert now.delay.shape[1] > 100
+    np.testing.assert_array_equal(before.body, after.body)
+    difference = (after.delay - before.delay) / (2.0 * h)
+    # In m/s: delays of 10 ns are known to 1e-24 s (1e-11 m/s); h^2 / 6 times a third derivative of at most 100 m/s^3
+    # is 1e-8.
+    np.testing.assert_allclose(0.5 * C * now.delay_rate, 0.5 * C * difference, rtol=0, atol=2e-8)
+
+
+@pytest.mark.parametrize("radar_motion", SENSOR_MOTIONS, ids=["fixed sensor", "moving sensor"])
+def test_every_point_of_a_tumbling_body_has_its_rigid_body_velocity(radar_motion: Any) -> None:
+    # Point mode: every hit is a path, in the order of the image.
+    sim = simulator([tumbling_box()], instant(), radar_motion=radar_motion, sampling="point")
+    time, motion = 0.03, tumbling_box().motion
+    assert isinstance(motion, rc.Linear)
+    sensor = radar_motion.at(time)
+    points = sensor.apply(sim.depth_image(time).points)  # in the world
+    velocity = motion.velocity + np.cross(motion.angular_velocity, points - motion.at(time).position)
+    sight = points - sensor.position
+    distance = np.linalg.norm(sight, axis=1)
+    # The sensor turns about its own origin, where the antenna is: only its velocity counts.
+    sensor_velocity = radar_motion.velocity if isinstance(radar_motion, rc.Linear) else np.zeros(3)
+    expected = np.sum((velocity - sensor_velocity) * sight, axis=1) / distance
+
+    paths = sim.paths(time)
+    assert len(points) > 100
+    assert np.ptp(expected) > 0.5
+    np.testing.assert_allclose(paths.delay[0], 2.0 * distance / C, rtol=1e-12)
+    np.testing.assert_allclose(0.5 * C * paths.delay_rate[0], expected, rtol=0, atol=1e-12)
+
+
+def test_paths_name_the_body_of_the_scene() -> None:
+    paths = simulator(still_life()).paths()
+    assert set(paths.body.ravel().tolist()) == {0, 1, 2}
+    assert (paths.body == 1).sum() == 2  # the point, once per channel
+    (point,) = paths.delay[:, paths.body[0] == 1].T
+    position = np.array([1.2, -0.2, 0.1])
+    lengths = [np.linalg.norm(position - TX[0]) + np.linalg.norm(position - rx) for rx in RX]
+    np.testing.assert_allclose(point, np.divide(lengths, C), rtol=1e-14)
+
+
+# --- frames --------------------------------------------------------------------------------------------------------
+
+
+def test_frame_of_a_static_scene_is_the_beat_signal_of_its_paths() -> None:
+    sim = simulator(still_life(), tolerance=1e-9)
+    paths = sim.paths()
+    expected = rc.beat_signal(paths.delay, paths.amplitude, sim.radar.waveform, tolerance=1e-9)
+    frame = sim.frame()
+    assert frame.stats["paths"] == paths.delay.shape[1]
+    np.testing.assert_allclose(frame.cube, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_frame_of_a_moving_scene_is_the_beat_signal_of_its_paths_at_first_order() -> None:
+    # The rates of `paths` continue its delays for 64 us. Distances that change by 64 um and normals that turn by 0.24
+    # mrad change amplitudes by 3e-4; accelerations of 5 m/s^2 move the points by 1e-8 m or 3e-5 rad.
+    sim = simulator(
+        [tumbling_box()], rc.Radar(waveform(num_chirps=4, chirp_interval=16e-6), tx=TX, rx=RX), tolerance=1e-9
+    )
+    paths = sim.paths(0.01)
+    expected = rc.beat_signal(
+        paths.delay, paths.amplitude, sim.radar.waveform, delay_rate=paths.delay_rate, tolerance=1e-9
+    )
+    error = np.abs(sim.frame(0.01).cube - expected).max()
+    assert paths.delay.shape[1] > 100
+    assert error <= 1e-3 * np.abs(expected).max()
+
+
+def test_truth_of_a_point_is_its_geometry_in_the_middle_of_the_frame() -> None:
+    target = rc.PointTarget([1.5, 0.4, -0.3], velocity=[0.5, -1.0, 2.0], name="bee")
+    sensor = rc.Linear(
+        rc.Pose.from_rpy([0.1, 0.2, 0.0], [0, 0, 0.3]), velocity=[0.2, 0.0, 0.1], angular_velocity=[0, 0, 2]
+    )
+    sim = simulator([target], radar_motion=sensor)
+    frame = sim.frame(0.05)
+    middle = 0.05 + 0.5 * sim.radar.waveform.duration
+    pose = sensor.at(middle)
+    point = target.position + middle * target.velocity
+    sight = point - pose.position
+    x, y, z = pose.inverse().apply(point)
+    truth = frame.truth
+    assert truth is not None
+    assert truth.names == ("bee",)
+    assert truth.range == pytest.approx([np.linalg.norm(sight)], rel=1e-13)
+    assert truth.velocity == pytest.approx(
+        [sight @ (target.velocity - sensor.velocity) / np.linalg.norm(sight)], rel=1e-12
+    )
+    assert truth.azimuth == pytest.approx([np.arctan2(y, x)], rel=1e-12)
+    assert truth.elevation == pytest.approx([np.arctan2(z, np.hypot(x, y))], rel=1e-12)
+
+
+def test_truth_of_a_mesh_is_its_nearest_visible_point() -> None:
+    plate = rc.Body(
+        rc.shapes.plate(1.0, 1.0), motion=rc.Linear(rc.Pose([2.0, 0, 0]), velocity=[0.7, 0, 0]), name="plate"
+    )
+    hidden = rc.Body(rc.shapes.box(0.2), motion=rc.Pose([2.5, 0, 0]), name="hidden")
+    sim = simulator([hidden, plate], resolution=33)  # odd: a ray runs along the axis
+    truth = sim.frame(0.1).truth
+    assert truth is not None
+    assert truth.names == ("hidden", "plate")
+    middle = 0.1 + 0.5 * sim.radar.waveform.duration
+    assert truth.range[1] == pytest.approx(2.0 + 0.7 * middle, rel=1e-13)
+    assert truth.velocity[1] == pytest.approx(0.7, rel=1e-13)
+    assert (truth.azimuth[1], truth.elevation[1]) == (0.0, 0.0)
+    for name in ("range", "velocity", "azimuth", "elevation"):
+        assert np.isnan(getattr(truth, name)[0])
+
+
+def test_truth_and_samples_agree_about_a_moving_sphere() -> None:
+    sphere = rc.Body(
+        rc.shapes.sphere(0.1), material=CONDUCTOR, motion=rc.Linear(rc.Pose([1.3, 0, 0]), velocity=[-0.6, 0, 0])
+    )
+    wf = waveform(num_samples=128, num_chirps=32)
+    frame = simulator([sphere], rc.Radar(wf), resolution=129, field_of_view_deg=(12.0, 12.0)).frame()
+    peak = rc.strongest_peak(frame.cube, wf)
+    assert frame.truth is not None
+    # Half a bin would do to tell signs and factors of two; single targets are found to far less.
+    assert peak.range == pytest.approx(frame.truth.range[0], abs=0.05 * wf.range_resolution)
+    assert peak.velocity == pytest.approx(frame.truth.velocity[0], abs=0.05 * wf.velocity_resolution)
+
+
+def test_moving_sphere_leaves_no_false_doppler() -> None:
+    wf = waveform(num_samples=64, num_chirps=128, chirp_interval=200e-6)
+    velocity = 10.37 * wf.velocity_resolution  # between two bins, where windows leak most
+    motion = rc.Linear(rc.Pose([1.0, 0.05, 0.02]), velocity=[velocity, 0.0, 0.0])
+    sphere = rc.Body(rc.shapes.sphere(0.1), material=CONDUCTOR, motion=motion)
+    frame = simulator([sphere], rc.Radar(wf), resolution=200, field_of_view_deg=(16.0, 16.0)).frame()
+    power = np.abs(rc.range_doppler(frame.cube, wf)[0]) ** 2  # (doppler, range)
+    row, column = np.unravel_index(power.argmax(), power.shape)
+    assert abs(wf.velocity_axis()[row] - velocity) <= 0.5 * wf.velocity_resolution  # the nearest bin
+    # The window itself: the spectrum of Hann falls as 1 / (pi n^3), below -70 dB from n = 10 bins on.
+    is_far = np.abs(np.arange(len(power)) - row) >= 10
+    assert 10 * np.log10(power[is_far, column].max() / power[row, column]) <= -65.0
+
+
+def test_two_equal_calls_give_equal_bits_for_any_number_of_threads() -> None:
+    bodies = [*still_life(), tumbling_box()]
+    radar = rc.Radar(waveform(), tx=TX, rx=RX, receiver=rc.Receiver(noise_figure_db=10.0))
+    first = simulator(bodies, radar, threads=1).frame(0.1)
+    for threads in (None, 1, 2, 5):
+        sim = simulator(bodies, radar, threads=threads)
+        for _ in range(2):
+            np.testing.assert_array_equal(sim.frame(0.1).cube, first.cube)
+        np.testing.assert_array_equal(
+            sim.paths(0.1).amplitude, simulator(bodies, radar, threads=1).paths(0.1).amplitude
+        )
+
+
+def test_seed_changes_noise_and_speckle_and_nothing_else() -> None:
+    mirror = [
+        rc.Body(rc.shapes.sphere(0.2), material=CONDUCTOR, motion=rc.Pose([1.5, 0, 0])),
+        rc.PointTarget([1, 0, 0]),
+    ]
+    matt = [rc.Body(rc.shapes.sphere(0.2), material=rc.Material.lambertian(0.5), motion=rc.Pose([1.5, 0, 0]))]
+    quiet = rc.Radar(waveform())
+    noisy = rc.Radar(waveform(), receiver=rc.Receiver(noise_figure_db=10.0))
+
+    def cubes(bodies: list[Any], radar: rc.Radar) -> list[NDArray[Any]]:
+        return [simulator(bodies, radar, seed=seed, tolerance=1e-9).frame().cube for seed in (0, 1)]
+
+    np.testing.assert_array_equal(*cubes(mirror, quiet))
+    assert not np.array_equal(*cubes(matt, quiet))
+    first, second = cubes(mirror, noisy)
+    assert not np.array_equal(first, second)
+    # Noise power k T F fs on top of the same echo; 256 samples of it vary by 1 / 16.
+    (clean, _) = cubes(mirror, quiet)
+    expected = 1.380649e-23 * 290.0 * 10.0 * 2e6
+    for cube in (first, second):
+        assert np.mean(np.abs(cube - clean) ** 2) == pytest.approx(expected, rel=4 / 16)
+
+
+def test_noise_of_every_frame_is_another_one() -> None:
+    sim = simulator([], rc.Radar(waveform(), receiver=rc.Receiver(noise_figure_db=10.0)))
+    assert not np.array_equal(sim.frame(0.0).cube, sim.frame(1.0).cube)
+    np.testing.assert_array_equal(sim.frame(0.0).cube, sim.frame(-0.0).cube)
+
+
+def test_stats_count_rays_and_paths() -> None:
+    stats = simulator(still_life()).frame().stats
+    image = simulator(still_life()).depth_image()
+    assert stats["rays_cast"] == 32 * 32
+    assert stats["rays_hit"] == (image.body >= 0).sum()
+    assert stats["paths"] - 1 + stats["paths_skipped"] == stats["rays_hit"]  # one path is the point's
+    assert stats["delay_nodes"] == 1, "nothing moves"
+    assert simulator([tumbling_box()]).frame().stats["delay_nodes"] > 1
+
+
+def test_empty_scene_is_silent() -> None:
+    frame = simulator([]).frame()
+    assert frame.cube.shape == (2, 8, 32)
+    assert frame.cube.dtype == np.complex64
+    assert not frame.cube.any()
+    assert frame.truth is not None
+    assert frame.truth.names == ()
+    assert simulator([]).paths().delay.shape == (2, 0)
+
+
+def test_scene_behind_the_sensor_or_of_no_reflection_is_silent() -> None:
+    behind = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([-1.5, 0.0, 0.0]))
+    black = rc.Body(rc.shapes.sphere(0.2), material=rc.Material(0.0), motion=rc.Pose([1.5, 0.0, 0.0]))
+    for body in (behind, black):
+        assert not simulator([body]).frame().cube.any()
+
+
+@pytest.mark.parametrize(
+    ("receiver", "factor"), [(rc.Receiver(output="real"), 1), (rc.Receiver(output="iq"), 2), (None, 2)]
+)
+def test_scene_beyond_the_largest_range_warns_with_both_numbers(receiver: Any, factor: int) -> None:
+    radar = rc.Radar(waveform(), receiver=receiver)
+    largest = factor * C * 2e6 / (4 * 2e13)
+    beyond, within = largest + 0.5, largest - 0.01
+    with pytest.warns(UserWarning, match=rf"reaches to {beyond:.2f} m, beyond max_range {largest:.2f} m") as caught:
+        simulator([rc.PointTarget([beyond, 0.0, 0.0])], radar).frame()
+    assert caught[0].filename == __file__, "the warning points at the caller"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulator([rc.PointTarget([within, 0.0, 0.0])], radar).frame()
+
+
+# --- recordings ----------------------------------------------------------------------------------------------------
+
+
+def small() -> rc.Simulator:
+    body = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Linear(rc.Pose([1, 0, 0]), velocity=[0.1, 0, 0]), name="plate")
+    return simulator([body], rc.Radar(waveform(num_samples=8, num_chirps=2)), resolution=8)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "rate", "count"),
+    [
+        (0.0, 1.0, 40.0, 40),
+        (0.0, 0.3, 10.0, 3),
+        (0.1, 0.4, 10.0, 3),
+        (-0.5, 0.0, 10.0, 5),
+        (0.0, 0.05, 30.0, 2),
+        (0, 1e-3, 1, 1),
+    ],
+)
+def test_recording_holds_the_frames_that_start_before_its_end(
+    start: float, stop: float, rate: float, count: int
+) -> None:
+    recording = small().record(start, stop, rate, progress=False)
+    assert len(recording) == count
+    np.testing.assert_allclose(recording.time, start + np.arange(count) / rate, rtol=0, atol=1e-15)
+    assert recording.truth is not None
+    assert recording.truth.range.shape == (count, 1)
+
+
+def test_recorded_frames_are_the_frames(tmp_path: Path) -> None:
+    sim = small()
+    frames = list(sim.frames(0.2, 0.3, 40.0))
+    assert [frame.time for frame in frames] == pytest.approx([0.2, 0.225, 0.25, 0.275], rel=1e-15)
+    in_memory = sim.record(0.2, 0.3, 40.0, progress=False)
+    on_disk = sim.record(0.2, 0.3, 40.0, progress=False, path=tmp_path / "rec")
+    for recording in (in_memory, on_disk, rc.Recording.load(tmp_path / "rec")):
+        assert recording.radar == sim.radar
+        assert recording.truth is not None
+        assert recording.truth.names == ("plate",)
+        assert recording.source["bodies"] == ["plate"]
+        for frame, recorded in zip(frames, recording.frames(), strict=True):
+            np.testing.assert_array_equal(recorded.cube, frame.cube)
+            assert recorded.time == frame.time
+            assert recorded.truth is not None
+            assert frame.truth is not None
+            np.testing.assert_array_equal(recorded.truth.range, frame.truth.range)
+
+
+def test_recording_prints_nothing_when_progress_is_off_or_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
+    small().record(0.0, 0.1, progress=False)
+    small().record(0.0, 0.1, progress=True)  # the captured output is not a terminal
+    assert capfd.readouterr() == ("", "")
+
+
+def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, frame = small(), rc.Simulator.frame
+
+    def interrupted(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
+        if time > 0.06:
+            raise KeyboardInterrupt
+        return frame(self, time)
+
+    monkeypatch.setattr(rc.Simulator, "frame", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sim.record(0.0, 1.0, 40.0, progress=False, path=tmp_path / "rec")
+    monkeypatch.undo()
+    with pytest.warns(UserWarning, match=r"3 of 40"):
+        recording = rc.Recording.load(tmp_path / "rec")
+    assert len(recording) == 3
+    for recorded in recording.frames():
+        np.testing.assert_array_equal(recorded.cube, sim.frame(recorded.time).cube)
+
+
+def test_unwritable_place_fails_before_any_frame_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(rc.Simulator, "frame", never)
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(OSError, match="file"):
+        small().record(0.0, 1.0, progress=False, path=tmp_path / "file" / "rec")
+    with pytest.raises(FileExistsError):
+        small().record(0.0, 1.0, progress=False, path=tmp_path / "file")
+    with pytest.raises(ValueError, match=r"path: expected a directory \(no suffix\)"):
+        small().record(0.0, 1.0, progress=False, path=tmp_path / "rec.npz")
+
+
+def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
+    path = tmp_path / "rec"
+    small().record(0.0, 0.1, progress=False, path=path)
+    with pytest.raises(FileExistsError):
+        small().record(0.0, 0.05, progress=False, path=path)
+    assert len(rc.Recording.load(path)) == 4
+    assert len(small().record(0.0, 0.05, progress=False, path=path, overwrite=True)) == 2
+
+
+# --- silly input ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"resolution": 0}, ValueError, "resolution: expected at least 1, got 0"),
+        ({"resolution": (0, 5)}, ValueError, "resolution: expected at least 1, got 0"),
+        (
+            {"resolution": (4, 5, 6)},
+            ValueError,
+            r"resolution: expected an integer or \(rows, columns\), got \(4, 5, 6\)",
+        ),
+        ({"resolution": 2.5}, TypeError, "resolution: expected an integer, got 2.5"),
+        ({"resolution": "256"}, TypeError, "resolution: expected an integer, got '256'"),
+        ({"resolution": True}, TypeError, "resolution: expected an integer, got True"),
+        ({"resolution": 2**20}, ValueError, "resolution: expected at most 268435456 rays"),
+        ({"field_of_view_deg": (0, 60)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
+        ({"field_of_view_deg": (60, 180)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
+        ({"field_of_view_deg": (60, np.nan)}, ValueError, "field_of_view_deg: expected finite numbers, got nan"),
+        ({"field_of_view_deg": 60}, ValueError, r"field_of_view_deg: expected shape \(2,\), got \(\)"),
+        ({"field_of_view_deg": "wide"}, TypeError, r"field_of_view_deg: expected numbers of shape \(2,\)"),
+        ({"sampling": "adaptive"}, ValueError, "sampling: expected one of 'footprint', 'point', got 'adaptive'"),
+        ({"method": "grid"}, ValueError, "method: expected one of 'auto', 'direct', got 'grid'"),
+        ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number, got 0.0"),
+        ({"tolerance": np.nan}, ValueError, "tolerance: expected a finite number, got nan"),
+        ({"tolerance": 1e-15}, ValueError, "tolerance: expected 1e-12 to 1e-1, got 1e-15"),
+        ({"seed": -1}, ValueError, "seed: expected at least 0, got -1"),
+        ({"seed": 2**64}, ValueError, r"seed: expected less than 2\*\*64, got 18446744073709551616"),
+        ({"seed": 0.5}, TypeError, "seed: expected an integer, got 0.5"),
+        ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
+        ({"threads": "all"}, TypeError, "threads: expected an integer, got 'all'"),
+        ({"radar_motion": np.eye(4)}, TypeError, "radar_motion: expected Pose or Linear, got ndarray"),
+        ({"radar_motion": [0, 0, 0]}, TypeError, "radar_motion: expected Pose or Linear, got list"),
+    ],
+)
+def test_silly_option_is_an_error_that_names_it(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        simulator([], **options)
+
+
+def test_scene_and_radar_of_another_kind_are_errors() -> None:
+    with pytest.raises(TypeError, match="scene: expected Scene, got list"):
+        rc.Simulator([], instant())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
+        rc.Simulator(rc.Scene(), waveform())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["frame", "paths", "depth_image"])
+@pytest.mark.parametrize(
+    ("time", "error"), [(np.nan, ValueError), (np.inf, ValueError), ("now", TypeError), (None, TypeError)]
+)
+def test_silly_time_is_an_error(name: str, time: Any, error: type[Exception]) -> None:
+    with pytest.raises(error, match="time: expected a "):
+        getattr(simulator([]), name)(time)
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ((1.0, 1.0, 40.0), "stop: expected a time after start 1 s, got 1 s"),
+        ((1.0, 0.5, 40.0), "stop: expected a time after start 1 s, got 0.5 s"),
+        ((0.0, np.inf, 40.0), "stop: expected a finite number"),
+        ((np.nan, 1.0, 40.0), "start: expected a finite number"),
+        ((0.0, 1.0, 0.0), r"rate: expected a positive number \[Hz\], got 0"),
+        ((0.0, 1.0, -40.0), r"rate: expected a positive number \[Hz\], got -40"),
+        ((0.0, 1.0, np.nan), "rate: expected a finite number"),
+    ],
+)
+def test_silly_recording_times_are_errors(times: tuple[float, float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        simulator([]).record(*times, progress=False)
+    with pytest.raises(ValueError, match=message):
+        next(simulator([]).frames(*times))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: rc.Scene([rc.PointTarget([1, 0, 0]), "ball"]), TypeError, "Body and PointTarget, got str at index 1"),
+        (lambda: rc.Scene(rc.PointTarget([1, 0, 0])), TypeError, "bodies: expected a list of .*, got PointTarget"),
+        (lambda: rc.Body("part.obj"), TypeError, "mesh: expected Mesh, got str"),
+        (lambda: rc.Body(rc.shapes.box(1.0), material="metal"), TypeError, "material: expected Material"),
+        (lambda: rc.Body(rc.shapes.box(1.0), motion=[1, 0, 0]), TypeError, "motion: expected Pose or Linear, got list"),
+        (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
+        (lambda: rc.PointTarget([1, 0, np.nan]), ValueError, "position: expected finite numbers"),
+        (lambda: rc.PointTarget([1, 0, 0], rcs=-1.0), ValueError, "rcs: expected zero or a positive number"),
+        (lambda: rc.PointTarget([1, 0, 0], velocity=3.0), ValueError, r"velocity: expected shape \(3,\), got \(\)"),
+        (lambda: rc.Material(-1.0, 0.1), ValueError, "of at most 1, got 1.1"),
+        (lambda: rc.Material.lambertian(-0.1), ValueError, "albedo: expected zero or a positive number"),
+        (lambda: rc.Material.dielectric(2 + 1j), ValueError, "permittivity: expected eps' - j eps''"),
+        (lambda: rc.materials["perfect_conducter"], KeyError, "did you mean 'perfect_conductor'"),
+        (lambda: rc.Linear([0, 0, 0]), TypeError, "pose: expected Pose, got list"),
+        (lambda: rc.Pose(rotation=2 * np.eye(3)), ValueError, "rotation: expected a rotation matrix"),
+        (lambda: rc.Pose(rotation=np.diag([1, 1, -1])), ValueError, "rotation: expected a rotation matrix"),
+        (lambda: rc.Pose.look_at([0, 0, 0], [0, 0, 0]), ValueError, "target: expected a point other than the position"),
+        (lambda: rc.Pose.look_at([0, 0, 0], [0, 0, 1]), ValueError, "up: expected a direction that is not along"),
+    ],
+)
+def test_silly_part_of_a_scene_is_an_error(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
