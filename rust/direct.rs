@@ -3,7 +3,8 @@
 //! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its
 //! own, so there is no recurrence whose error could grow with the number of samples: what is left is the
 //! rounding of the phase, about `2 pi B tau` eps. The work is split by channel, chirp and block of samples;
-//! every block adds its paths in their order, so the result does not depend on the number of threads.
+//! every block adds its paths in a fixed order, so the result does not depend on the number of threads. Paths that do not
+//! change during the frame are added once, for all chirps.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -19,43 +20,45 @@ type Lanes = [f64; BLOCK];
 
 /// Complex beat samples `(channel, chirp, sample)`, row-major; input as [`PathSeries::check`] accepts it.
 pub fn beat_signal(waveform: &Waveform, series: &PathSeries, level: Level) -> Vec<Complex64> {
-    // Per channel: constants of every path, one record after the other.
-    let channels: Vec<Records> = (0..series.num_channels)
+    // Per channel: constants of every path, one record after the other. What stands still is the same in every chirp.
+    let channels: Vec<[Records; 2]> = (0..series.num_channels)
         .into_par_iter()
-        .map(|channel| Records::new(waveform, series, channel))
+        .map(|channel| Records::still_and_moving(waveform, series, channel))
+        .collect();
+    let num_chirps = waveform.chirp_times.len();
+    let add_paths = |records: &Records, chirp: usize, block: usize| {
+        let times = Times::new(waveform, series.basis, records, chirp, block * BLOCK);
+        level.run(AddPaths {
+            waveform,
+            records,
+            times: &times,
+        })
+    };
+
+    // Per channel and block of samples: add all paths that stand still.
+    let blocks_per_chirp = waveform.num_samples.div_ceil(BLOCK);
+    let still: Vec<Sums> = (0..series.num_channels * blocks_per_chirp)
+        .into_par_iter()
+        .map(|i| add_paths(&channels[i / blocks_per_chirp][0], 0, i % blocks_per_chirp))
         .collect();
 
-    // Per channel, chirp and block of samples: add all paths.
-    let num_chirps = waveform.chirp_times.len();
-    let blocks_per_chirp = waveform.num_samples.div_ceil(BLOCK);
-    let blocks: Vec<Sums> = (0..series.num_channels * num_chirps * blocks_per_chirp)
+    // Per channel, chirp and block of samples: add all paths that move.
+    let rows: Vec<Vec<Complex64>> = (0..series.num_channels * num_chirps)
         .into_par_iter()
-        .map(|i| {
-            let (row, block) = (i / blocks_per_chirp, i % blocks_per_chirp);
+        .map(|row| {
             let (channel, chirp) = (row / num_chirps, row % num_chirps);
-            let times = Times::new(waveform, series.basis, &channels[channel], chirp, block * BLOCK);
-            level.run(AddPaths {
-                waveform,
-                records: &channels[channel],
-                times: &times,
-            })
+            let sum = |block: usize| {
+                let moving = add_paths(&channels[channel][1], chirp, block);
+                let still = &still[channel * blocks_per_chirp + block];
+                (0..BLOCK).map(move |i| Complex64::new(still.re[i] + moving.re[i], still.im[i] + moving.im[i]))
+            };
+            (0..blocks_per_chirp).flat_map(sum).take(waveform.num_samples).collect()
         })
         .collect();
-
-    // Blocks to rows of samples.
-    let mut samples = Vec::with_capacity(series.num_channels * num_chirps * waveform.num_samples);
-    for row in blocks.chunks(blocks_per_chirp) {
-        let lanes = row.iter().flat_map(|sums| sums.re.iter().zip(&sums.im));
-        samples.extend(
-            lanes
-                .take(waveform.num_samples)
-                .map(|(&re, &im)| Complex64::new(re, im)),
-        );
-    }
-    samples
+    rows.into_iter().flatten().collect()
 }
 
-/// Constants of all paths of one channel; `stride` numbers per path:
+/// Constants of some paths of one channel; `stride` numbers per path:
 /// mean delay tau [s], phase f0 tau modulo one turn [cycles], the further terms of the delay [s], and real and
 /// imaginary parts of the terms of conj(amplitude).
 struct Records {
@@ -65,62 +68,75 @@ struct Records {
 }
 
 impl Records {
-    fn new(waveform: &Waveform, series: &PathSeries, channel: usize) -> Self {
+    /// The paths of a channel whose delay and amplitude never change, and the others.
+    fn still_and_moving(waveform: &Waveform, series: &PathSeries, channel: usize) -> [Self; 2] {
         let plane = series.num_channels * series.num_paths;
         let at = |term: usize, path: usize| term * plane + channel * series.num_paths + path;
         let (num_delays, num_amplitudes) = (series.num_delay_terms, series.num_amplitude_terms);
         let matrix = (series.basis == Basis::Chebyshev).then(|| chebyshev_matrix(num_delays));
 
+        // Terms of every path: given, or from values at the nodes. Differences from the first node are exact enough to
+        // keep small terms, and vanish where nothing changes.
         let mut delay_terms = vec![0.0; num_delays * series.num_paths];
         let mut amplitude_terms = vec![Complex64::ZERO; num_amplitudes * series.num_paths];
         for path in 0..series.num_paths {
-            let terms = &mut delay_terms[path * num_delays..][..num_delays];
+            let delays = &mut delay_terms[path * num_delays..][..num_delays];
             let amplitudes = &mut amplitude_terms[path * num_amplitudes..][..num_amplitudes];
+            let first = (series.delay[at(0, path)], series.amplitude[at(0, path)]);
+            amplitudes[0] = first.1.conj();
             match &matrix {
-                None => (0..num_delays).for_each(|k| terms[k] = series.delay[at(k, path)]),
+                None => (0..num_delays).for_each(|k| delays[k] = series.delay[at(k, path)]),
                 Some(matrix) => {
-                    // Differences from the first node are exact enough to keep the small terms.
-                    let first = series.delay[at(0, path)];
-                    for k in 0..num_delays {
-                        let row = &matrix[k * num_delays..][..num_delays];
-                        terms[k] = (0..num_delays)
-                            .map(|j| row[j] * (series.delay[at(j, path)] - first))
+                    for (k, row) in matrix.chunks(num_delays).enumerate() {
+                        delays[k] = (0..num_delays)
+                            .map(|j| row[j] * (series.delay[at(j, path)] - first.0))
                             .sum();
+                        if num_amplitudes > 1 {
+                            let change: Complex64 = (0..num_amplitudes)
+                                .map(|j| (series.amplitude[at(j, path)] - first.1).conj() * row[j])
+                                .sum();
+                            amplitudes[k] = if k == 0 { amplitudes[0] + change } else { change };
+                        }
                     }
-                    terms[0] += first;
+                    delays[0] += first.0;
                 }
-            }
-            match &matrix {
-                Some(matrix) if num_amplitudes > 1 => {
-                    for k in 0..num_amplitudes {
-                        let row = &matrix[k * num_amplitudes..][..num_amplitudes];
-                        amplitudes[k] = (0..num_amplitudes)
-                            .map(|j| series.amplitude[at(j, path)].conj() * row[j])
-                            .sum();
-                    }
-                }
-                _ => amplitudes[0] = series.amplitude[at(0, path)].conj(),
             }
         }
 
-        // Terms that no path has are not carried along: a static scene pays for one.
-        let used_delays = used(&delay_terms, num_delays, |tau| *tau != 0.0);
-        let used_amplitudes = used(&amplitude_terms, num_amplitudes, |a| *a != Complex64::ZERO);
-
-        let mut numbers = Vec::with_capacity(series.num_paths * (1 + used_delays + 2 * used_amplitudes));
-        for (delays, amplitudes) in delay_terms
-            .chunks(num_delays)
-            .zip(amplitude_terms.chunks(num_amplitudes))
-        {
-            numbers.extend([delays[0], turns(waveform.start_frequency, delays[0])]);
-            numbers.extend(&delays[1..used_delays]);
-            numbers.extend(amplitudes[..used_amplitudes].iter().flat_map(|a| [a.re, a.im]));
-        }
-        Self {
-            numbers,
-            num_delay_terms: used_delays,
-            num_amplitude_terms: used_amplitudes,
-        }
+        let (still, moving): (Vec<usize>, Vec<usize>) = (0..series.num_paths).partition(|&path| {
+            delay_terms[path * num_delays..][1..num_delays]
+                .iter()
+                .all(|tau| *tau == 0.0)
+                && amplitude_terms[path * num_amplitudes..][1..num_amplitudes]
+                    .iter()
+                    .all(|a| *a == Complex64::ZERO)
+        });
+        [still, moving].map(|paths| {
+            let delays = |path: usize| &delay_terms[path * num_delays..][..num_delays];
+            let amplitudes = |path: usize| &amplitude_terms[path * num_amplitudes..][..num_amplitudes];
+            let used_delays = paths
+                .iter()
+                .map(|&p| used(delays(p), |tau| *tau != 0.0))
+                .max()
+                .unwrap_or(1);
+            let used_amplitudes = paths
+                .iter()
+                .map(|&p| used(amplitudes(p), |a| *a != Complex64::ZERO))
+                .max()
+                .unwrap_or(1);
+            let mut numbers = Vec::with_capacity(paths.len() * (1 + used_delays + 2 * used_amplitudes));
+            for path in paths {
+                let delays = delays(path);
+                numbers.extend([delays[0], turns(waveform.start_frequency, delays[0])]);
+                numbers.extend(&delays[1..used_delays]);
+                numbers.extend(amplitudes(path)[..used_amplitudes].iter().flat_map(|a| [a.re, a.im]));
+            }
+            Self {
+                numbers,
+                num_delay_terms: used_delays,
+                num_amplitude_terms: used_amplitudes,
+            }
+        })
     }
 
     fn stride(&self) -> usize {
@@ -128,10 +144,9 @@ impl Records {
     }
 }
 
-/// Number of leading terms that any path uses, at least one.
-fn used<T>(terms: &[T], num_terms: usize, is_used: impl Fn(&T) -> bool) -> usize {
-    let last = |path: &[T]| path.iter().rposition(&is_used).map_or(1, |k| k + 1);
-    terms.chunks(num_terms).map(last).max().unwrap_or(1)
+/// Number of leading terms that a path uses, at least one.
+fn used<T>(terms: &[T], is_used: impl Fn(&T) -> bool) -> usize {
+    terms.iter().rposition(is_used).map_or(1, |k| k + 1)
 }
 
 /// `frequency * delay` modulo one turn, in (-1, 1): the rounding of the product is put back with a fused multiply.
@@ -330,6 +345,37 @@ mod tests {
             .collect();
         assert!(results.iter().all(|r| r == &results[0]));
         assert_eq!(results[0].len(), 300);
+    }
+
+    #[test]
+    fn what_stands_still_is_the_same_in_every_chirp_beside_what_moves() {
+        let wf = waveform(70);
+        // Nodes (4) of two paths: the first stands still.
+        let delay = [10e-9, 20e-9, 10e-9, 20.001e-9, 10e-9, 20.002e-9, 10e-9, 20.004e-9];
+        let amplitude = [Complex64::new(1.0, 0.5), Complex64::new(0.3, 0.0)];
+        let series = |delay: &[f64], amplitude: &[Complex64]| {
+            let num_paths = amplitude.len();
+            beat_signal(
+                &wf,
+                &PathSeries {
+                    basis: Basis::Chebyshev,
+                    delay,
+                    num_delay_terms: 4,
+                    amplitude,
+                    num_amplitude_terms: 1,
+                    num_channels: 1,
+                    num_paths,
+                },
+                Level::best(),
+            )
+        };
+        let of = |path: usize| series(&[0, 2, 4, 6].map(|k| delay[k + path]), &amplitude[path..=path]);
+        let (both, still, moving) = (series(&delay, &amplitude), of(0), of(1));
+        assert_eq!(still[..70], still[70..140]);
+        assert_ne!(moving[..70], moving[70..140]);
+        for i in 0..210 {
+            assert!((both[i] - still[i] - moving[i]).norm() < 1e-15);
+        }
     }
 
     #[test]

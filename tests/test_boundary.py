@@ -98,7 +98,6 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.body(), "int32", (20, 30)),
         (HITS.directions(), "float64", (20, 30, 3)),
         (SCATTERERS.body(), "uint32", (len(SCATTERERS),)),
-        (SCATTERERS.pixel(), "uint32", (len(SCATTERERS),)),
         (delay, "float64", (1, 2, len(SCATTERERS) + 1)),
         (amplitude, "complex128", (1, 2, len(SCATTERERS) + 1)),
         (rates(), "float64", (2, len(SCATTERERS) + 1)),
@@ -222,7 +221,7 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
         (lambda: paths(rcs=np.ones(2)), r"points: expected shape \(1, 2, 3\), got \(1, 1, 3\)"),
         (lambda: rates(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
         (lambda: rates(pose_rates=np.zeros((0, 3, 4))), r"pose_rates: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
-        (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(n, 3\), got \(1, 4\)"),
+        (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(1, 3\), got \(1, 4\)"),
         (lambda: rates(point_rates=np.zeros((2, 3))), r"point_rates: expected shape \(1, 3\), got \(2, 3\)"),
         # Values that no result can be formed for.
         (lambda: beat(np.full((1, 2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),

@@ -210,7 +210,7 @@ def scene_of(rng: np.random.Generator) -> rc.Scene:
 def test_placed_poses_map_the_body_to_the_sensor_frame(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, sensor, times = scene_of(rng), random_motion(rng), rng.uniform(-1.0, 1.0, 4)
-    place = scene.place(times, sensor)
+    place = scene._place(times, sensor, np.zeros(3))
     assert place.poses.shape == (4, 2, 3, 4)
     assert place.points.shape == (4, 2, 3)
     corners = np.array([[0.1, 0.05, 0.0], [0.0, -0.1, 0.3]])
@@ -230,7 +230,7 @@ def test_placed_poses_map_the_body_to_the_sensor_frame(seed: int) -> None:
 def test_placed_rates_are_the_derivatives_for_moving_sensor_and_bodies(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, sensor, time = scene_of(rng), random_motion(rng), rng.uniform(-1.0, 1.0)
-    place, rates = scene.place(time + STEP * np.array([-1.0, 1.0]), sensor), scene.place_rates(time, sensor)
+    place, rates = scene._place(time + STEP * np.array([-1.0, 1.0]), sensor, np.zeros(3)), scene._place_rates(time, sensor)
     assert rates.poses.shape == (1, 2, 3, 4)
     assert rates.points.shape == (1, 2, 3)
     # Third derivatives: rotations w^3 with w the sum of both angular speeds, at most 2 * 3 sqrt(3); an offset of at
@@ -267,8 +267,8 @@ def test_moving_world_and_radar_together_changes_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     move, sensor, body = (random_pose(rng) for _ in range(3))
     plate = rc.shapes.plate(0.2, 0.1)
-    here = rc.Scene([rc.Body(plate, motion=body)]).place(np.zeros(1), sensor)
-    there = rc.Scene([rc.Body(plate, motion=move @ body)]).place(np.zeros(1), move @ sensor)
+    here = rc.Scene([rc.Body(plate, motion=body)])._place(np.zeros(1), sensor, np.zeros(3))
+    there = rc.Scene([rc.Body(plate, motion=move @ body)])._place(np.zeros(1), move @ sensor, np.zeros(3))
     assert close(here.poses, there.poses, 16.0), f"seed {seed}"
 
 

@@ -164,14 +164,16 @@ def test_truth_of_a_point_is_its_geometry_in_the_middle_of_the_frame() -> None:
     middle = 0.05 + 0.5 * sim.radar.waveform.duration
     pose = sensor.at(middle)
     point = target.position + middle * target.velocity
-    sight = point - pose.position
-    x, y, z = pose.inverse().apply(point)
+    # Seen from the centre of the array, which turns with the sensor.
+    center = pose.rotation @ sim.radar.array_center
+    sight = point - pose.position - center
+    x, y, z = pose.rotation.T @ sight
     truth = frame.truth
     assert truth is not None
     assert truth.names == ("bee",)
     assert truth.range == pytest.approx([np.linalg.norm(sight)], rel=1e-13)
     assert truth.velocity == pytest.approx(
-        [sight @ (target.velocity - sensor.velocity) / np.linalg.norm(sight)], rel=1e-12
+        [sight @ (target.velocity - sensor.velocity - np.cross([0, 0, 2], center)) / np.linalg.norm(sight)], rel=1e-12
     )
     assert truth.azimuth == pytest.approx([np.arctan2(y, x)], rel=1e-12)
     assert truth.elevation == pytest.approx([np.arctan2(z, np.hypot(x, y))], rel=1e-12)

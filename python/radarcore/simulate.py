@@ -213,10 +213,9 @@ class Simulator:
 
     @property
     def _middle(self) -> float:
-        """From the start of a frame to the middle of its samples [s]."""
+        """From the start of a frame to the middle of its chirps [s]."""
         waveform = self.radar.waveform
-        first = waveform.chirp_times[0] + waveform.sample_times[0]
-        return 0.5 * float(first + waveform.duration)
+        return 0.5 * (float(waveform.chirp_times[0]) + waveform.duration)
 
     def _place(self, times: NDArray[np.float64]) -> Placement:
         """Bodies and points at `times` [s], in sensor axes about the centre of the array."""
@@ -284,8 +283,9 @@ class Simulator:
             delay, amplitude = self._follow(scatterers, self._place(times), step=step)
             phase, weight = _series_residuals(delay, amplitude, highest)
             # Rounding of absolute time ends the improvement before the goal where time is large.
-            phase_is_done = phase <= _PHASE_GOAL or (phase <= 0.1 * self.tolerance and phase > 0.5 * last_phase)
-            weight_is_done = weight <= 0.1 * self.tolerance or num_nodes >= _MAX_NODES_FOR_AMPLITUDES
+            goal = 0.1 * self.tolerance
+            phase_is_done = phase <= min(goal, _PHASE_GOAL) or (phase <= goal and phase > 0.5 * last_phase)
+            weight_is_done = weight <= goal or num_nodes >= _MAX_NODES_FOR_AMPLITUDES
             if phase_is_done and weight_is_done:
                 break
             last_phase = phase
