@@ -1,7 +1,7 @@
 //! Shading of triangle meshes: which facets stand for a curved surface, its normal there and its distance from them.
 //!
 //! A facet of a curved surface is a chord: a coherent sum over it would see facets, not the surface. Normals at
-//! the corners say where the surface lies, to second order (physics section 4). The normals are area-weighted:
+//! the corners say where the surface lies, to second order (README, Model). The normals are area-weighted:
 //! weights by angle would bend planes next to fillets.
 
 use std::collections::HashMap;
@@ -30,7 +30,7 @@ const CREASE_MARGIN: f64 = 1e-6;
 
 /// Largest cosine between ray and normal at which the surface is corrected: beyond (87 degrees off the normal)
 /// the correction along the ray is no longer small.
-const GRAZING: f64 = -0.05;
+const MAX_CORRECTED_COSINE: f64 = -0.05;
 
 impl Shading {
     /// Every facet is what it is.
@@ -116,7 +116,7 @@ pub fn shade(
     };
     let normal = side * normal;
     let cosine = normal.dot(direction);
-    if cosine > GRAZING {
+    if cosine > MAX_CORRECTED_COSINE {
         return flat;
     }
     let point = mean(corners);

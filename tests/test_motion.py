@@ -230,7 +230,10 @@ def test_placed_poses_map_the_body_to_the_sensor_frame(seed: int) -> None:
 def test_placed_rates_are_the_derivatives_for_moving_sensor_and_bodies(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, sensor, time = scene_of(rng), random_motion(rng), rng.uniform(-1.0, 1.0)
-    place, rates = scene._place(time + STEP * np.array([-1.0, 1.0]), sensor, np.zeros(3)), scene._place_rates(time, sensor)
+    place, rates = (
+        scene._place(time + STEP * np.array([-1.0, 1.0]), sensor, np.zeros(3)),
+        scene._place_rates(time, sensor),
+    )
     assert rates.poses.shape == (1, 2, 3, 4)
     assert rates.points.shape == (1, 2, 3)
     # Third derivatives: rotations w^3 with w the sum of both angular speeds, at most 2 * 3 sqrt(3); an offset of at

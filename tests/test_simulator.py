@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import signal
 import warnings
 from pathlib import Path
 from typing import Any
@@ -505,3 +508,76 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
 def test_silly_part_of_a_scene_is_an_error(make: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()
+
+
+# --- matt surfaces, processes ---------------------------------------------------------------------------------------
+
+
+def matt(size: float, position: tuple[float, float, float]) -> rc.Body:
+    return rc.Body(rc.shapes.plate(size, size), material=rc.Material.lambertian(0.8), motion=rc.Pose(position))
+
+
+def test_a_body_out_of_sight_changes_nothing_of_a_matt_one() -> None:
+    wall, behind = matt(0.3, (1.5, 0.1, 0.0)), rc.Body(rc.shapes.box(0.2), motion=rc.Pose([-1.0, 0.0, 0.0]))
+    alone = simulator([wall], resolution=64).frame()
+    together = simulator([behind, wall], resolution=64).frame()
+    np.testing.assert_array_equal(alone.cube, together.cube)
+
+
+def test_matt_scene_seen_from_a_moved_and_turned_place_is_the_same() -> None:
+    move = rc.Pose.from_rpy([300.0, -200.0, 50.0], [0.3, -0.7, 2.0])
+    wall = matt(0.3, (1.5, 0.1, 0.0))
+    moved = rc.Body(wall.mesh, material=wall.material, motion=move @ wall.motion)
+    here = simulator([wall], resolution=64, tolerance=1e-9).frame().cube
+    there = simulator([moved], resolution=64, tolerance=1e-9, radar_motion=move).frame().cube
+    # 1e-13 m of rounding at 300 m is 3e-10 rad.
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-8 * np.abs(here).max())
+
+
+def test_a_surface_that_turns_out_of_sight_needs_no_more_nodes_than_the_tolerance() -> None:
+    ball = rc.Body(
+        rc.shapes.sphere(0.2),
+        material=rc.Material.lambertian(0.8),
+        motion=rc.Linear(rc.Pose([1.5, 0.0, 0.0]), velocity=[0.0, 3.0, 0.0]),
+    )
+    frame = simulator([ball], rc.Radar(waveform(num_chirps=64, chirp_interval=400e-6)), resolution=48).frame()
+    assert frame.stats["delay_nodes"] <= 16  # delays are smooth; the kink of the amplitudes is within tolerance
+    assert frame.stats["series_residual"] < 1e-3
+
+
+def test_a_forked_child_simulates_too() -> None:
+    sim = simulator([matt(0.3, (1.0, 0.0, 0.0))], resolution=16)
+    expected = sim.frame().cube
+    read, write = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of forks with threads
+        child = os.fork()
+    if child == 0:
+        signal.alarm(60)  # a child that waits for its parent's threads would wait for ever
+        same = np.array_equal(sim.frame().cube, expected)
+        os.write(write, b"same" if same else b"other")
+        os._exit(0)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        assert pipe.read() == b"same"
+    os.waitpid(child, 0)
+
+
+def test_simulators_travel_to_other_processes() -> None:
+    sim = simulator([matt(0.3, (1.0, 0.0, 0.0)), rc.PointTarget([2.0, 0.0, 0.0])], resolution=16)
+    again = pickle.loads(pickle.dumps(sim))
+    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
+    assert again.scene.names == sim.scene.names
+
+
+def test_frames_longer_than_their_interval_are_warned_of() -> None:
+    sim = simulator([], rc.Radar(waveform(num_chirps=64, chirp_interval=400e-6)), resolution=8)
+    with pytest.warns(UserWarning, match=r"frames of 25\.2\d ms overlap at 40 frames per second"):
+        sim.record(0.0, 0.05, 40.0, progress=False)
+
+
+def test_rays_start_at_the_centre_of_the_array() -> None:
+    radar = rc.Radar(waveform(), tx=[[0.0, 0.5, 0.0]], rx=[[0.0, 0.5, 0.0]])
+    plate = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Pose([2.0, 0.5, 0.0]))
+    image = simulator([plate], radar, resolution=33).depth_image()
+    assert image.distance[16, 16] == pytest.approx(2.0, rel=1e-15)

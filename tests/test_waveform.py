@@ -321,3 +321,11 @@ def test_what_makes_no_sweep_is_refused_with_its_name(
 def test_axes_refuse_lengths_that_are_none(method: str, count: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match=r"num_(bins|nodes): expected .*, got"):
         getattr(waveform(), method)(count)
+
+
+def test_default_frame_interval_follows_the_chirps() -> None:
+    wf = rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=128, num_chirps=4)
+    assert wf.replace(num_chirps=400).frame_interval == pytest.approx(400 * 64e-6)
+    given = wf.replace(frame_interval=0.1)
+    assert given.replace(num_chirps=8).frame_interval == 0.1
+    assert rc.bgt60tr13c(num_chirps=512).waveform.frame_interval >= 512 * 591e-6

@@ -15,3 +15,9 @@ assert radarcore.__version__ == importlib.metadata.version("radarcore"), radarco
 # Importing radarcore imports numpy and nothing else heavy, installed or not.
 heavy = {"scipy", "pydantic", "matplotlib", "tqdm", "trimesh", "usb"} & set(sys.modules)
 assert not heavy, f"import radarcore also imports {sorted(heavy)}"
+
+# The main job runs: a mesh in, samples and a peak out.
+sphere = radarcore.Body(radarcore.shapes.sphere(0.1), motion=radarcore.Pose([2.0, 0.0, 0.0]))
+frame = radarcore.Simulator(radarcore.Scene([sphere]), radarcore.bgt60tr13c(stop_frequency=59e9)).frame()
+peak = radarcore.strongest_peak(frame.cube, frame.radar.waveform, min_range=1.0)
+assert abs(peak.range - 1.9) < 0.5 * frame.radar.waveform.range_resolution, peak

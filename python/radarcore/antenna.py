@@ -1,4 +1,4 @@
-"""Antenna patterns: power gain over azimuth and elevation (physics section 3.7)."""
+"""Antenna patterns: power gain over azimuth and elevation."""
 
 from __future__ import annotations
 

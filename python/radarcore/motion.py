@@ -47,6 +47,14 @@ class Pose:
         object.__setattr__(self, "rotation", check.frozen(matrix))
 
     @classmethod
+    def _unchecked(cls, position: Matrix, rotation: Matrix) -> Pose:
+        """A pose from numbers that are known to be one: products of rotations need no second look."""
+        pose = object.__new__(cls)
+        object.__setattr__(pose, "position", check.frozen(position))
+        object.__setattr__(pose, "rotation", check.frozen(rotation))
+        return pose
+
+    @classmethod
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
         """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be."""
         origin = check.array("position", position, (3,))
@@ -81,11 +89,11 @@ class Pose:
         """The pose of `other`, given in this pose's coordinates, in the world."""
         if not isinstance(other, Pose):
             return NotImplemented
-        return Pose(self.apply(other.position), self.rotation @ other.rotation)
+        return Pose._unchecked(self.apply(other.position), self.rotation @ other.rotation)
 
     def inverse(self) -> Pose:
         """The pose that maps the world to the body."""
-        return Pose(-self.rotation.T @ self.position, self.rotation.T)
+        return Pose._unchecked(-self.rotation.T @ self.position, self.rotation.T)
 
     def apply(self, points: ArrayLike) -> Matrix:
         """Points (..., 3) of the body, in the world [m]."""
@@ -144,7 +152,7 @@ class Linear:
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
         turned = _rotation(self.angular_velocity * time) @ self.pose.rotation
-        return Pose(self.pose.position + self.velocity * time, turned)
+        return Pose._unchecked(self.pose.position + self.velocity * time, turned)
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""

@@ -168,7 +168,9 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
     if "chirp_times" not in settings:
         settings.setdefault("chirp_interval", 591.125e-6)
-    settings.setdefault("frame_interval", 77.26885e-3)
+    if "frame_interval" not in settings:
+        shortest = Waveform(**settings).frame_interval
+        settings["frame_interval"] = max(77.26885e-3, shortest)
     spacing = 2.5e-3
     return Radar(
         Waveform(**settings),

@@ -33,7 +33,7 @@ class Receiver:
             object.__setattr__(self, "noise_figure_db", level)
 
     def noise_variance(self, sample_rate: float) -> float:
-        """Noise power per sample [W]: ``k T F fs``, half of it for a real receiver (physics section 2)."""
+        """Noise power per sample [W]: ``k T F fs``, half of it for a real receiver."""
         if self.noise_figure_db is None:
             return 0.0
         power = BOLTZMANN * NOISE_TEMPERATURE * power_from_db(self.noise_figure_db) * sample_rate

@@ -600,10 +600,10 @@ def _format(path: Path, given: str | None) -> str:
     """Format by name, else by the suffix of the path."""
     if given is not None:
         return check.choice("format", given, ("npz",))
-    by_suffix = {"": "directory", ".npz": "npz"}
-    if path.suffix not in by_suffix:
-        raise ValueError(f"path: expected a directory (no suffix) or an .npz file, got {str(path)!r}")
-    return by_suffix[path.suffix]
+    if path.suffix in (".zarr", ".h5", ".hdf5", ".npy", ".mat"):
+        raise ValueError(f"path: expected a directory or an .npz file, got {str(path)!r}")
+    # Any other name is that of a directory: dates and versions have dots.
+    return "npz" if path.suffix == ".npz" else "directory"
 
 
 def _frame_shape(radar: Radar) -> tuple[int, int, int]:

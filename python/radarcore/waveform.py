@@ -77,7 +77,7 @@ class Waveform:
 
         put(self, "chirp_times", self._starts(sweep))
         if self.frame_interval is None:
-            put(self, "frame_interval", float(self.chirp_times[-1]) + max(self.chirp_interval, sweep))
+            put(self, "frame_interval", self._default_frame_interval)
         put(self, "frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
 
     def _starts(self, sweep: float) -> NDArray[np.float64]:
@@ -113,10 +113,11 @@ class Waveform:
     def from_sweep(
         cls, *, start_frequency: float, stop_frequency: float, sample_rate: float, num_samples: int, **others: Any
     ) -> Waveform:
-        """Waveform whose *sampled* sweep runs from `start_frequency` to `stop_frequency` [Hz].
+        """Waveform whose ramp starts at `start_frequency` and samples a band as wide as to `stop_frequency` [Hz].
 
-        ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are
-        those of `Waveform`. A stop below the start is a down-chirp.
+        ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are those of
+        `Waveform`. A stop below the start is a down-chirp. An `adc_delay` shifts the sampled band by
+        ``slope * adc_delay``, its width stays.
         """
         start = check.positive("start_frequency", start_frequency, "Hz")
         stop = check.positive("stop_frequency", stop_frequency, "Hz")
@@ -136,11 +137,18 @@ class Waveform:
 
         A new number of chirps or chirp interval replaces the list of chirp times.
         """
+        if self.frame_interval == self._default_frame_interval:
+            changes.setdefault("frame_interval", None)
         if "chirp_times" not in changes and (
             self.has_uniform_chirps or {"num_chirps", "chirp_interval"} & changes.keys()
         ):
             changes["chirp_times"] = None
         return replace(self, **changes)
+
+    @property
+    def _default_frame_interval(self) -> float:
+        sweep = self.adc_delay + self.num_samples / self.sample_rate
+        return float(self.chirp_times[-1]) + max(self.chirp_interval, sweep)
 
     @property
     def has_uniform_chirps(self) -> bool:
