@@ -12,7 +12,7 @@ from radarcore.body import Body, PointTarget
 from radarcore.depth import DepthImage
 from radarcore.material import Material, materials
 from radarcore.mesh import Mesh, load_mesh, load_meshes
-from radarcore.motion import Linear, Pose
+from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
@@ -22,9 +22,11 @@ from radarcore.simulate import Paths, Simulator
 from radarcore.waveform import Waveform
 
 __all__ = [
+    "Attached",
     "Body",
     "DepthImage",
     "Frame",
+    "Function",
     "GaussianPattern",
     "IsotropicPattern",
     "Linear",
@@ -40,6 +42,7 @@ __all__ = [
     "RecordingWriter",
     "Scene",
     "Simulator",
+    "Trajectory",
     "Truth",
     "Waveform",
     "__version__",

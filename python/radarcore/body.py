@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.material import Material, materials
 from radarcore.mesh import Mesh
-from radarcore.motion import Motion, Pose, check_motion
+from radarcore.motion import AnyMotion, Motion, Pose, as_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Body:
         Shape, in the body's own coordinates; bodies may share one.
     material : Material
         Default: ``materials["metal"]``.
-    motion : Pose or Linear
+    motion : Pose, Linear, Trajectory, Attached or function of time
         Body to world; default: the world's own frame.
     name : str, optional
         For tables and pictures.
@@ -39,7 +39,7 @@ class Body:
         mesh: Mesh,
         *,
         material: Material | None = None,
-        motion: Motion | None = None,
+        motion: AnyMotion | None = None,
         name: str | None = None,
     ) -> None:
         material = materials["metal"] if material is None else material
@@ -50,7 +50,7 @@ class Body:
         put = object.__setattr__
         put(self, "mesh", mesh)
         put(self, "material", material)
-        put(self, "motion", Pose() if motion is None else check_motion("motion", motion))
+        put(self, "motion", Pose() if motion is None else as_motion("motion", motion))
         put(self, "name", name)
 
 

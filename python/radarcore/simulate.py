@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radarcore import _core, check
 from radarcore.beat import METHODS, check_threads, core_waveform, sample_dtype
 from radarcore.depth import DepthImage
-from radarcore.motion import Motion, Pose, check_motion, is_static
+from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.radar import Radar
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
@@ -66,7 +66,7 @@ class Simulator:
     ----------
     scene : Scene
     radar : Radar
-    radar_motion : Pose or Linear
+    radar_motion : Pose, Linear, Trajectory, Attached or function of time
         Sensor to world; default: the world's own frame, looking along +x.
     resolution : int or (rows, columns)
         Rays of the image.
@@ -91,7 +91,7 @@ class Simulator:
         scene: Scene,
         radar: Radar,
         *,
-        radar_motion: Motion | None = None,
+        radar_motion: AnyMotion | None = None,
         resolution: int | tuple[int, int] = 256,
         field_of_view_deg: tuple[float, float] = (60.0, 60.0),
         sampling: str = "footprint",
@@ -106,7 +106,7 @@ class Simulator:
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.scene = scene
         self.radar = radar
-        self.radar_motion: Motion = Pose() if radar_motion is None else check_motion("radar_motion", radar_motion)
+        self.radar_motion: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
         self.resolution = _resolution(resolution)
         self.field_of_view_deg = _field_of_view(field_of_view_deg)
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
