@@ -59,18 +59,6 @@ def test_demo_with_robots_runs(tmp_path: Path) -> None:
 
 
 @needs_robots
-@pytest.mark.parametrize(
-    ("angles", "expected"),
-    [
-        ([0.0] * 6, (1.1843, 0.25614, 0.0116)),
-        ([0.0, -1.2, 1.6, -0.4, 1.5708, 0.0], (0.84109, 0.16394, 0.35914)),
-    ],
-)
-def test_flange_of_the_ur10_is_where_its_kinematics_say(angles: list[float], expected: tuple[float, ...]) -> None:
-    np.testing.assert_allclose(robots.ur10_tool(angles)[:3, 3], expected, atol=5e-5)  # digits of the check values
-
-
-@needs_robots
 def test_human_stands_upright_on_the_floor() -> None:
     corners = np.concatenate([link.vertices @ link.pose[:3, :3].T + link.pose[:3, 3] for link in robots.human_links()])
     assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-12)

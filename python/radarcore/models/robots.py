@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from radarcore.body import Body
 from radarcore.material import Material
-from radarcore.mesh import load_mesh
+from radarcore.mesh import Mesh, load_mesh
+from radarcore.models import urdf
+from radarcore.models.arm import JointAngles, RobotArm
 from radarcore.motion import Pose
 
 
@@ -38,7 +40,6 @@ def is_available() -> bool:
     try:
         importlib.metadata.distribution("example-robot-data")
         import trimesh  # noqa: F401  # only whether it is there
-        import yourdfpy  # noqa: F401  # likewise
     except ImportError:
         return False
     return True
@@ -46,19 +47,24 @@ def is_available() -> bool:
 
 def link_bodies(links: list[Link], place: Pose, material: Material, directory: Path) -> list[Body]:
     """Bodies of a model that stands at `place`; every mesh is converted to OBJ in `directory` and read back."""
-    import trimesh
-
     directory.mkdir(parents=True, exist_ok=True)
     bodies = []
     for number, link in enumerate(links):
-        path = directory / f"{number:02d}_{link.name.replace('/', '_')}.obj"
-        trimesh.Trimesh(link.vertices, link.triangles, process=False).export(path)
+        mesh = through_obj(link, directory / f"{number:02d}_{link.name.replace('/', '_')}.obj")
         pose = place @ Pose(link.pose[:3, 3], link.pose[:3, :3])
-        bodies.append(Body(load_mesh(path), material=material, motion=pose, name=link.name.split("/")[0]))
+        bodies.append(Body(mesh, material=material, motion=pose, name=link.name.split("/")[0]))
     return bodies
 
 
-def ur10_links(joint_angles: Sequence[float]) -> list[Link]:
+def through_obj(link: Link, path: Path) -> Mesh:
+    """A link's mesh, written to an OBJ file and read back by radarcore's own reader."""
+    import trimesh
+
+    trimesh.Trimesh(link.vertices, link.triangles, process=False).export(path)
+    return load_mesh(path)
+
+
+def ur10_links(joint_angles: JointAngles) -> list[Link]:
     """Collision meshes of a UR10 (7 closed or nearly closed meshes, 5862 triangles) in ``base_link``.
 
     Parameters
@@ -66,18 +72,18 @@ def ur10_links(joint_angles: Sequence[float]) -> list[Link]:
     joint_angles : (6,)
         Shoulder pan, shoulder lift, elbow, wrist 1, 2, 3 [rad].
     """
-    return _links("urdf/ur10_robot.urdf", "collisions", _ur10_angles(joint_angles))
+    return _links("urdf/ur10_robot.urdf", "collision", joint_angles)
 
 
-def human_links(joint_angles: dict[str, float] | None = None) -> list[Link]:
+def human_links(joint_angles: Mapping[str, float] | None = None) -> list[Link]:
     """Meshes of a human who faces +x and stands on the floor z = 0 (23 closed meshes, 1.8 m tall).
 
     Parameters
     ----------
-    joint_angles : dict, optional
+    joint_angles : mapping, optional
         Angle [rad] by name of the URDF joint, such as ``left_knee_Z``; those left out are zero (arms hanging).
     """
-    links = _links("human_description/robots/human.urdf", "visuals", joint_angles or {})
+    links = _links("human_description/robots/human.urdf", "visual", joint_angles or {})
     links = [link._replace(pose=_ISB_TO_Z_UP @ link.pose) for link in links]
 
     # Put the lowest vertex on the floor.
@@ -87,70 +93,31 @@ def human_links(joint_angles: dict[str, float] | None = None) -> list[Link]:
     return links
 
 
-def ur10_tool(joint_angles: Sequence[float]) -> NDArray[np.float64]:
-    """Pose (4, 4) of the flange ``tool0`` in ``base_link``."""
-    urdf = _posed_urdf("urdf/ur10_robot.urdf", _ur10_angles(joint_angles))
-    return np.array(urdf.get_transform("tool0", "base_link"))
-
-
-_UR10_JOINTS = (
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
-)
-
-
-def _ur10_angles(joint_angles: Sequence[float]) -> dict[str, float]:
-    if len(joint_angles) != len(_UR10_JOINTS):
-        raise ValueError(f"joint_angles: expected {len(_UR10_JOINTS)} angles, got {len(joint_angles)}")
-    return dict(zip(_UR10_JOINTS, joint_angles, strict=True))
-
-
-def _links(urdf_file: str, kind: Literal["visuals", "collisions"], joint_angles: dict[str, float]) -> list[Link]:
-    """Every mesh of a URDF file, posed in its root link."""
-    urdf = _posed_urdf(urdf_file, joint_angles)
+def _links(urdf_file: str, geometry: Literal["visual", "collision"], joint_angles: JointAngles) -> list[Link]:
+    """Every mesh of a URDF file of the package, posed in its root link."""
+    model = urdf.read(_data_file(urdf_file), geometry=geometry)
+    tree = RobotArm(model.joints, dict.fromkeys(model.links))
     links: list[Link] = []
-    for link in urdf.robot.links:
-        for element in getattr(link, kind):
-            mesh = element.geometry.mesh
-            if mesh is None:
-                continue
-            vertices, triangles = _read_mesh(mesh.filename)
-            scale = np.ones(3) if mesh.scale is None else np.broadcast_to(mesh.scale, 3)
-            origin = np.eye(4) if element.origin is None else element.origin
-            pose = np.array(urdf.get_transform(link.name, urdf.base_link)) @ origin
-            links.append(Link(f"{link.name}/{Path(mesh.filename).stem}", vertices * scale, triangles, pose))
+    for name, parts in model.links.items():
+        for part in parts:
+            if not isinstance(part.source, Path):
+                continue  # the arm's tool: a box of 1 cm
+            vertices, triangles = _read_mesh(part.source)
+            pose = np.eye(4)
+            placed = tree.link_pose(name, joint_angles) @ part.origin
+            pose[:3, :3], pose[:3, 3] = placed.rotation, placed.position
+            links.append(Link(f"{name}/{part.source.stem}", vertices * part.scale, triangles, pose))
     return links
 
 
-def _posed_urdf(file: str, joint_angles: dict[str, float]) -> Any:
-    """The parsed file with its joints at these angles [rad], all others at zero."""
-    urdf = _urdf(file)
-    names = urdf.actuated_joint_names
-    if unknown := sorted(set(joint_angles) - set(names)):
-        raise ValueError(f"joint_angles: expected names among {names}, got {unknown}")
-    # An array of all joints: the parsed file is shared and keeps the angles of the last call.
-    urdf.update_cfg(np.array([joint_angles.get(name, 0.0) for name in names]))
-    return urdf
-
-
 @cache
-def _urdf(file: str) -> Any:
-    """Parse a URDF file of the package; the meshes are read apart, so that nothing else has to be installed."""
-    import yourdfpy
-
-    return yourdfpy.URDF.load(str(_data_file(file)), load_meshes=False, build_scene_graph=True)
-
-
-@cache
-def _read_mesh(filename: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Read a mesh named by a ``package://`` address; equal vertices are merged (STL has none in common)."""
-    import trimesh
-
-    mesh: Any = trimesh.load(_data_file(filename.removeprefix("package://example-robot-data/")), force="mesh")
+def _read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Read a mesh; equal vertices are merged (STL has none in common)."""
+    try:
+        import trimesh
+    except ImportError:
+        raise ImportError("robot and human meshes need trimesh: pip install radarcore[robots]") from None
+    mesh: Any = trimesh.load(path, force="mesh")
     vertices, triangles = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
     vertices.flags.writeable = triangles.flags.writeable = False
     return vertices, triangles
