@@ -197,7 +197,7 @@ def test_radar_on_the_arm_measures_its_own_speed_towards_a_wall(ur10):
     # From 0.25 s on at 0.25 m/s towards a plate at rest.
     line = cartesian_line(ur10, CHECK_POSE, [1.0, 0.0, 0.0], 0.25, 1.0)
     moving = ur10.moving(line)
-    # 5 cm out along the flange, so that the radar is not inside the last housing.
+    # 5 cm in front of the flange.
     radar_motion = rc.Attached(moving.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ RADAR_AT_TOOL0)
     radar = rc.bgt60tr13c(stop_frequency=61.5e9, start_frequency=60e9, num_samples=128, num_chirps=64)
     wall = rc.Body(rc.shapes.plate(1.0, 1.0), motion=rc.Pose([2.0, 0.16, 0.36]), name="wall")
