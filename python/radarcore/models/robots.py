@@ -34,6 +34,8 @@ class Link(NamedTuple):
 # ISB axes (x forward, y up, z right) to ours (x forward, y left, z up): (x, y, z) -> (x, -z, y).
 _ISB_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
+_HUMAN = "human_description/robots/human.urdf"
+
 
 def is_available() -> bool:
     """True when the extra `robots` is installed."""
@@ -83,14 +85,31 @@ def human_links(joint_angles: Mapping[str, float] | None = None) -> list[Link]:
     joint_angles : mapping, optional
         Angle [rad] by name of the URDF joint, such as ``left_knee_Z``; those left out are zero (arms hanging).
     """
-    links = _links("human_description/robots/human.urdf", "visual", joint_angles or {})
-    links = [link._replace(pose=_ISB_TO_Z_UP @ link.pose) for link in links]
+    links = _human_links(joint_angles or {})
 
     # Put the lowest vertex on the floor.
-    lowest = min((link.vertices @ link.pose[2, :3] + link.pose[2, 3]).min() for link in links)
+    lowest = _lowest(links)
     for link in links:
         link.pose[2, 3] -= lowest
     return links
+
+
+def human_joints() -> dict[str, NDArray[np.float64]]:
+    """Origins (3,) of the links of `human_links` with all joints at zero [m], by name: the joint that moves each."""
+    model = urdf.read(_data_file(_HUMAN), geometry="visual")
+    tree = RobotArm(model.joints, dict.fromkeys(model.links))
+    floor = np.array([0.0, 0.0, _lowest(_human_links({}))])
+    return {name: _ISB_TO_Z_UP[:3, :3] @ tree.link_pose(name, {}).position - floor for name in model.links}
+
+
+def _human_links(joint_angles: Mapping[str, float]) -> list[Link]:
+    """Every mesh of the human, in the pelvis' coordinates with z up."""
+    return [link._replace(pose=_ISB_TO_Z_UP @ link.pose) for link in _links(_HUMAN, "visual", joint_angles)]
+
+
+def _lowest(links: list[Link]) -> float:
+    """Height of the lowest vertex [m]."""
+    return float(min((link.vertices @ link.pose[2, :3] + link.pose[2, 3]).min() for link in links))
 
 
 def _links(urdf_file: str, geometry: Literal["visual", "collision"], joint_angles: JointAngles) -> list[Link]:

@@ -1,0 +1,480 @@
+"""A walking person: 16 rigid segments that follow the gait model along a path, as spheroids or as real meshes.
+
+Segment lengths are fractions of the body height and volumes come from masses and densities: R. Drillis, R. Contini,
+"Body segment parameters" (1966), and W. T. Dempster, "Space requirements of the seated operator" (1955), both as in
+D. A. Winter, "Biomechanics and Motor Control of Human Movement".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, lru_cache
+from math import pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check, shapes
+from radarcore.body import Body
+from radarcore.material import Material, materials
+from radarcore.mesh import Mesh
+from radarcore.models import gait, robots
+from radarcore.models.path import FloorPath
+from radarcore.motion import Motion, Pose
+
+_Floats = NDArray[np.float64]
+
+SEGMENTS = (
+    *("pelvis", "trunk", "neck", "head"),
+    *("left_thigh", "right_thigh", "left_shank", "right_shank", "left_foot", "right_foot"),
+    *("left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm", "left_hand", "right_hand"),
+)
+"""Names of the rigid parts."""
+
+HIP_HEIGHT = 0.530
+"""Height of the hip joints over body height."""
+
+
+class Human:
+    """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
+
+    Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
+    `radarcore.models.gait`), which depends on speed and height alone. The person stays upright, faces where the path
+    leads and walks on straight before its first and after its last waypoint: in and out of a scene.
+
+    The model does not pin the feet: soles slide a few cm and lift off the floor by as much. The lowest point of a cycle
+    touches the floor z = 0.
+
+    Parameters
+    ----------
+    height : float
+        Body height [m].
+    speed : float
+        Mean speed along the path [m/s], up to 3 hip heights (0.53 of the height) per second. At 0 the person stands at
+        the first waypoint and faces the second.
+    path : (n, 2) array_like
+        Waypoints on the floor, x and y [m], at least two; corners between them are cut as `turn_radius` says.
+    turn_radius : float
+        Smallest radius of the turns of the path [m], see `radarcore.models.path.FloorPath`.
+    start_time : float
+        Time at which the pelvis is at the first waypoint [s].
+    phase : float
+        Phase of the gait at `start_time` in cycles of two steps: the right heel strikes at 0, the left one at 0.5.
+    mass : float, optional
+        Body mass [kg], for the volumes; default: that of 70 kg at 1.75 m, in proportion to the square of the height.
+
+    Raises
+    ------
+    ValueError
+        For a speed above the model's limit, and for a path with legs too short for its turns.
+    """
+
+    def __init__(
+        self,
+        *,
+        height: float = 1.75,
+        speed: float = 1.4,
+        path: ArrayLike = ((0.0, 0.0), (10.0, 0.0)),
+        turn_radius: float = 0.4,
+        start_time: float = 0.0,
+        phase: float = 0.0,
+        mass: float | None = None,
+    ) -> None:
+        self.height = check.positive("height", height, "m")
+        self.speed = check.non_negative("speed", speed, "m/s")
+        fastest = gait.MAX_RELATIVE_SPEED * HIP_HEIGHT * self.height
+        if self.speed > fastest:
+            raise ValueError(
+                f"speed: expected at most {fastest:.3g} m/s for a height of {self.height:g} m (3 hip heights per "
+                f"second, where the walking model ends), got {self.speed:g}"
+            )
+        self.path = FloorPath(path, turn_radius)
+        self.start_time = check.number("start_time", start_time, "s")
+        self.phase = check.number("phase", phase)
+        self.mass = 70.0 * (self.height / 1.75) ** 2 if mass is None else check.positive("mass", mass, "kg")
+        self._spheroids = _spheroids(self.height, self.mass)
+        self._figure = _Figure(self, _skeleton(self.height), _lowest_of(self._spheroids["foot"]))
+
+    @property
+    def relative_speed(self) -> float:
+        """Speed in hip heights per second: the parameter of the gait [1/s]."""
+        return self.speed / (HIP_HEIGHT * self.height)
+
+    @property
+    def cycle_duration(self) -> float:
+        """Duration of two steps [s]; inf when standing."""
+        return gait.cycle_duration(self.relative_speed) if self.speed > 0.0 else float("inf")
+
+    def segment_motion(self, name: str) -> Motion:
+        """Motion of a segment, one of `SEGMENTS`.
+
+        The origin is its upper joint: hip, knee and ankle of the leg, shoulder, elbow and wrist of the arm; midway
+        between the hips for pelvis and trunk, between the shoulders for the neck, and the chin's height on the trunk's
+        axis for the head. Upright, with legs and arms hanging, the axes are x forward, y left, z up.
+        """
+        return self._figure.motion(name)
+
+    def bodies(self, material: Material | None = None, name: str = "human", *, subdivisions: int = 4) -> list[Body]:
+        """The person as 16 closed spheroids with the volumes of the segments.
+
+        Parameters
+        ----------
+        material : Material, optional
+            Default: ``materials["skin"]``.
+        name : str
+            The bodies are called ``name/segment``, such as ``human/left_foot``.
+        subdivisions : int
+            Of every spheroid, as for `shapes.sphere`: ``20 * 4**subdivisions`` triangles.
+        """
+        unit = shapes.sphere(1.0, subdivisions=subdivisions)
+        meshes = {
+            kind: Mesh(unit.vertices * spheroid.semi_axes + spheroid.center, unit.triangles)
+            for kind, spheroid in self._spheroids.items()
+        }
+        return self._figure.bodies({segment: meshes[_kind(segment)] for segment in SEGMENTS}, material, name)
+
+    def mesh_bodies(self, material: Material | None = None, name: str = "human") -> list[Body]:
+        """The person as 16 real meshes of a man, scaled to the height (extra `robots`; about 109 000 triangles).
+
+        They are those of `robots.human_links`, moved by the same joint angles, with that man's own proportions: joints
+        are a few cm from where `segment_motion` has them. Parameters and names as for `bodies`.
+        """
+        rest, parts = _real_man()
+        scale = self.height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
+        local = {segment: (scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()}
+        figure = _Figure(self, _real_skeleton(rest, scale), _lowest_of(local["right_foot"][0]))
+        return figure.bodies({segment: Mesh(*arrays) for segment, arrays in local.items()}, material, name)
+
+    def __repr__(self) -> str:
+        return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"
+
+
+class _Skeleton(NamedTuple):
+    """Places of the joints, (3,) each [m]; those of limbs on the left side, the right one mirrors them."""
+
+    waist: _Floats
+    """From midway between the hips, in the axes of the pelvis: where the trunk turns."""
+    hip: _Floats
+    """From the same point, in the same axes."""
+    knee: _Floats
+    """From the hip, in the axes of the thigh."""
+    ankle: _Floats
+    """From the knee, in the axes of the shank."""
+    neck: _Floats
+    """From the waist, in the axes of the trunk."""
+    head: _Floats
+    """From the waist, in the axes of the trunk."""
+    shoulder: _Floats
+    """From the waist, in the axes of the trunk."""
+    elbow: _Floats
+    """From the shoulder, in the axes of the upper arm."""
+    wrist: _Floats
+    """From the elbow, in the axes of the forearm."""
+
+
+class _Spheroid(NamedTuple):
+    """Shape of a segment in its own coordinates."""
+
+    center: _Floats
+    semi_axes: _Floats
+
+
+class _Figure:
+    """A skeleton that walks as a person does; all segments are posed at once and kept for the ones asked for next."""
+
+    def __init__(self, human: Human, skeleton: _Skeleton, lowest: _Support) -> None:
+        self._human, self._skeleton = human, skeleton
+        self._hip_height = HIP_HEIGHT * human.height
+        self._lift = 0.0
+        # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
+        rotation, position = (jet[0] for jet in self._chain(np.linspace(0.0, 1.0, _LIFT_PHASES)))
+        foot = SEGMENTS.index("right_foot")
+        self._lift = -float((position[:, foot, 2] + lowest(rotation[:, foot, 2])).min())
+        self._segments = lru_cache(maxsize=_KEPT_TIMES)(self._segments_at)
+
+    def motion(self, name: str) -> Motion:
+        """Motion of a segment; a `Pose` when the person stands."""
+        index = SEGMENTS.index(check.choice("name", name, SEGMENTS))
+        motion = _SegmentMotion(self, index)
+        return motion if self._human.speed > 0.0 else motion.at(0.0)
+
+    def bodies(self, meshes: dict[str, Mesh], material: Material | None, name: str) -> list[Body]:
+        """Bodies of the segments' meshes."""
+        material = materials["skin"] if material is None else material
+        return [
+            Body(meshes[segment], material=material, motion=self.motion(segment), name=f"{name}/{segment}")
+            for segment in SEGMENTS
+        ]
+
+    def segment(self, index: int, time: float) -> _Floats:
+        """``[rotation | position]`` of a segment in the world, and its time derivative, (2, 3, 4)."""
+        return np.asarray(self._segments(float(time))[:, index])
+
+    def _segments_at(self, time: float) -> _Floats:
+        """The same of all segments, (2, segment, 3, 4)."""
+        human = self._human
+        elapsed = time - human.start_time
+        cycles = elapsed / human.cycle_duration
+        rotation, position = self._chain(np.asarray(human.phase + cycles))
+        # Along the path: turned by its heading, which changes as fast as it bends.
+        x, heading, curvature = human.path.at(human.speed * elapsed)
+        turn = _about("z", np.array([heading, human.speed * curvature]))
+        forward = human.speed * np.exp(1j * heading)
+        place = np.array([[x.real, x.imag, 0.0], [forward.real, forward.imag, 0.0]])
+        position = _applied(turn, position) + place[:, None]
+        return check.frozen(np.concatenate([_product(turn[:, None], rotation), position[..., None]], axis=-1))
+
+    def _chain(self, phase: _Floats) -> tuple[_Floats, _Floats]:
+        """Rotations (2, ..., segment, 3, 3) and origins (2, ..., segment, 3) with respect to even motion along x.
+
+        The first axis holds value and time derivative.
+        """
+        bones = self._skeleton
+        limb, body, root = self._angles(phase)
+        roll, torsion, thorax, lean = np.moveaxis(body, 1, 0)
+
+        # Rotations from the pelvis outwards; limbs have an axis (left, right) before those of the matrix.
+        pelvis = _product(_about("z", -torsion), _about("x", roll))
+        trunk = _product(_about("z", -thorax), _about("y", -lean))
+        hip, knee, ankle, shoulder, elbow = np.moveaxis(_about("y", -limb), 1, 0)
+        thigh = _product(pelvis[..., None, :, :], hip)
+        shank = _product(thigh, knee)
+        foot = _product(shank, ankle)
+        upper_arm = _product(trunk[..., None, :, :], shoulder)
+        forearm = _product(upper_arm, elbow)
+
+        # Joints likewise. Constant offsets turn with the segment that they belong to.
+        waist = root + pelvis @ bones.waist
+        neck, head = waist + trunk @ bones.neck, waist + trunk @ bones.head
+        hips = root[..., None, :] + _both_sides(pelvis, bones.hip)
+        knees = hips + thigh @ bones.knee
+        ankles = knees + shank @ bones.ankle
+        shoulders = waist[..., None, :] + _both_sides(trunk, bones.shoulder)
+        elbows = shoulders + upper_arm @ bones.elbow
+        wrists = elbows + forearm @ bones.wrist
+
+        # In the order of SEGMENTS; the hand is stiff in the wrist.
+        middle = np.stack([pelvis, trunk, trunk, trunk], axis=-3)
+        rotation = np.concatenate([middle, thigh, shank, foot, upper_arm, forearm, forearm], axis=-3)
+        middle = np.stack([waist, waist, neck, head], axis=-2)
+        position = np.concatenate([middle, hips, knees, ankles, shoulders, elbows, wrists], axis=-2)
+        return rotation, position
+
+    def _angles(self, phase: _Floats) -> tuple[_Floats, _Floats, _Floats]:
+        """Angles of limbs (2, angle, ..., side) and trunk (2, angle, ...) [rad], and the root (2, ..., 3) [m].
+
+        The first axis holds value and time derivative; sides are left and right; the knee is negative.
+        """
+        sides = phase[..., None] + np.array([0.5, 0.0])
+        limb = np.zeros((2, 5, *sides.shape))
+        body = np.zeros((2, 4, *phase.shape))
+        root = np.zeros((2, *phase.shape, 3))
+        RV = self._human.relative_speed
+        if RV > 0.0:
+            for order in (0, 1):
+                limb[order] = gait.limb_angles(sides, RV, order)
+                body[order] = gait.trunk_angles(phase, RV, order)
+                root[order] = gait.root_translation(phase, RV, order)
+            for derivative in (limb, body, root):
+                derivative[1] /= self._human.cycle_duration
+        else:
+            limb[0, 3:] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
+        limb[:, 1] *= -1.0
+        root *= self._hip_height
+        root[0, ..., 2] += self._hip_height + self._lift
+        return np.deg2rad(limb), np.deg2rad(body), root
+
+
+class _SegmentMotion:
+    """Motion of one segment of a figure."""
+
+    def __init__(self, figure: _Figure, index: int) -> None:
+        self._figure, self._index = figure, index
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        place = self._figure.segment(self._index, time)[0]
+        return Pose(place[:, 3], place[:, :3])
+
+    def rate_at(self, time: float) -> _Floats:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        rate: _Floats = self._figure.segment(self._index, time)[1]
+        return rate
+
+
+# Times at which the poses of all segments are kept: the nodes of a frame and its start, for a few threads.
+_KEPT_TIMES = 64
+# Phases at which the height of the soles is compared.
+_LIFT_PHASES = 2048
+
+_Support = Callable[[_Floats], _Floats]
+"""Smallest product of directions (n, 3) with the points of a shape, (n,)."""
+
+
+def _lowest_of(shape: _Spheroid | _Floats) -> _Support:
+    """Support of a spheroid, or of points (m, 3), against their direction."""
+    if isinstance(shape, _Spheroid):
+        return lambda down: np.asarray(down @ shape.center - np.linalg.norm(down * shape.semi_axes, axis=-1))
+    from scipy.spatial import ConvexHull
+
+    corners = shape[ConvexHull(shape).vertices]
+    return lambda down: np.asarray((down @ corners.T).min(axis=-1))
+
+
+def _skeleton(height: float) -> _Skeleton:
+    """Joints by body height, Drillis and Contini."""
+    _, y, z = height * np.eye(3)
+    return _Skeleton(
+        waist=0.0 * z,
+        hip=0.0955 * y,
+        knee=-0.245 * z,
+        ankle=-0.246 * z,
+        neck=0.288 * z,
+        head=0.340 * z,
+        shoulder=0.1295 * y + 0.288 * z,
+        elbow=-0.186 * z,
+        wrist=-0.146 * z,
+    )
+
+
+def _spheroids(height: float, mass: float) -> dict[str, _Spheroid]:
+    """Spheroids by kind of segment: lengths by body height, volumes by mass over density."""
+
+    def volume(fraction: float, density: float) -> float:
+        return fraction * mass / density
+
+    def along_z(upper: float, lower: float, volume: float, half_width: float | None = None) -> _Spheroid:
+        """_Spheroid between two heights, of revolution unless a half-width is given (all over body height)."""
+        half_length = 0.5 * (upper - lower) * height
+        section = volume / (4.0 / 3.0 * pi * half_length)
+        across = sqrt(section) if half_width is None else half_width * height
+        center = np.array([0.0, 0.0, 0.5 * (upper + lower) * height])
+        return _Spheroid(center, np.array([section / across, across, half_length]))
+
+    # Wider than deep: between the breadths of chest (0.174) and shoulders (0.259).
+    trunk = along_z(0.288, 0.0, volume(0.355, 1030.0), half_width=0.108)
+    # As wide as the hips are apart and as deep as the trunk; its height follows, 0.13 of the body's.
+    depth, breadth = trunk.semi_axes[0], 0.0955 * height
+    pelvis_height = volume(0.142, 1030.0) / (4.0 / 3.0 * pi * depth * breadth)
+    # From the heel, a quarter of its length behind the ankle, to the toe, and from the sole up.
+    length, breadth_foot = 0.5 * 0.152 * height, 0.5 * 0.055 * height
+    foot_height = volume(0.0145, 1100.0) / (4.0 / 3.0 * pi * length * breadth_foot)
+    return {
+        "pelvis": _Spheroid(np.zeros(3), np.array([depth, breadth, pelvis_height])),
+        "trunk": trunk,
+        # A fifth of head and neck is the neck, which reaches into head and trunk by half of its length.
+        "neck": along_z(0.078, -0.026, volume(0.2 * 0.081, 1110.0)),
+        "head": along_z(0.130, 0.0, volume(0.8 * 0.081, 1110.0)),
+        "thigh": along_z(0.0, -0.245, volume(0.100, 1050.0)),
+        "shank": along_z(0.0, -0.246, volume(0.0465, 1090.0)),
+        "foot": _Spheroid(
+            np.array([0.5 * length, 0.0, foot_height - 0.039 * height]),
+            np.array([length, breadth_foot, foot_height]),
+        ),
+        "upper_arm": along_z(0.0, -0.186, volume(0.028, 1070.0)),
+        "forearm": along_z(0.0, -0.146, volume(0.016, 1130.0)),
+        "hand": along_z(0.0, -0.108, volume(0.006, 1160.0)),
+    }
+
+
+def _kind(segment: str) -> str:
+    """Name of a segment without its side."""
+    return segment.removeprefix("left_").removeprefix("right_")
+
+
+# Segments that the links of the real man belong to; the mesh of the neck is part of his head's link.
+_REAL_LINKS = {
+    "middle_pelvis": "pelvis",
+    "middle_abdomen": "trunk",
+    "middle_thorax": "trunk",
+    "middle_head": "head",
+    "upperleg": "thigh",
+    "lowerleg": "shank",
+    "foot": "foot",
+    "upperarm": "upper_arm",
+    "lowerarm": "forearm",
+    "hand": "hand",
+}
+
+
+def _real_segment(link: str) -> str:
+    """Segment of a mesh of the real man, by its name ``link/mesh``."""
+    body, _, mesh = link.partition("/")
+    if mesh == "neck_mesh":
+        return "neck"
+    side = body.split("_")[0] + "_" if body.startswith(("left_", "right_")) else ""
+    return side + _REAL_LINKS[body.removeprefix(side)]
+
+
+@cache
+def _real_man() -> tuple[dict[str, _Floats], dict[str, tuple[_Floats, NDArray[np.int64]]]]:
+    """Origins (3,) and meshes of the segments of the real man, standing upright on the floor [m]."""
+    origins = robots.human_joints()
+    rest: dict[str, _Floats] = {}
+    meshes: dict[str, list[tuple[_Floats, NDArray[np.int64]]]] = {segment: [] for segment in SEGMENTS}
+    for link in robots.human_links():
+        segment = _real_segment(link.name)
+        rest.setdefault(segment, origins[link.name.split("/")[0]])
+        before = sum(len(vertices) for vertices, _ in meshes[segment])
+        placed = link.vertices @ link.pose[:3, :3].T + link.pose[:3, 3]
+        meshes[segment].append((placed, link.triangles + before))
+    return rest, {
+        segment: (np.concatenate([v for v, _ in parts]), np.concatenate([rows for _, rows in parts]))
+        for segment, parts in meshes.items()
+    }
+
+
+def _real_skeleton(rest: dict[str, _Floats], scale: float) -> _Skeleton:
+    """Joints of the real man from the origins of his segments."""
+    hips, waist = 0.5 * (rest["left_thigh"] + rest["right_thigh"]), rest["trunk"]
+    return _Skeleton(
+        waist=scale * (waist - hips),
+        hip=scale * (rest["left_thigh"] - hips),
+        knee=scale * (rest["left_shank"] - rest["left_thigh"]),
+        ankle=scale * (rest["left_foot"] - rest["left_shank"]),
+        neck=scale * (rest["neck"] - waist),
+        head=scale * (rest["head"] - waist),
+        shoulder=scale * (rest["left_upper_arm"] - waist),
+        elbow=scale * (rest["left_forearm"] - rest["left_upper_arm"]),
+        wrist=scale * (rest["left_hand"] - rest["left_forearm"]),
+    )
+
+
+# What changes with time is an array whose first axis holds value and time derivative; these follow the product rule.
+
+
+def _product(a: _Floats, b: _Floats) -> _Floats:
+    """Product of matrices that change with time."""
+    product = a @ b[:1]
+    product[1] += a[0] @ b[1]
+    return product
+
+
+def _applied(matrix: _Floats, vectors: _Floats) -> _Floats:
+    """Product of a matrix and vectors (2, n, 3) that change with time."""
+    product = vectors[:1] @ np.swapaxes(matrix, -1, -2)
+    product[1] += vectors[1] @ matrix[0].T
+    return product
+
+
+def _both_sides(matrix: _Floats, offset: _Floats) -> _Floats:
+    """Products of a matrix with an offset to the left and its mirror image to the right, (2, ..., side, 3)."""
+    return np.asarray(np.array([offset, offset * [1.0, -1.0, 1.0]]) @ np.swapaxes(matrix, -1, -2))
+
+
+def _about(axis: str, angle: _Floats) -> _Floats:
+    """Rotation about a coordinate axis by angles (2, ...) [rad] that change with time, (2, ..., 3, 3)."""
+    i, j, k = _AXES[axis]
+    cosine, sine, rate = np.cos(angle[0]), np.sin(angle[0]), angle[1]
+    turn = np.zeros((*angle.shape, 3, 3))
+    turn[0, ..., i, i] = 1.0
+    turn[0, ..., j, j] = turn[0, ..., k, k] = cosine
+    turn[0, ..., k, j], turn[0, ..., j, k] = sine, -sine
+    turn[1, ..., j, j] = turn[1, ..., k, k] = -rate * sine
+    turn[1, ..., k, j], turn[1, ..., j, k] = rate * cosine, -rate * cosine
+    return turn
+
+
+# The axis and the two across it: a positive angle turns the first towards the second.
+_AXES = {"x": (0, 1, 2), "y": (1, 2, 0), "z": (2, 0, 1)}
