@@ -43,8 +43,8 @@ class Human:
     `radarcore.models.gait`), which depends on speed and height alone. The person stays upright, faces where the path
     leads and walks on straight before its first and after its last waypoint: in and out of a scene.
 
-    The model does not pin the feet: soles slide a few cm and lift off the floor by as much. The lowest point of a cycle
-    touches the floor z = 0.
+    The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
+    at running speeds by more. The lowest point of a cycle touches the floor z = 0. Nor does it lean into turns.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Human:
     @property
     def relative_speed(self) -> float:
         """Speed in hip heights per second: the parameter of the gait [1/s]."""
-        return self.speed / (HIP_HEIGHT * self.height)
+        return min(self.speed / (HIP_HEIGHT * self.height), gait.MAX_RELATIVE_SPEED)
 
     @property
     def cycle_duration(self) -> float:
@@ -137,8 +137,9 @@ class Human:
     def mesh_bodies(self, material: Material | None = None, name: str = "human") -> list[Body]:
         """The person as 16 real meshes of a man, scaled to the height (extra `robots`; about 109 000 triangles).
 
-        They are those of `robots.human_links`, moved by the same joint angles, with that man's own proportions: joints
-        are a few cm from where `segment_motion` has them. Parameters and names as for `bodies`.
+        They are those of `robots.human_links`, moved by the same joint angles, with that man's own proportions: the
+        joints of the limbs are within 0.1 m of those of `segment_motion`, pelvis and trunk have their origin at his
+        waist. Parameters and names as for `bodies`.
         """
         rest, parts = _real_man()
         scale = self.height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
