@@ -19,6 +19,7 @@ from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
 from radarcore.simulate import Paths, Simulator
+from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 from radarcore.waveform import Waveform
 
 __all__ = [
@@ -37,11 +38,13 @@ __all__ = [
     "PointTarget",
     "Pose",
     "Radar",
+    "RangeTime",
     "Receiver",
     "Recording",
     "RecordingWriter",
     "Scene",
     "Simulator",
+    "Spectrogram",
     "Trajectory",
     "Truth",
     "Waveform",
@@ -54,6 +57,8 @@ __all__ = [
     "plot",
     "range_doppler",
     "range_profile",
+    "range_time",
     "shapes",
+    "spectrogram",
     "strongest_peak",
 ]

@@ -64,6 +64,14 @@ def count(name: str, value: object, minimum: int = 1) -> int:
     return result
 
 
+def index(name: str, value: object, length: int) -> int:
+    """An index into `length` things, from the start; negative ones count from the end."""
+    result = count(name, value, -length)
+    if result >= length:
+        raise ValueError(f"{name}: expected an index below {length}, got {result}")
+    return result % length
+
+
 def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
     """One of a few words."""
     if value not in choices:

@@ -75,7 +75,7 @@ def range_profile(
     """
     samples = _samples(cube, "(..., sample)", num_samples=waveform.num_samples)
     n = _length("num_bins", num_bins, "num_samples", waveform.num_samples)
-    windowed = samples * _window("window", window, waveform.num_samples).astype(samples.real.dtype)
+    windowed = samples * window_weights("window", window, waveform.num_samples).astype(samples.real.dtype)
     down = waveform.slope < 0.0
     if np.iscomplexobj(samples):
         # The beat frequency has the sign of the slope: bin k of a down-chirp is the transform at -k.
@@ -124,11 +124,11 @@ def range_doppler(
         counts) and other dtypes.
     """
     samples = _samples(cube, "(..., chirp, sample)", num_chirps=waveform.num_chirps, num_samples=waveform.num_samples)
-    _require_uniform_chirps(waveform)
+    require_uniform_chirps(waveform)
     n = _length("num_velocity_bins", num_velocity_bins, "num_chirps", waveform.num_chirps)
     _length("num_range_bins", num_range_bins, "num_samples", waveform.num_samples)
     profile = range_profile(samples, waveform, window=window, num_bins=num_range_bins)
-    profile *= _window("doppler_window", doppler_window, waveform.num_chirps).astype(profile.real.dtype)[:, None]
+    profile *= window_weights("doppler_window", doppler_window, waveform.num_chirps).astype(profile.real.dtype)[:, None]
     spectrum: NDArray[Any] = np.fft.fftshift(np.fft.fft(profile, n, axis=-2), axes=-2)
     return spectrum
 
@@ -186,7 +186,7 @@ def strongest_peak(
         num_chirps=waveform.num_chirps,
         num_samples=waveform.num_samples,
     )
-    _require_uniform_chirps(waveform)
+    require_uniform_chirps(waveform)
     if not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(
@@ -197,8 +197,8 @@ def strongest_peak(
 
     # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
     # of velocity (or range): that axis then has one cell.
-    fast_weights = _window("window", window, waveform.num_samples)
-    slow_weights = _window("doppler_window", doppler_window, waveform.num_chirps)
+    fast_weights = window_weights("window", window, waveform.num_samples)
+    slow_weights = window_weights("doppler_window", doppler_window, waveform.num_chirps)
     has_range, has_velocity = (np.count_nonzero(weights) > 1 for weights in (fast_weights, slow_weights))
     num_range = waveform.num_samples * (_PADDING if has_range else 1)
     num_velocity = waveform.num_chirps * (_PADDING if has_velocity else 1)
@@ -227,8 +227,8 @@ def strongest_peak(
 
     # Range and velocity of a cell; the phase of a uniformly moving target is quadratic in fast and slow time and
     # the windows are symmetric, so the frequencies at the peak are those at the centre of the windows.
-    middle_fast = waveform.adc_delay + _centre(fast_weights) / waveform.sample_rate
-    middle_time = waveform.chirp_times[0] + _centre(slow_weights) * waveform.chirp_interval + middle_fast
+    middle_fast = waveform.adc_delay + window_centre(fast_weights) / waveform.sample_rate
+    middle_time = waveform.chirp_times[0] + window_centre(slow_weights) * waveform.chirp_interval + middle_fast
 
     def measure(row: Any, column: Any) -> tuple[Any, Any]:
         beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
@@ -296,7 +296,7 @@ def _length(name: str, value: int | None, minimum_name: str, minimum: int) -> in
     return length
 
 
-def _window(name: str, window: Window, length: int) -> NDArray[np.float64]:
+def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Periodic window, (length,)."""
     if window is None:
         return np.ones(length)
@@ -312,12 +312,13 @@ def _window(name: str, window: Window, length: int) -> NDArray[np.float64]:
     return weights
 
 
-def _centre(weights: NDArray[np.float64]) -> float:
+def window_centre(weights: NDArray[np.float64]) -> float:
     """Index about which a window is symmetric (the middle of a periodic one lies half a step late)."""
     return float(np.average(np.arange(len(weights)), weights=weights))
 
 
-def _require_uniform_chirps(waveform: Waveform) -> None:
+def require_uniform_chirps(waveform: Waveform) -> None:
+    """Refuse chirps at unequal intervals with a ValueError."""
     if not waveform.has_uniform_chirps:
         gaps = np.diff(waveform.chirp_times)
         raise ValueError(
