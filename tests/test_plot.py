@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore import plot
+from radarcore import plot, shapes
+from radarcore.body import Body, PointTarget
+from radarcore.motion import Linear, Pose
 from radarcore.radar import Radar
 from radarcore.receiver import Receiver
-from radarcore.recording import Frame, Truth
+from radarcore.recording import Frame, Recording, Truth
+from radarcore.scene import Scene
 from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
 from reference import beat_signal_reference
@@ -41,6 +44,38 @@ def frame(*, real: bool = True, truth: bool = True, **changes: Any) -> Frame:
     )
     known = Truth(NAMES, RANGE, VELOCITY, AZIMUTH, ELEVATION) if truth else None
     return Frame(cube.real.astype(np.float32) if real else cube.astype(np.complex64), 0.125, radar, known)
+
+
+def recording(times: Any = tuple(0.025 * i for i in range(12)), *, truth: bool = True) -> Recording:
+    """A wall at rest at 1.9 m and an arm that comes nearer at 0.8 m/s, from 1.5 m at 0 s; a third is never visible."""
+    wf = frame().radar.waveform
+    times = np.asarray(times)
+    middles = times + 0.5 * wf.duration
+    distance = np.stack([np.full(len(times), 1.9), 1.5 - 0.8 * middles, np.full(len(times), np.nan)], axis=1)
+    velocity = np.where(np.isnan(distance), np.nan, VELOCITY[:3])
+    starts = distance[:, :2] - 0.5 * wf.duration * VELOCITY[:2]
+    rates = 2.0 * VELOCITY[:2] / SPEED_OF_LIGHT
+    cube = [beat_signal_reference(2.0 * r / SPEED_OF_LIGHT, [3e-5, 1e-5], wf, delay_rate=rates).real for r in starts]
+    radar = Radar(wf, receiver=Receiver(output="real"))
+    angles = np.zeros_like(distance)
+    known = Truth(NAMES[:3], distance, velocity, angles, angles) if truth else None
+    return Recording(np.array(cube, dtype=np.float32).reshape(-1, 1, 32, 128), times, radar, known)
+
+
+def room() -> Scene:
+    """A room with a wall, a moving arm and a point in it."""
+    return Scene(
+        [
+            Body(shapes.box((4.0, 3.0, 2.5)), motion=Pose([1.0, 0.0, 0.25]), name="room"),
+            Body(shapes.box((0.2, 1.0, 1.0)), motion=Pose([2.0, 0.0, 0.0]), name="wall"),
+            Body(
+                shapes.box((0.3, 0.1, 0.1)),
+                motion=Linear(Pose([1.5, -0.6, 0.0]), velocity=[-0.8, 0.0, 0.0]),
+                name="arm",
+            ),
+            PointTarget([0.5, 1.0, 0.0], name="point"),
+        ]
+    )
 
 
 def image(hit: bool = True) -> Any:
@@ -180,13 +215,9 @@ def boxes(figure: Any) -> Iterator[tuple[str, Any]]:
             yield text.get_text(), box
 
 
-@pytest.mark.parametrize("options", [{}, {"real": False}, {"num_chirps": 1}])
-def test_overview_writes_nothing_over_anything_else(options: Any, tmp_path: Path) -> None:
-    figure = plot.overview(frame(**options), image(), tmp_path / "new" / "overview.png")
-    assert (tmp_path / "new/overview.png").read_bytes()[:4] == b"\x89PNG"
-    assert [ax.get_title() for ax in figure.axes[:3]] == ["Depth", "Reflectance", "First chirp, channel 0"]
-    written = [(text, box) for text, box in boxes(figure)]
-    assert {"wall", "arm"} <= {text for text, _ in written}
+def texts_apart(figure: Any) -> set[str]:
+    """Everything written in a figure, none over another and all of it on the figure."""
+    written = list(boxes(figure))
     for (text, box), (other, other_box) in itertools.combinations(written, 2):
         assert not box.overlaps(other_box), f"{text!r} over {other!r}"
     for text, box in written:
@@ -194,6 +225,15 @@ def test_overview_writes_nothing_over_anything_else(options: Any, tmp_path: Path
         assert box.x1 <= figure.bbox.x1, text
         assert figure.bbox.y0 <= box.y0, text
         assert box.y1 <= figure.bbox.y1, text
+    return {text for text, _ in written}
+
+
+@pytest.mark.parametrize("options", [{}, {"real": False}, {"num_chirps": 1}])
+def test_overview_writes_nothing_over_anything_else(options: Any, tmp_path: Path) -> None:
+    figure = plot.overview(frame(**options), image(), tmp_path / "new" / "overview.png")
+    assert (tmp_path / "new/overview.png").read_bytes()[:4] == b"\x89PNG"
+    assert [ax.get_title() for ax in figure.axes[:3]] == ["Depth", "Reflectance", "First chirp, channel 0"]
+    assert {"wall", "arm"} <= texts_apart(figure)
 
 
 def test_names_of_many_bodies_in_one_place_stay_apart() -> None:
@@ -221,6 +261,181 @@ def test_chirps_at_unequal_intervals_show_range_alone() -> None:
     assert figure.axes[1].get_xlabel() == "Range [m]"
 
 
+def level_at(ax: Any, x: float, y: float) -> float:
+    """Level [dB] of the picture in some axes at a point of the data; NaN where it is grey."""
+    (drawn,) = ax.images
+    values = np.ma.filled(drawn.get_array(), np.nan)
+    left, right, bottom, top = drawn.get_extent()
+    x_edges = getattr(drawn, "_Ax", np.linspace(left, right, values.shape[1] + 1))
+    y_edges = getattr(drawn, "_Ay", np.linspace(bottom, top, values.shape[0] + 1))
+    return float(values[np.searchsorted(y_edges, y) - 1, np.searchsorted(x_edges, x) - 1])
+
+
+def test_ranges_over_time_are_brightest_on_the_lines_of_the_truth() -> None:
+    one = recording()
+    ax: Any = plot.range_time(one, max_range=2.2)
+    _, arm = ax.get_lines()  # the third was never visible
+    middles = one.time + 0.5 * one.radar.waveform.duration
+    np.testing.assert_allclose(arm.get_xdata(), middles)
+    np.testing.assert_allclose(arm.get_ydata(), 1.5 - 0.8 * middles)
+    for time in middles:
+        assert level_at(ax, time, 1.9) > -0.5
+        assert level_at(ax, time, 1.5 - 0.8 * time) == pytest.approx(-9.5, abs=1.0)  # a third of the amplitude
+        assert level_at(ax, time, 2.15) < -30.0
+    assert set(texts(ax)) == {"wall", "arm"}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time [s]", "Range [m]")
+    assert colour_bar_label(ax) == "Power [dB re maximum]"
+    assert ax.get_ylim() == (0.0, 2.2)
+    assert {"wall", "arm"} <= texts_apart(ax.figure)
+    alone: Any = plot.range_time(one, names=["arm"], remove_static=True, dynamic_range_db=40)
+    assert len(alone.get_lines()) == 1
+    assert alone.images[0].get_clim() == (-40.0, 0.0)
+    assert level_at(alone, middles[6], 1.9) < level_at(ax, middles[6], 1.9) - 10.0
+
+
+def test_spectrogram_is_brightest_at_the_velocities() -> None:
+    one = recording()
+    wf = one.radar.waveform
+    ax: Any = plot.spectrogram(one, names=["arm"], dynamic_range_db=60)
+    for time in one.time + 0.5 * wf.duration:
+        assert level_at(ax, time, 0.0) > -0.5
+        assert level_at(ax, time, -0.8) == pytest.approx(-9.5, abs=1.0)
+        assert level_at(ax, time, 1.5) < -30.0
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time [s]", "Velocity [m/s, receding positive]")
+    assert ax.get_ylim() == pytest.approx((-wf.max_velocity, wf.max_velocity))
+    bottom, top = ax.images[0].get_extent()[2:]
+    assert (bottom, top) == pytest.approx((-wf.max_velocity, wf.max_velocity))  # no empty strip at either end
+    assert set(texts(ax)) == {"arm"}
+    gated: Any = plot.spectrogram(one, max_range=1.6, window_length=16)
+    assert level_at(gated, 0.1, -0.8) > -0.5
+    assert gated.images[0].get_array().shape[1] == 3 * 12
+
+
+def test_a_pause_is_grey_and_its_neighbours_keep_their_width() -> None:
+    times = 0.025 * np.array([0, 1, 2, 3, 20, 21, 22])
+    ax: Any = plot.range_time(recording(times))
+    columns = {time: level_at(ax, time, 1.9) for time in (0.0, 0.09, 0.1, 0.3, 0.48, 0.5, 0.56)}
+    assert {time for time, level in columns.items() if np.isnan(level)} == {0.1, 0.3, 0.48}
+
+
+def test_frames_out_of_order_are_drawn_in_order() -> None:
+    ax: Any = plot.range_time(recording([0.05, 0.0, 0.025]), max_range=3.0)
+    assert level_at(ax, 0.005, 1.5) > level_at(ax, 0.055, 1.5)
+    assert ax.get_xlim()[0] < ax.get_xlim()[1]
+
+
+def test_tracks_have_the_errors_in_bins_in_the_legend() -> None:
+    one = recording()
+    wf = one.radar.waveform
+    middles = one.time + 0.5 * wf.duration
+    errors = wf.range_resolution * np.array([0.0, 0.1, 0.1, 0.1, -0.1, 0.1, 0.2, 0.1, -0.5, 0.1, 0.1, np.nan])
+    arm = SimpleNamespace(time=middles, range=1.5 - 0.8 * middles + errors, velocity=np.full(12, -0.8))
+    wall = {
+        "time": middles[::2] + 0.01,
+        "range": np.full(6, 1.9),
+        "velocity": np.full(6, 0.25 * wf.velocity_resolution),
+    }
+    other = {"time": [0.1], "range": [1.0], "velocity": [1.0]}
+    estimates = {"arm": arm, "wall": wall, "_other $": other}
+    ax: Any = plot.tracks(one, estimates)
+    entries = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert entries[:2] == ["arm: median 0.10, max 0.50 bins", "wall: median 0.00, max 0.00 bins"]
+    assert entries[2].lstrip("\u200b") == r"_other \$"  # shown as it is
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time [s]", "Range [m]")
+    lines = ax.get_lines()
+    assert len(lines) == 5
+    assert lines[0].get_color() == lines[1].get_color() != lines[2].get_color()
+    np.testing.assert_allclose(lines[0].get_ydata(), 1.5 - 0.8 * middles)
+    assert len(lines[1].get_xdata()) == 11  # the last is NaN
+    # The legend covers nothing.
+    texts_apart(ax.figure)
+    top = ax.transData.inverted().transform(ax.get_legend().get_window_extent())[0, 1]
+    assert max(np.nanmax(line.get_ydata()) for line in lines) < top
+    speeds: Any = plot.tracks(one, estimates, quantity="velocity")
+    assert speeds.get_legend().get_texts()[1].get_text() == "wall: median 0.25, max 0.25 bins"
+    assert speeds.get_ylabel() == "Velocity [m/s]"
+
+
+def test_tracks_without_estimates_are_those_of_the_truth_and_without_truth_dots() -> None:
+    ax: Any = plot.tracks(recording(), {})
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["wall", "arm"]
+    alone: Any = plot.tracks(recording(truth=False), {"arm": {"time": [0.1], "range": [1.0], "velocity": [0.0]}})
+    assert [text.get_text() for text in alone.get_legend().get_texts()] == ["arm"]
+    assert plot.tracks(recording(truth=False), {}).get_legend() is None
+
+
+def test_scene_from_above_has_outlines_trails_and_the_field_of_view() -> None:
+    sensor = Pose.from_rpy([0.0, 0.2, 1.0], [0.0, 0.0, np.deg2rad(10.0)])
+    ax: Any = plot.scene_from_above(room(), sensor, [0.0, 1.0], field_of_view_deg=(60.0, 40.0))
+    filled = [np.asarray(patch.get_xy()) for patch in ax.patches if patch.get_fill()]
+    extents = {tuple(np.round([*xy.min(axis=0), *xy.max(axis=0)], 6)) for xy in filled if len(xy) > 4}
+    assert {(1.9, -0.5, 2.1, 0.5), (1.35, -0.65, 1.65, -0.55), (0.55, -0.65, 0.85, -0.55)} <= extents
+    lines = [np.asarray(line.get_xydata()) for line in ax.get_lines()]
+    assert any(np.allclose(line[[0, -1]], [[1.5, -0.6], [0.7, -0.6]]) for line in lines)  # trail of the arm
+    outlines = {tuple(np.round([*xy.min(axis=0), *xy.max(axis=0)], 6)) for xy in lines}
+    assert (-1.0, -1.5, 3.0, 1.5) in outlines  # the room is a line
+    assert (0.0, 0.2, 0.0, 0.2) in outlines
+    borders = [np.asarray(artist.get_xy()) for artist in ax.artists + ax.patches if len(artist.get_xy()) == 3]
+    ((left, origin, right),) = borders
+    np.testing.assert_allclose(origin, [0.0, 0.2])
+    azimuths = [np.rad2deg(np.arctan2(*(end - origin)[::-1])) for end in (left, right)]
+    np.testing.assert_allclose(azimuths, [40.0, -20.0])
+    assert set(texts(ax)) == {"room", "wall", "arm", "point", "radar"}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
+    assert {"room", "wall", "arm", "point", "radar"} <= texts_apart(ax.figure)
+    # Metres are equal and everything is in view.
+    (x0, x1), (y0, y1), box = ax.get_xlim(), ax.get_ylim(), ax.get_window_extent()
+    assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0))
+    assert x0 < -1.0 < 3.0 < x1
+    assert y0 < -1.5 < 1.5 < y1
+
+
+def test_what_moves_has_a_colour_and_what_stands_still_is_grey() -> None:
+    colours = {name: label.get_color() for name, label in texts(plot.scene_from_above(room(), None, [0, 1])).items()}
+    assert colours["wall"] == colours["room"] == colours["point"] != colours["arm"]
+    ax = plot.scene_from_above(room(), None, [0, 1], colors={"wall": "tab:red"})
+    assert texts(ax)["wall"].get_color() == "tab:red"
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Scene(),
+        Scene([Body(shapes.plate(1.0, 1.0), motion=Pose([2.0, 0.0, 0.0]))]),
+        Scene([PointTarget([0.0, 0.0, -1.0])]),
+    ],
+)
+def test_scene_of_next_to_nothing_is_still_two_metres_wide(scene: Scene) -> None:
+    down = Pose.look_at([0.0, 0.0, 2.0], [0.0, 0.0, 0.0], up=(1.0, 0.0, 0.0))
+    ax = plot.scene_from_above(scene, down, field_of_view_deg=None)
+    assert max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())) >= 2.0
+
+
+@pytest.mark.parametrize("with_estimates", [True, False])
+def test_experiment_writes_nothing_over_anything_else(
+    with_estimates: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = recording()
+    middles = one.time + 0.5 * one.radar.waveform.duration
+    arm = {"time": middles, "range": 1.5 - 0.8 * middles, "velocity": np.full(12, -0.8)}
+    path = tmp_path / "new" / "experiment.png"
+    estimates = {"arm": arm} if with_estimates else None
+    figure = plot.experiment(one, room(), Pose(), estimates, max_range=3.0, path=path)
+    assert path.read_bytes()[:4] == b"\x89PNG"
+    titles = [ax.get_title() for ax in figure.axes[:5]]
+    tracks = "Truth (lines) and estimates (dots)" if with_estimates else "Truth"
+    assert titles == ["Scene from above", "Range and velocity at 0.15 s", "Spectrogram", tracks, ""]
+    assert {"room", "wall", "arm", "point", "radar", "x [m]", "Range [m]", "Velocity [m/s]"} <= texts_apart(figure)
+    for ax in figure.axes[2:5]:
+        assert ax.get_xlim() == figure.axes[2].get_xlim()
+    assert not caplog.records  # matplotlib logs what it could not do
+
+
+def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
+    figure = plot.experiment(recording([0.0], truth=False), Scene())
+    assert any(text.startswith("1 frame, ") for text in texts_apart(figure))
+
+
 def run(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
@@ -244,6 +459,29 @@ def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> 
         plot.depth_image(image())
     with pytest.raises(ImportError, match=r"pip install radarcore\[plot\]"):
         plot.overview(frame(), image())
+    one = recording([0.0])
+    for draw in (
+        lambda: plot.range_time(one),
+        lambda: plot.spectrogram(one),
+        lambda: plot.tracks(one, {}),
+        lambda: plot.scene_from_above(room()),
+        lambda: plot.experiment(one, room()),
+    ):
+        with pytest.raises(ImportError, match=r"pip install radarcore\[plot\]"):
+            draw()  # type: ignore[no-untyped-call]
+
+
+def test_drawing_a_recording_touches_nothing_global() -> None:
+    result = run(
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "import matplotlib, test_plot; from radarcore import plot\n"
+        "settings = lambda: {k: matplotlib.rcParams[k] for k in matplotlib.rcParams if k != 'backend'}\n"
+        "before = settings()\n"
+        "plot.experiment(test_plot.recording(), test_plot.room())\n"
+        "plot.range_time(test_plot.recording())\n"
+        "assert settings() == before and 'matplotlib.pyplot' not in sys.modules"
+    )
+    assert result.returncode == 0, result.stderr
 
 
 @pytest.mark.parametrize(
@@ -265,6 +503,46 @@ def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> 
             ValueError,
             "field_of_view_deg: expected two angles between 0 and 180",
         ),
+        (lambda: plot.range_time(frame()), TypeError, "recording: expected Recording, got Frame"),  # type: ignore[arg-type]
+        (lambda: plot.range_time(recording([])), ValueError, "recording: expected at least one frame, got none"),
+        (lambda: plot.range_time(recording(), names=["leg"]), KeyError, "no truth of 'leg'; there is wall, arm"),
+        (
+            lambda: plot.range_time(recording(truth=False), names=["arm"]),
+            ValueError,
+            "names: expected none, because the recording has no truth",
+        ),
+        (lambda: plot.range_time(recording(), dynamic_range_db=0), ValueError, "dynamic_range_db: expected a posi"),
+        (lambda: plot.range_time(recording(), max_range=-1), ValueError, "max_range: expected a positive"),
+        (lambda: plot.spectrogram(recording(), window_length=33), ValueError, "window_length: expected at most 32"),
+        (lambda: plot.spectrogram(recording(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
+        (lambda: plot.tracks(recording(), [1.0]), TypeError, "estimates: expected a dict of tracks by name, got list"),  # type: ignore[arg-type]
+        (lambda: plot.tracks(recording(), {}, quantity="angle"), ValueError, "quantity: expected one of 'range', 'vel"),
+        (
+            lambda: plot.tracks(recording(), {"arm": {"time": [0.0]}}),
+            TypeError,
+            r"estimates\['arm'\]: expected a dict or an object with time and range, got one without range",
+        ),
+        (
+            lambda: plot.tracks(recording(), {"arm": {"time": [0.0], "range": [1.0, 2.0]}}),
+            ValueError,
+            r"estimates\['arm'\]: expected time and range of one shape \(n,\), got \(1,\) and \(2,\)",
+        ),
+        (
+            lambda: plot.tracks(recording(), {"arm": {"time": [0.0], "range": ["far"]}}),
+            TypeError,
+            r"estimates\['arm'\]: expected numbers in range, got \['far'\]",
+        ),
+        (lambda: plot.scene_from_above([]), TypeError, "scene: expected Scene, got list"),  # type: ignore[arg-type]
+        (lambda: plot.scene_from_above(room(), 3), TypeError, "radar_motion: expected Pose"),  # type: ignore[arg-type]
+        (lambda: plot.scene_from_above(room(), None, []), ValueError, "times: expected at least one time"),
+        (lambda: plot.scene_from_above(room(), None, [np.nan]), ValueError, "times: expected finite numbers"),
+        (
+            lambda: plot.scene_from_above(room(), field_of_view_deg=(180, 60)),
+            ValueError,
+            "field_of_view_deg: expected two angles between 0 and 180",
+        ),
+        (lambda: plot.experiment(recording([]), room()), ValueError, "recording: expected at least one frame"),
+        (lambda: plot.experiment(recording(), None), TypeError, "scene: expected Scene, got NoneType"),  # type: ignore[arg-type]
     ],
 )
 def test_silly_input_is_refused_by_name(draw: Any, error: Any, message: str) -> None:

@@ -1,0 +1,243 @@
+"""The scene from above: bodies on the floor plan, where they went, and what the sensor sees of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.body import Body, PointTarget
+from radarcore.motion import AnyMotion, Motion, Pose, as_motion
+from radarcore.plot import canvas
+from radarcore.plot.canvas import Name
+from radarcore.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_STILL = 1e-3
+"""Bodies that move less than this do not move [m]."""
+
+_DIRECTIONS = np.stack([f(np.arange(0.0, 2.0 * np.pi, np.pi / 90.0)) for f in (np.cos, np.sin)])
+"""(2, direction): an outline goes through the farthest point in each, so corners flatter than 2 degrees are cut."""
+
+_POINTS_OF_TRAIL = 100
+
+
+def scene_from_above(
+    scene: Scene,
+    radar_motion: AnyMotion | None = None,
+    times: ArrayLike = (0.0,),
+    ax: Axes | None = None,
+    *,
+    field_of_view_deg: tuple[float, float] | None = (60.0, 60.0),
+    colors: Mapping[str, str] | None = None,
+) -> Axes:
+    """Floor plan: x to the right, y up [m]; the sensor with its field of view at the last of the times.
+
+    Bodies are their convex outlines. What stands still is grey, what moves is drawn at each of the times, the
+    later the stronger, on its trail. A body around the sensor (a room, the floor) is a line only.
+
+    Parameters
+    ----------
+    scene : Scene
+    radar_motion : motion, optional
+        Sensor to world, as `Simulator` takes it; default: the world's own frame.
+    times : (time,) array_like
+        When to draw what moves [s].
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    field_of_view_deg : (float, float), optional
+        Horizontal and vertical angle of view [degrees]; None: not drawn.
+    colors : dict, optional
+        Colours by name; default: in turn for what moves.
+    """
+    ax = canvas.new_axes() if ax is None else ax
+    names = draw_scene(ax, scene, radar_motion, times, field_of_view_deg, colors)
+    canvas.place_names(ax, names, outline="white")
+    return ax
+
+
+def scene_colors(scene: Scene, times: ArrayLike, first: Iterable[str] = ()) -> dict[str, str]:
+    """Colours by name: those that come first, then what moves between the times [s], while there are colours left."""
+    dense = _dense(np.asarray(times, dtype=np.float64))
+    colors = canvas.color_cycle(first)
+    moving = [name for name, body in zip(scene.names, scene.bodies, strict=True) if _moves(body, dense)]
+    others = [name for name in dict.fromkeys(moving) if name not in colors]
+    return colors | dict(zip(others, canvas.COLORS[len(colors) :], strict=False))
+
+
+def draw_scene(
+    ax: Axes,
+    scene: Scene,
+    radar_motion: AnyMotion | None,
+    times: ArrayLike,
+    field_of_view_deg: tuple[float, float] | None,
+    colors: Mapping[str, str] | None = None,
+) -> list[Name]:
+    """All of `scene_from_above` but the names, which are returned."""
+    check_scene(scene)
+    sensor: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
+    moments = np.sort(check.array("times", times, (None,)))
+    if len(moments) == 0:
+        raise ValueError("times: expected at least one time [s], got none")
+    if field_of_view_deg is not None:
+        angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
+        if not ((angles > 0.0) & (angles < 180.0)).all():
+            raise ValueError(f"field_of_view_deg: expected two angles between 0 and 180 degrees, got {angles.tolist()}")
+    dense = _dense(moments)
+    palette = scene_colors(scene, moments) if colors is None else colors
+    sensor_pose = sensor.at(float(moments[-1]))
+
+    # Bodies, from the largest to the smallest so that none is hidden.
+    names = []
+    for name, body in sorted(zip(scene.names, scene.bodies, strict=True), key=lambda pair: -_extent(pair[1])):
+        trail = _trail(body, dense)
+        moves = _moves(body, dense)
+        color = palette.get(name, canvas.GREY)
+        shown = moments if moves else moments[-1:]
+        if moves:
+            ax.plot(*trail.T, color=color, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8, zorder=3.0)
+        for k, time in enumerate(shown.tolist()):
+            strength = (k + 1) / len(shown)
+            _draw_body(ax, body, time, color, strength, sensor_pose.position[:2])
+        names.append(_name_place(name, body, float(moments[-1]), color, sensor_pose.position[:2]))
+
+    # The sensor on top, then the limits, and the field of view as far as they go.
+    path = np.array([sensor.at(time).position[:2] for time in dense.tolist()])
+    if (np.ptp(path, axis=0) > _STILL).any():
+        ax.plot(*path.T, color="black", linewidth=1.0, linestyle=(0, (4, 2)), zorder=5.0)
+    ax.plot(*sensor_pose.position[:2], "o", color="black", markersize=6.0, zorder=6.0)
+    names.append(Name(float(sensor_pose.position[0]), float(sensor_pose.position[1]), "radar", "black"))
+    _set_limits(ax)
+    if field_of_view_deg is not None:
+        _draw_view(ax, sensor_pose, float(angles[0]))
+    ax.grid(alpha=0.3)
+    ax.set_axisbelow(True)
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    return names
+
+
+def check_scene(scene: object) -> None:
+    """Refuse what is no scene."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene: expected Scene, got {type(scene).__name__}")
+
+
+def _draw_body(
+    ax: Axes, body: Body | PointTarget, time: float, color: str, strength: float, sensor: NDArray[np.float64]
+) -> None:
+    """Outline of a body, or the place of a point, at one time."""
+    outline = _outline(body, time)
+    alpha = 0.25 + 0.75 * strength
+    if isinstance(body, PointTarget) or len(outline) == 1:
+        ax.plot(*outline[0], "x", color=color, markersize=6.0, markeredgewidth=1.6, alpha=alpha, zorder=4.0)
+    elif _encloses(outline, sensor):
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color=color, linewidth=1.6, alpha=alpha, zorder=2.0)
+    else:
+        from matplotlib.colors import to_rgba
+
+        ax.fill(
+            *outline.T,
+            facecolor=to_rgba(color, 0.12 + 0.4 * strength),
+            edgecolor=to_rgba(color, alpha),
+            linewidth=1.2,
+            zorder=2.5,
+        )
+
+
+def _draw_view(ax: Axes, sensor: Pose, horizontal_deg: float) -> None:
+    """What lies between the left and the right border of the field of view; nothing when it looks up or down."""
+    from matplotlib.patches import Polygon
+
+    half = np.tan(np.deg2rad(0.5 * horizontal_deg))
+    borders = sensor.rotation @ np.array([[1.0, 1.0], [half, -half], [0.0, 0.0]])
+    if np.hypot(*sensor.rotation[:2, 0]) < 0.2:
+        return
+    far = 10.0 * float(np.hypot(ax.dataLim.width, ax.dataLim.height))
+    origin = sensor.position[:2]
+    corners = [origin, *(origin + far * border[:2] / np.hypot(*border[:2]) for border in borders.T)]
+    wedge = Polygon(corners, facecolor="#F0E442", alpha=0.18, edgecolor="none", zorder=1.0)
+    lines = Polygon([corners[1], corners[0], corners[2]], closed=False, fill=False, edgecolor="#8a7f00", linewidth=0.9)
+    lines.set_zorder(1.1)
+    for patch in (wedge, lines):
+        ax.add_artist(patch)  # not add_patch: the limits are those of the scene
+
+
+def _set_limits(ax: Axes) -> None:
+    """Equal metres, a margin around all that is drawn, and not less than two metres."""
+    middle = ax.dataLim.get_points().mean(axis=0)
+    if ax.dataLim.width < 2.0 and ax.dataLim.height < 2.0:
+        ax.update_datalim([middle - 1.0, middle + 1.0])
+    ax.margins(0.06)
+    ax.autoscale_view()
+    ax.set_aspect("equal", adjustable="datalim")  # the limits grow to the shape of the axes
+
+
+def _name_place(name: str, body: Body | PointTarget, time: float, color: str, sensor: NDArray[np.float64]) -> Name:
+    """Where the name goes: to the middle of a body, to a corner of what is around the sensor."""
+    outline = _outline(body, time)
+    if _encloses(outline, sensor):
+        x, y = outline[np.argmax(outline @ (-1.0, 1.0))]
+        return Name(float(x), float(y), name, color)
+    x, y = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    width, height = np.ptp(outline, axis=0)
+    return Name(float(x), float(y), name, color, (float(width), float(height)))
+
+
+def _corners(body: Body | PointTarget) -> NDArray[np.float64]:
+    """Points of a body in its own coordinates, (n, 3)."""
+    if isinstance(body, PointTarget) or len(body.mesh.triangles) == 0:
+        return np.zeros((1, 3))
+    return np.asarray(body.mesh.vertices[np.unique(body.mesh.triangles)])
+
+
+def _pose(body: Body | PointTarget, time: float) -> Pose:
+    if isinstance(body, PointTarget):
+        return Pose(np.asarray(body.position) + time * np.asarray(body.velocity))
+    return body.motion.at(time)
+
+
+def _outline(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
+    """Corners (n, 2) of the convex outline on the floor at one time, anticlockwise [m]."""
+    flat = _pose(body, time).apply(_corners(body))[:, :2]
+    farthest = np.argmax(flat @ _DIRECTIONS, axis=0)
+    around = farthest[np.flatnonzero(farthest != np.roll(farthest, 1))]
+    return np.asarray(flat[around] if len(around) > 0 else flat[farthest[:1]])
+
+
+def _encloses(outline: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+    """Whether a convex outline has a point inside or on it."""
+    if len(outline) < 3:
+        return False
+    along, to_point = np.roll(outline, -1, axis=0) - outline, point - outline
+    return bool((along[:, 0] * to_point[:, 1] - along[:, 1] * to_point[:, 0] >= 0.0).all())
+
+
+def _trail(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The middle of a body on the floor at several times, (time, 2) [m]."""
+    corners = _corners(body)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    return np.array([_pose(body, time).apply(middle)[:2] for time in times.tolist()])
+
+
+def _moves(body: Body | PointTarget, times: NDArray[np.float64]) -> bool:
+    """Whether a corner of the body's bounds leaves its place."""
+    corners = _corners(body)
+    bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
+    places = np.array([_pose(body, time).apply(bounds) for time in times.tolist()])
+    return bool((np.ptp(places, axis=0) > _STILL).any())
+
+
+def _extent(body: Body | PointTarget) -> float:
+    """Diagonal of the body's bounds [m]."""
+    return float(np.linalg.norm(np.ptp(_corners(body), axis=0)))
+
+
+def _dense(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times along the trails, from the first to the last of `times`."""
+    return np.linspace(times.min(), times.max(), _POINTS_OF_TRAIL)

@@ -1,0 +1,187 @@
+"""What all pictures share: figures, colours, names that keep apart, and levels in decibels."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.recording import Frame, Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MISS = "0.82"
+"""Grey of pixels without a value."""
+
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours that stay apart for colour-blind eyes (Okabe and Ito, Color Universal Design, 2008)."""
+
+GREY = "0.45"
+"""Colour of what needs none."""
+
+
+class Name(NamedTuple):
+    """A name to be put near a point of the data, or near or in a box around it."""
+
+    x: float
+    y: float
+    text: str
+    color: str = "white"
+    size: tuple[float, float] = (0.0, 0.0)
+    """Width and height of the box."""
+
+
+def new_axes() -> Axes:
+    """Axes of a new figure."""
+    return new_figure(6.4, 4.8).add_subplot()
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Figure of a size in inches, not known to pyplot."""
+    try:
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
+    except ImportError as error:
+        raise ImportError("pictures need matplotlib: pip install radarcore[plot]") from error
+    return Figure(figsize=(width, height), dpi=100, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
+
+
+def save(figure: Figure, path: str | os.PathLike[str] | None) -> None:
+    """Write a figure, if anywhere; missing parents are made."""
+    if path is not None:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+
+
+def color_map(name: str) -> Any:
+    """Colour map with grey for what is missing."""
+    from matplotlib import colormaps
+
+    return colormaps[name].with_extremes(bad=_MISS)
+
+
+def color_bar(ax: Axes, picture: Any, label: str) -> None:
+    """Colour bar as high as the axes."""
+    figure = ax.get_figure(root=True)
+    if figure is not None:
+        figure.colorbar(picture, cax=ax.inset_axes((1.03, 0.0, 0.04, 1.0)), label=label)
+
+
+def color_cycle(names: Iterable[str], given: Mapping[str, str] | None = None) -> dict[str, str]:
+    """A colour for every name, in turn; those given stay."""
+    known = dict(given or {})
+    return known | dict(zip((name for name in names if name not in known), itertools.cycle(COLORS), strict=False))
+
+
+def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False) -> None:
+    """Names where each covers no other and no point, or not at all; limits and layout must be final.
+
+    Tries the inside of its box, then places to the right, left, above and below (or above and below first),
+    further and further off, and takes the one that hides the least of the lines.
+    """
+    from matplotlib.patheffects import withStroke
+    from matplotlib.transforms import Bbox
+
+    figure = ax.get_figure(root=True)
+    if not names or figure is None:
+        return
+    figure.draw_without_rendering()
+    pixels = figure.dpi / 72.0
+    view = ax.get_window_extent()
+    points = np.array([(name.x, name.y) for name in names])
+    halves = 0.5 * np.array([name.size for name in names])
+    centres = ax.transData.transform(points)
+    reaches = np.abs(ax.transData.transform(points + halves) - centres)
+    boxes = [
+        Bbox.from_extents(*(centre - np.maximum(reach, 5 * pixels)), *(centre + np.maximum(reach, 5 * pixels)))
+        for centre, reach in zip(centres, reaches, strict=True)
+    ]
+    placed: list[Bbox] = []
+    sides = [(1, 0, "left", "center"), (-1, 0, "right", "center"), (0, 1, "center", "bottom"), (0, -1, "center", "top")]
+    if above_first:
+        sides = sides[2:] + sides[:2]
+    places = [(0, (0, 0, "center", "center")), *itertools.product((7, 18, 30), sides)]
+    drawn = _corners_drawn(ax)
+    for k, name in enumerate(names):
+        taken = placed + [box for i, box in enumerate(boxes) if i != k]
+        free = []
+        for gap, (right, up, horizontal, vertical) in places:
+            label = ax.annotate(
+                name.text,
+                (name.x + right * halves[k, 0], name.y + up * halves[k, 1]),
+                (gap * right, gap * up),
+                textcoords="offset points",
+                horizontalalignment=horizontal,
+                verticalalignment=vertical,
+                fontsize=9,
+                color=name.color,
+                path_effects=[withStroke(linewidth=2.5, foreground=outline)],
+                parse_math=False,
+            )
+            label.set_in_layout(False)
+            box = label.get_window_extent()
+            if _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken):
+                hidden = ((drawn > box.min) & (drawn < box.max)).all(axis=1).sum()
+                free.append((hidden, label, box))
+            else:
+                label.remove()
+        best = min(free, key=lambda place: place[0], default=None)
+        for place in free:
+            if place is best:
+                placed.append(place[2])
+            else:
+                place[1].remove()
+
+
+def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
+    """Corners of all lines and outlines, (n, 2) pixels; NaN where a line is interrupted."""
+    lines = [ax.transData.transform(line.get_xydata()) for line in ax.lines]
+    outlines = [patch.get_transform().transform(patch.get_path().vertices) for patch in ax.patches]
+    return np.concatenate([np.empty((0, 2)), *lines, *outlines])
+
+
+def _lies_within(box: Any, frame: Any) -> bool:
+    """Whether one box is inside another."""
+    return bool(frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1)
+
+
+def floor_db(dynamic_range_db: float | None, power: NDArray[Any]) -> float:
+    """Level of the floor [dB]; None: where the noise is, the median power less 3 dB, from -60 to -20."""
+    if dynamic_range_db is not None:
+        return -check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    shown = power[np.isfinite(power) & (power > 0.0)]
+    if shown.size == 0:
+        return -60.0
+    return float(np.clip(10.0 * np.log10(np.median(shown) / shown.max()) - 3.0, -60.0, -20.0))
+
+
+def last_range(frame: Frame | Recording, max_range: float | None) -> float:
+    """End of the range axis [m]."""
+    unambiguous = frame.radar.waveform.max_range * (2.0 if np.iscomplexobj(frame.cube) else 1.0)
+    return unambiguous if max_range is None else min(check.positive("max_range", max_range, "m"), unambiguous)
+
+
+def padded(length: int) -> int:
+    """Length of a transform that shows as a smooth picture; odd, so that velocities fill their axis to both ends."""
+    return max(length, min(4 * length, 2048)) | 1
+
+
+def relative_db(power: NDArray[Any], floor: float) -> NDArray[np.float64]:
+    """Level below the maximum, not below `floor` [dB]; silence lies on the floor."""
+    largest = np.max(power, initial=0.0, where=np.isfinite(power))
+    relative = np.asarray(power, dtype=np.float64) / (largest if largest > 0.0 else 1.0)
+    return np.asarray(10.0 * np.log10(np.maximum(relative, 10.0 ** (floor / 10.0))))
+
+
+def edges(centres: NDArray[np.float64], width: float) -> tuple[float, float]:
+    """Outer edges of equal cells; `width` is that of a single one."""
+    half = 0.5 * (centres[1] - centres[0] if len(centres) > 1 else width)
+    return float(centres[0] - half), float(centres[-1] + half)

@@ -1,0 +1,252 @@
+"""Pictures of one frame: what the radar sees, a chirp, power over range and velocity."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check, process
+from radarcore.plot import canvas
+from radarcore.plot.canvas import Name
+from radarcore.recording import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class Image(Protocol):
+    """What is drawn of a `DepthImage`: row 0 on top, column 0 on the left."""
+
+    @property
+    def distance(self) -> NDArray[Any]:
+        """(row, column) distance along the ray [m]; inf where nothing was hit."""
+
+    @property
+    def reflectance(self) -> NDArray[Any]:
+        """(row, column) reflectance."""
+
+    @property
+    def field_of_view_deg(self) -> tuple[float, float]:
+        """Horizontal and vertical angle of view [degrees]."""
+
+
+def depth_image(image: Image, ax: Axes | None = None) -> Axes:
+    """Distance of every pixel [m]; what was not hit is grey.
+
+    Parameters
+    ----------
+    image : DepthImage
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+
+    Returns
+    -------
+    ax : matplotlib Axes
+        Undistorted, marked with azimuth and elevation in degrees, positive to the left and up.
+    """
+    return _draw_image(image, image.distance, ax, "Distance [m]", "viridis_r", None)
+
+
+def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
+    """Reflectance of every pixel; what was not hit is grey.
+
+    Parameters and result as `depth_image`.
+    """
+    return _draw_image(image, image.reflectance, ax, "Reflectance", "magma", 0.0)
+
+
+def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None) -> Axes:
+    """Samples of one chirp over the time since the start of its ramp [us].
+
+    Parameters
+    ----------
+    frame : Frame
+    channel, chirp : int
+        Which chirp; negative numbers count from the end.
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    """
+    samples = frame.cube[
+        check.index("channel", channel, frame.cube.shape[0]), check.index("chirp", chirp, frame.cube.shape[1])
+    ]
+    exponent = _exponent(samples)
+    scaled = np.asarray(samples, dtype=np.complex128 if np.iscomplexobj(samples) else np.float64) * 10.0**-exponent
+    microseconds = frame.radar.waveform.sample_times * 1e6
+
+    ax = canvas.new_axes() if ax is None else ax
+    style: dict[str, Any] = {"linewidth": 1.2, "marker": "." if len(samples) <= 64 else "", "markersize": 4.0}
+    if np.iscomplexobj(scaled):
+        ax.plot(microseconds, scaled.imag, color="tab:orange", label="Q", **style)
+        ax.plot(microseconds, scaled.real, color="tab:blue", label="I", **style)
+        ax.legend(*(values[::-1] for values in ax.get_legend_handles_labels()), ncols=2, loc="upper right")
+    else:
+        ax.plot(microseconds, scaled, color="tab:blue", **style)
+    parts = np.abs(np.concatenate([scaled.real, scaled.imag]))
+    largest = float(np.max(parts, initial=0.0, where=np.isfinite(parts))) or 1.0
+    ax.set_ylim(-1.1 * largest, (1.35 if np.iscomplexobj(scaled) else 1.1) * largest)  # room for the legend
+    ax.margins(x=0.0)
+    ax.grid(alpha=0.3)
+    ax.set_xlabel("Time since start of ramp [µs]")
+    unit = r"\sqrt{\mathrm{W}}"
+    ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
+    return ax
+
+
+def range_profile(
+    frame: Frame,
+    channel: int | None = None,
+    ax: Axes | None = None,
+    *,
+    dynamic_range_db: float = 60.0,
+    max_range: float | None = None,
+) -> Axes:
+    """Power over range, averaged over chirps [dB below the largest].
+
+    Parameters as `range_doppler_map`.
+    """
+    last = canvas.last_range(frame, max_range)
+    wf = frame.radar.waveform
+    n = canvas.padded(wf.num_samples)
+    profile = process.range_profile(_channels(frame, channel), wf, num_bins=n)
+    power = (np.abs(profile) ** 2).sum(axis=(0, 1))
+    floor = canvas.floor_db(dynamic_range_db, power)
+    level = canvas.relative_db(power, floor)
+    ax = canvas.new_axes() if ax is None else ax
+    ax.plot(wf.range_axis(n)[: len(level)], level, color="tab:blue", linewidth=1.4)
+    ax.set_xlim(0.0, last)
+    ax.set_ylim(floor, 3.0)
+    ax.grid(alpha=0.3)
+    ax.set_xlabel("Range [m]")
+    ax.set_ylabel("Power [dB re maximum]")
+    return ax
+
+
+def range_doppler_map(
+    frame: Frame,
+    channel: int | None = None,
+    ax: Axes | None = None,
+    *,
+    dynamic_range_db: float = 60.0,
+    max_range: float | None = None,
+) -> Axes:
+    """Power over range [m] and velocity [m/s, receding positive], in dB below the largest; truth as crosses.
+
+    Parameters
+    ----------
+    frame : Frame
+    channel : int, optional
+        One channel; default: the powers of all, added.
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    dynamic_range_db : float
+        What is further below the maximum has the colour of the floor [dB].
+    max_range : float, optional
+        End of the range axis [m]; default: the largest unambiguous range.
+    """
+    ax = canvas.new_axes() if ax is None else ax
+    canvas.place_names(ax, draw_map(ax, frame, channel, dynamic_range_db, max_range))
+    return ax
+
+
+def draw_map(
+    ax: Axes,
+    frame: Frame,
+    channel: int | None = None,
+    dynamic_range_db: float | None = 60.0,
+    max_range: float | None = None,
+) -> list[Name]:
+    """The range-velocity map and crosses for the truth; the names to be put there."""
+    last = canvas.last_range(frame, max_range)
+    wf = frame.radar.waveform
+    num_range, num_velocity = canvas.padded(wf.num_samples), canvas.padded(wf.num_chirps)
+    spectrum = process.range_doppler(
+        _channels(frame, channel), wf, num_range_bins=num_range, num_velocity_bins=num_velocity
+    )
+    power = (np.abs(spectrum) ** 2).sum(axis=0).T  # (range, doppler)
+    floor = canvas.floor_db(dynamic_range_db, power)
+    level = canvas.relative_db(power, floor)
+
+    velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(level)]
+    extent = (*canvas.edges(velocities, 2.0 * wf.max_velocity), *canvas.edges(ranges, wf.max_range))
+    picture = ax.imshow(
+        level, extent=extent, origin="lower", aspect="auto", cmap=canvas.color_map("inferno"), vmin=floor, vmax=0.0
+    )
+    ax.set_xlim(-wf.max_velocity, wf.max_velocity)
+    ax.set_ylim(0.0, last)
+    ax.set_xlabel("Velocity [m/s, receding positive]")
+    ax.set_ylabel("Range [m]")
+    canvas.color_bar(ax, picture, "Power [dB re maximum]")
+    if frame.truth is None:
+        return []
+    return mark(ax, frame.truth.velocity, frame.truth.range, frame.truth.names)
+
+
+def mark(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, ...]) -> list[Name]:
+    """Crosses where points are in view, NaN is not; the names to be put there."""
+    from matplotlib.patheffects import withStroke
+
+    (left, right), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+    points = [
+        Name(a, b, text) for a, b, text in zip(x, y, names, strict=True) if left <= a <= right and bottom <= b <= top
+    ]
+    outline = [withStroke(linewidth=2.5, foreground="black")]
+    for point in points:
+        ax.plot(
+            [point.x], [point.y], marker="+", color="white", markersize=8.0, markeredgewidth=1.2, path_effects=outline
+        )
+    return points
+
+
+def _draw_image(
+    image: Image, values: NDArray[Any], ax: Axes | None, label: str, colors: str, lowest: float | None
+) -> Axes:
+    """Pixels on the image plane (y/x, z/x), which keeps planes straight; ticks where whole degrees lie."""
+    values = np.asarray(values, dtype=np.float64)
+    hit = np.isfinite(np.asarray(image.distance)) & np.isfinite(values)
+    if values.ndim != 2:
+        raise ValueError(f"image: expected arrays of shape (row, column), got {values.shape}")
+    widths = check.array("field_of_view_deg", image.field_of_view_deg, (2,))
+    if not ((widths > 0.0) & (widths < 180.0)).all():
+        raise ValueError(f"field_of_view_deg: expected two angles between 0 and 180 degrees, got {widths.tolist()}")
+    shown = values[hit]
+    low = float(shown.min(initial=np.inf)) if lowest is None else lowest
+    high = float(shown.max(initial=-np.inf))
+    if not low < high:  # nothing hit, or all alike
+        low, high = (low, low + 1.0) if np.isfinite(low) else (0.0, 1.0)
+
+    ax = canvas.new_axes() if ax is None else ax
+    half_width, half_height = np.tan(np.deg2rad(widths) / 2.0)
+    picture = ax.imshow(
+        np.ma.masked_array(values, ~hit),
+        extent=(half_width, -half_width, -half_height, half_height),
+        cmap=canvas.color_map(colors),
+        vmin=low,
+        vmax=high,
+        interpolation="nearest",
+    )
+    for axis, width in ((ax.xaxis, widths[0]), (ax.yaxis, widths[1])):
+        step = next((step for step in (1, 2, 5, 10, 15, 20, 30) if width / step <= 6.5), 45)
+        degrees = step * np.arange(-int(width / 2 / step), int(width / 2 / step) + 1)
+        axis.set_ticks(
+            np.tan(np.deg2rad(degrees)), [f"{degree:d}".replace("-", "\N{MINUS SIGN}") for degree in degrees]
+        )
+    ax.set_xlabel("Azimuth [°]")
+    ax.set_ylabel("Elevation [°]")
+    canvas.color_bar(ax, picture, label)
+    return ax
+
+
+def _channels(frame: Frame, channel: int | None) -> NDArray[Any]:
+    """One channel or all, (channel, chirp, sample)."""
+    if channel is None:
+        return frame.cube
+    index = check.index("channel", channel, len(frame.cube))
+    return frame.cube[index : index + 1]
+
+
+def _exponent(samples: NDArray[Any]) -> int:
+    """Power of ten, a multiple of three, in which the samples are plain numbers."""
+    largest = float(np.max(np.abs(samples), initial=0.0, where=np.isfinite(samples)))
+    return 0 if largest == 0.0 else 3 * int(np.floor(np.log10(largest) / 3.0))

@@ -1,0 +1,331 @@
+"""Pictures of a whole recording over time: ranges, velocities, and tracks against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.plot import canvas
+from radarcore.plot.canvas import Name
+from radarcore.recording import Recording
+from radarcore.spectrogram import range_time as power_of_ranges
+from radarcore.spectrogram import spectrogram as power_of_velocities
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+QUANTITIES = {"range": ("Range [m]", "range_resolution"), "velocity": ("Velocity [m/s]", "velocity_resolution")}
+"""What `tracks` draws: its label and the attribute of `Waveform` that is one bin of it."""
+
+
+def range_time(
+    recording: Recording,
+    ax: Axes | None = None,
+    *,
+    channel: int | None = None,
+    names: Sequence[str] | None = None,
+    remove_static: bool = False,
+    dynamic_range_db: float | None = None,
+    max_range: float | None = None,
+) -> Axes:
+    """Power over time [s] and range [m], in dB below the largest; the truth as dashed lines.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least one frame.
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    channel : int, optional
+        One channel; default: the powers of all, added.
+    names : sequence of str, optional
+        Bodies whose true range is drawn; default: all.
+    remove_static : bool
+        Leave out what stands still throughout, see `radarcore.range_time`.
+    dynamic_range_db : float, optional
+        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+    max_range : float, optional
+        End of the range axis [m]; default: the largest unambiguous range.
+    """
+    check_recording(recording)
+    last = canvas.last_range(recording, max_range)
+    wf = recording.radar.waveform
+    found = power_of_ranges(
+        recording, channel=channel, remove_static=remove_static, num_bins=canvas.padded(wf.num_samples)
+    )
+    ax = canvas.new_axes() if ax is None else ax
+    _draw_power(ax, recording, found.time, found.range, found.power, dynamic_range_db)
+    ax.set_ylim(0.0, last)
+    ax.set_ylabel("Range [m]")
+    _draw_truth(ax, recording, "range", names)
+    return ax
+
+
+def spectrogram(
+    recording: Recording,
+    ax: Axes | None = None,
+    *,
+    channel: int | None = None,
+    window_length: int | None = None,
+    overlap: float = 0.5,
+    min_range: float | None = None,
+    max_range: float | None = None,
+    names: Sequence[str] = (),
+    remove_static: bool = False,
+    dynamic_range_db: float | None = None,
+) -> Axes:
+    """Power over time [s] and velocity [m/s, receding positive], in dB below the largest.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least one frame; its chirps must follow each other at equal intervals within a frame.
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    channel, window_length, overlap, min_range, max_range, remove_static
+        As in `radarcore.spectrogram`.
+    names : sequence of str
+        Bodies whose true velocity is drawn as a dashed line; default: none.
+    dynamic_range_db : float, optional
+        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+    """
+    check_recording(recording)
+    wf = recording.radar.waveform
+    length = wf.num_chirps if window_length is None else check.count("window_length", window_length)
+    found = power_of_velocities(
+        recording,
+        channel=channel,
+        window_length=window_length,
+        overlap=overlap,
+        min_range=min_range,
+        max_range=max_range,
+        remove_static=remove_static,
+        num_velocity_bins=canvas.padded(length),
+    )
+    ax = canvas.new_axes() if ax is None else ax
+    _draw_power(ax, recording, found.time, found.velocity, found.power, dynamic_range_db)
+    ax.set_ylim(-wf.max_velocity, wf.max_velocity)
+    ax.set_ylabel("Velocity [m/s, receding positive]")
+    _draw_truth(ax, recording, "velocity", names)
+    return ax
+
+
+def tracks(
+    recording: Recording,
+    estimates: Mapping[str, Any],
+    ax: Axes | None = None,
+    quantity: str = "range",
+    *,
+    colors: Mapping[str, str] | None = None,
+) -> Axes:
+    """Estimates as dots over the truth as lines, with the errors in the legend.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least one frame; its truth is that of the middle of every frame.
+    estimates : dict
+        By the name of a body (or any other: dots without truth), a dict or an object with arrays `time` [s],
+        `range` [m] and `velocity` [m/s, receding positive], (estimate,); NaN where there is none. Without any
+        estimates the truth of all bodies is drawn.
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    quantity : "range" or "velocity"
+    colors : dict, optional
+        Colours by name; default: in turn.
+
+    Returns
+    -------
+    ax : matplotlib Axes
+        Errors in the legend are in bins of the waveform, against the truth interpolated to the times of the
+        estimates.
+    """
+    check_recording(recording)
+    label, bin_name = QUANTITIES[check.choice("quantity", quantity, tuple(QUANTITIES))]
+    if not isinstance(estimates, Mapping):
+        raise TypeError(f"estimates: expected a dict of tracks by name, got {type(estimates).__name__}")
+    wf = recording.radar.waveform
+    truth_time = _middles(recording)
+    points = {name: _track(name, track, quantity) for name, track in estimates.items()}
+    truth = _truth(recording, quantity, None)
+    names = list(points) or list(truth)
+
+    ax = canvas.new_axes() if ax is None else ax
+    palette = canvas.color_cycle(names, colors)
+    for name in names:
+        is_estimated, is_known = name in points, name in truth
+        if is_known:
+            style: dict[str, Any] = {"linewidth": 4.0, "alpha": 0.35} if is_estimated else {"linewidth": 1.8}
+            text = "" if is_estimated else _plain(name)
+            ax.plot(truth_time, truth[name], color=palette[name], label=text, solid_capstyle="round", **style)
+        if is_estimated:
+            time, values = points[name]
+            text = _plain(name)
+            if is_known and (errors := _errors(time, values, truth_time, truth[name])).size > 0:
+                errors /= getattr(wf, bin_name)
+                text += f": median {np.median(errors):.2f}, max {errors.max():.2f} bins"
+            ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
+    ax.set_xlim(*_span(recording))
+    ax.set_xlabel("Time [s]")
+    ax.set_ylabel(label)
+    ax.grid(alpha=0.3)
+    _legend_with_room(ax)
+    return ax
+
+
+def check_recording(recording: object) -> None:
+    """Refuse what is no recording, or has nothing to draw."""
+    if not isinstance(recording, Recording):
+        raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
+    if len(recording) == 0:
+        raise ValueError("recording: expected at least one frame, got none")
+
+
+def _draw_power(
+    ax: Axes,
+    recording: Recording,
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    power: NDArray[np.float64],
+    dynamic_range_db: float | None,
+) -> None:
+    """Power (column, value) over time; a pause much longer than that between frames is grey."""
+    floor = canvas.floor_db(dynamic_range_db, power)
+    order = np.argsort(time, kind="stable")
+    time, level = time[order], canvas.relative_db(power[order], floor)
+
+    # A column reaches half way to its neighbours, in a pause as far as it would in an ordinary one.
+    usual = _frame_interval(recording)
+    reach = np.minimum(0.5 * np.diff(time), 0.75 * usual)
+    outer = reach[[0, -1]] if len(reach) > 0 else np.full(2, 0.5 * usual)
+    left = time - np.append(outer[0], reach)
+    right = time + np.append(reach, outer[1])
+    is_pause = left[1:] > right[:-1] + 1e-9 * usual
+    edges = np.sort(np.concatenate([left, right[:-1][is_pause], right[-1:]]))
+    columns = np.insert(level, np.flatnonzero(is_pause) + 1, np.nan, axis=0)
+
+    rows = np.linspace(*canvas.edges(values, 1.0), len(values) + 1)
+    picture = ax.pcolorfast(
+        edges, rows, np.ma.masked_invalid(columns.T), cmap=canvas.color_map("inferno"), vmin=floor, vmax=0.0
+    )
+    ax.set_xlim(float(edges[0]), float(edges[-1]))
+    ax.set_xlabel("Time [s]")
+    canvas.color_bar(ax, picture, "Power [dB re maximum]")
+
+
+def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[str] | None) -> None:
+    """Dashed lines with their names."""
+    from matplotlib.patheffects import withStroke
+
+    time = _middles(recording)
+    low, high = ax.get_ylim()
+    lines = _truth(recording, quantity, names)
+    labels = []
+    for name, values in lines.items():
+        outline = [withStroke(linewidth=2.2, foreground="black")]
+        ax.plot(time, values, color="white", linewidth=1.0, linestyle=(0, (5, 4)), path_effects=outline)
+
+        # The name goes where the line is in view and farthest from the others.
+        apart = [np.abs(values - other) for key, other in lines.items() if key != name]
+        distance = np.fmin.reduce([np.full(len(values), np.inf), *apart])
+        distance[~((values >= low) & (values <= high))] = -np.inf
+        inner = np.abs(np.linspace(-1.0, 1.0, len(values))) <= 0.8
+        best = int(np.argmax(np.where(inner, distance, np.minimum(distance, 0.0))))
+        if distance[best] > -np.inf:
+            labels.append(Name(float(time[best]), float(values[best]), name))
+    canvas.place_names(ax, labels, above_first=True)
+
+
+def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
+    """Truth by name, (frame,); those that were never visible are left out."""
+    if recording.truth is None:
+        if names:
+            raise ValueError("names: expected none, because the recording has no truth")
+        return {}
+    truth = recording.truth if names is None else recording.truth.select(names)
+    columns = getattr(truth, quantity).T
+    return {name: values for name, values in zip(truth.names, columns, strict=True) if np.isfinite(values).any()}
+
+
+def _track(name: str, track: object, quantity: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times and values of the estimates of one body that are numbers."""
+    columns = []
+    for key in ("time", quantity):
+        values = track.get(key) if isinstance(track, Mapping) else getattr(track, key, None)
+        if values is None:
+            raise TypeError(
+                f"estimates[{name!r}]: expected a dict or an object with time and {quantity}, got one without {key}"
+            )
+        try:
+            columns.append(np.asarray(values, dtype=np.float64))
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"estimates[{name!r}]: expected numbers in {key}, got {values!r}") from error
+    time, values = columns
+    if time.ndim != 1 or time.shape != values.shape:
+        raise ValueError(
+            f"estimates[{name!r}]: expected time and {quantity} of one shape (n,), got {time.shape} and {values.shape}"
+        )
+    is_there = np.isfinite(time) & np.isfinite(values)
+    return time[is_there], values[is_there]
+
+
+def _errors(
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    truth_time: NDArray[np.float64],
+    truth: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Absolute errors where the truth is known on both sides, or at the time itself."""
+    order = np.argsort(truth_time)
+    rounding = 1e-6  # [s]
+    first, last = truth_time[order[[0, -1]]]
+    nearest = np.clip(time, first, last)
+    errors = np.abs(values - np.interp(nearest, truth_time[order], truth[order]))
+    return np.asarray(errors[np.isfinite(errors) & (np.abs(time - nearest) <= rounding)])
+
+
+def _legend_with_room(ax: Axes) -> None:
+    """Legend at the top, in as many columns as fit, above all that is drawn."""
+    handles, labels = ax.get_legend_handles_labels()
+    figure = ax.get_figure(root=True)
+    if not handles or figure is None:
+        return
+    ax.margins(y=0.08)
+    figure.draw_without_rendering()
+    view = ax.get_window_extent()
+    for num_columns in range(min(4, len(labels)), 0, -1):
+        legend = ax.legend(
+            loc="upper left", ncols=num_columns, fontsize=8, columnspacing=1.4, handletextpad=0.3, borderaxespad=0.3
+        )
+        box = legend.get_window_extent()
+        if box.width <= 0.97 * view.width:
+            break
+    low, high = ax.get_ylim()
+    taken = min(0.6, (box.height + 0.08 * figure.dpi) / view.height)
+    ax.set_ylim(low, low + (high - low) / (1.0 - taken))
+
+
+def _plain(name: str) -> str:
+    """A name that a legend shows as it is: a dollar sign is no formula, a leading underscore hides nothing."""
+    return ("\u200b" if name.startswith("_") else "") + name.replace("$", r"\$")
+
+
+def _middles(recording: Recording) -> NDArray[np.float64]:
+    """Time for which the truth of every frame holds [s]."""
+    return recording.time + 0.5 * recording.radar.waveform.duration
+
+
+def _frame_interval(recording: Recording) -> float:
+    """Ordinary distance between frames [s]."""
+    if len(recording) < 2:
+        return recording.radar.waveform.frame_interval
+    return float(np.median(np.abs(np.diff(recording.time)))) or recording.radar.waveform.frame_interval
+
+
+def _span(recording: Recording) -> tuple[float, float]:
+    """From the start of the first frame to the end of the last, and the pause after it [s]."""
+    return float(recording.time.min()), float(recording.time.max()) + _frame_interval(recording)
