@@ -317,7 +317,7 @@ def test_what_is_no_motion_is_refused_with_its_name(
 
 def test_bodies_and_simulators_refuse_what_does_not_move_like_a_motion() -> None:
     plate = rc.shapes.plate(0.2, 0.1)
-    with pytest.raises(TypeError, match="motion: expected Pose or Linear, got ndarray"):
+    with pytest.raises(TypeError, match=r"motion: expected Pose, Linear, .* got ndarray"):
         rc.Body(plate, motion=np.eye(4))  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="radar_motion: expected Pose or Linear, got tuple"):
+    with pytest.raises(TypeError, match=r"radar_motion: expected Pose, Linear, .* got tuple"):
         rc.Simulator(rc.Scene(), rc.bgt60tr13c(), radar_motion=(1.0, 0.0, 0.0))  # type: ignore[arg-type]

@@ -438,8 +438,8 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
         ({"seed": 0.5}, TypeError, "seed: expected an integer, got 0.5"),
         ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
         ({"threads": "all"}, TypeError, "threads: expected an integer, got 'all'"),
-        ({"radar_motion": np.eye(4)}, TypeError, "radar_motion: expected Pose or Linear, got ndarray"),
-        ({"radar_motion": [0, 0, 0]}, TypeError, "radar_motion: expected Pose or Linear, got list"),
+        ({"radar_motion": np.eye(4)}, TypeError, r"radar_motion: expected Pose, Linear, .* got ndarray"),
+        ({"radar_motion": [0, 0, 0]}, TypeError, r"radar_motion: expected Pose, Linear, .* got list"),
     ],
 )
 def test_silly_option_is_an_error_that_names_it(options: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -489,7 +489,11 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
         (lambda: rc.Scene(rc.PointTarget([1, 0, 0])), TypeError, "bodies: expected a list of .*, got PointTarget"),
         (lambda: rc.Body("part.obj"), TypeError, "mesh: expected Mesh, got str"),
         (lambda: rc.Body(rc.shapes.box(1.0), material="metal"), TypeError, "material: expected Material"),
-        (lambda: rc.Body(rc.shapes.box(1.0), motion=[1, 0, 0]), TypeError, "motion: expected Pose or Linear, got list"),
+        (
+            lambda: rc.Body(rc.shapes.box(1.0), motion=[1, 0, 0]),
+            TypeError,
+            r"motion: expected Pose, Linear, .* got list",
+        ),
         (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
         (lambda: rc.PointTarget([1, 0, np.nan]), ValueError, "position: expected finite numbers"),
         (lambda: rc.PointTarget([1, 0, 0], rcs=-1.0), ValueError, "rcs: expected zero or a positive number"),

@@ -4,7 +4,7 @@ SI units and radians unless a name says otherwise; cubes are ``[frame, channel, 
 rate, receding positive; the sensor looks along +x, y is left and z up.
 """
 
-from radarcore import plot, shapes
+from radarcore import models, plot, shapes
 from radarcore._core import __version__
 from radarcore.antenna import GaussianPattern, IsotropicPattern
 from radarcore.beat import beat_signal
@@ -54,6 +54,7 @@ __all__ = [
     "load_mesh",
     "load_meshes",
     "materials",
+    "models",
     "plot",
     "range_doppler",
     "range_profile",
