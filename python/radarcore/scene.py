@@ -66,6 +66,11 @@ class Scene:
         )
 
     @property
+    def num_triangles(self) -> int:
+        """Triangles of all bodies; a mesh that several share counts for each."""
+        return sum(len(body.mesh.triangles) for _, body in self._meshed)
+
+    @property
     def is_static(self) -> bool:
         """True when nothing ever moves."""
         return all(is_static(body.motion) for _, body in self._meshed) and not self._velocities.any()
