@@ -1,0 +1,133 @@
+"""Splines, functions of time and attachments: exact rates, continuous velocities, and frames that follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from reference import point_echo_reference
+
+STEP = 1e-5
+
+
+def wandering(seed: int) -> rc.Trajectory:
+    rng = np.random.default_rng(seed)
+    poses = [rc.Pose.from_rpy(rng.normal(size=3), 0.5 * rng.normal(size=3)) for _ in range(9)]
+    return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses)
+
+
+def swing(t: float) -> rc.Pose:
+    return rc.Pose.from_rpy([np.sin(5.0 * t), t, 0.2], [t, 0.2 * np.sin(8.0 * t), 0.1])
+
+
+MOTIONS = {
+    "trajectory": lambda: wandering(0),
+    "function": lambda: rc.Function(swing),
+    "turning on a trajectory": lambda: rc.Attached(
+        wandering(1), rc.Linear(rc.Pose([1.0, 2.0, 3.0]), velocity=[1.0, 0.0, 0.0], angular_velocity=[0.0, 3.0, 0.0])
+    ),
+    "trajectory on a function": lambda: rc.Attached(swing, wandering(2)),
+}
+
+
+def finite_difference(motion: Any, time: float) -> NDArray[np.float64]:
+    later, earlier = motion.at(time + STEP), motion.at(time - STEP)
+    return np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position]) / (2.0 * STEP)
+
+
+@pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
+@pytest.mark.parametrize("time", [0.31, 0.75, 1.9])
+def test_rates_are_the_derivatives_of_poses(motion: Callable[[], Any], time: float) -> None:
+    # Differences over 2e-5 s are off by h^2/6 times third derivatives below 1e4 /s^3: 2e-7.
+    moving = motion()
+    np.testing.assert_allclose(moving.rate_at(time), finite_difference(moving, time), atol=1e-6)
+
+
+def test_given_rate_of_a_function_is_used() -> None:
+    rate = np.arange(12.0).reshape(3, 4)
+    np.testing.assert_array_equal(rc.Function(swing, lambda _: rate).rate_at(1.0), rate)
+
+
+def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None:
+    motion = wandering(3)
+    for time, pose in zip(motion.times[1:-1], motion.poses[1:-1], strict=True):
+        np.testing.assert_allclose(motion.at(time).rotation, pose.rotation, atol=1e-12)
+        np.testing.assert_allclose(motion.at(time).position, pose.position, atol=1e-12)
+        # Accelerations below 1e3 /s^2 over 2e-9 s.
+        np.testing.assert_allclose(motion.rate_at(time - 1e-9), motion.rate_at(time + 1e-9), atol=1e-5)
+
+
+def test_trajectory_rests_before_and_after() -> None:
+    motion = wandering(4)
+    assert motion.at(-1.0) == motion.at(0.0)
+    assert motion.at(9.0) == motion.at(2.0)
+    assert not motion.rate_at(-1.0).any()
+    assert not motion.rate_at(9.0).any()
+
+
+def test_two_poses_are_a_straight_uniform_motion() -> None:
+    motion = rc.Trajectory([1.0, 3.0], [rc.Pose([0.0, 0.0, 0.0]), rc.Pose([1.0, 0.0, 2.0])])
+    np.testing.assert_allclose(motion.at(1.5).position, [0.25, 0.0, 0.5], atol=1e-15)
+    np.testing.assert_allclose(motion.rate_at(2.0)[:, 3], [0.5, 0.0, 1.0], atol=1e-14)
+
+
+def test_frames_follow_the_true_path_of_a_sensor_that_swings() -> None:
+    # 4 m/s^2 and more: a rate frozen at the start of the 25 ms frame would be off by 1 mm, or a quarter of a turn.
+    waveform = rc.Waveform(
+        start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=64, chirp_interval=400e-6
+    )
+    sensor = rc.Attached(wandering(5), rc.Pose([0.1, 0.0, 0.2]))
+    target = np.array([3.0, 1.0, -0.5])
+    simulator = rc.Simulator(
+        rc.Scene([rc.PointTarget(target)]), rc.Radar(waveform), radar_motion=sensor, resolution=4, tolerance=1e-9
+    )
+    start = 0.9
+    frame = simulator.frame(start)
+    times = start + waveform.chirp_times[:, None] + waveform.sample_times
+    positions = [sensor.at(time).inverse().apply(target) for time in times.ravel()]
+    expected = point_echo_reference(np.reshape(positions, (*times.shape, 3)), 1.0, simulator.radar)
+    np.testing.assert_allclose(frame.cube, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+def test_bodies_ride_on_bodies() -> None:
+    carrier = rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.5, 0.0, 0.0])
+    rider = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Attached(carrier, rc.Pose([0.0, 0.0, 0.3])), name="rider")
+    radar = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=16))
+    truth = rc.Simulator(rc.Scene([rider]), radar, resolution=65).frame(1.0).truth
+    assert truth is not None
+    # The nearest corner row of the plate, 2.5 m ahead and 0.2 m up, recedes by the cosine of its elevation.
+    assert truth.velocity[0] == pytest.approx(0.5 * 2.5 / np.hypot(2.5, 0.2), rel=2e-3)  # a pixel is 2 cm
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: rc.Trajectory([0.0], [rc.Pose()]), ValueError, "times: expected at least two, got 1"),
+        (lambda: rc.Trajectory([0.0, 0.0], [rc.Pose()] * 2), ValueError, r"times: expected increasing times \[s\]"),
+        (lambda: rc.Trajectory([1.0, 0.5], [rc.Pose()] * 2), ValueError, "got 1 and then 0.5"),
+        (lambda: rc.Trajectory([0.0, np.nan], [rc.Pose()] * 2), ValueError, "times: expected finite numbers"),
+        (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose()]), ValueError, "poses: expected 2, one per time, got 1"),
+        (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose(), 3]), TypeError, "poses: expected Pose, got int at index 1"),
+        (lambda: rc.Function(3), TypeError, "pose: expected a function of time, got int"),
+        (
+            lambda: rc.Function(lambda t: t).at(0.5),
+            TypeError,
+            "expected a function that returns Pose, got float at 0.5 s",
+        ),
+        (
+            lambda: rc.Function(swing, lambda t: [t]).rate_at(0.0),
+            ValueError,
+            r"rate: expected shape \(3, 4\), got \(1,\)",
+        ),
+        (lambda: rc.Attached("arm"), TypeError, "parent: expected Pose, Linear, Trajectory, Attached or a function"),
+        (lambda: rc.Attached(rc.Pose(), 3), TypeError, "motion: expected Pose, Linear"),
+    ],
+)
+def test_silly_motion_is_an_error_that_names_it(make: Callable[[], Any], error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
