@@ -497,11 +497,8 @@ def _matrix(pose: Pose) -> Matrix:
 
 
 def _pose(matrix: Matrix) -> Pose:
-    """The pose of a (4, 4) map that is a product of rotations: without the checks, which take longer than all else."""
-    pose = object.__new__(Pose)
-    object.__setattr__(pose, "position", check.frozen(matrix[:3, 3]))
-    object.__setattr__(pose, "rotation", check.frozen(matrix[:3, :3]))
-    return pose
+    """The pose of a (4, 4) map that is a product of rotations."""
+    return Pose._unchecked(matrix[:3, 3], matrix[:3, :3])
 
 
 def _remember(table: dict[float, Matrix], time: float, value: Matrix) -> None:

@@ -296,7 +296,7 @@ class _SegmentMotion:
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
         place = self._figure.segment(self._index, time)[0]
-        return Pose(place[:, 3], place[:, :3])
+        return Pose._unchecked(place[:, 3].copy(), place[:, :3].copy())
 
     def rate_at(self, time: float) -> _Floats:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
