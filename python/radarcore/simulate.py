@@ -170,7 +170,7 @@ class Simulator:
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
-        for time in _frame_times(start, stop, rate):
+        for time in frame_times(start, stop, rate):
             yield self.frame(time)
 
     def record(
@@ -199,7 +199,7 @@ class Simulator:
         overwrite : bool
             Replace a recording at `path`.
         """
-        times = _frame_times(start, stop, rate)
+        times = frame_times(start, stop, rate)
         self._warn_of_overlap(rate)
         bar = _progress(times, progress)
         if path is None:
@@ -418,7 +418,8 @@ def _field_of_view(value: tuple[float, float]) -> tuple[float, float]:
     return float(angles[0]), float(angles[1])
 
 
-def _frame_times(start: float, stop: float, rate: float) -> list[float]:
+def frame_times(start: float, stop: float, rate: float) -> list[float]:
+    """Starts of the frames before `stop` [s]."""
     first, last = check.number("start", start, "s"), check.number("stop", stop, "s")
     per_second = check.positive("rate", rate, "Hz")
     if last <= first:

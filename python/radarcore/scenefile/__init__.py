@@ -1,0 +1,99 @@
+"""Scene files: one TOML file describes the radar, what it looks at, and the run.
+
+Keys are in SI units unless their name ends otherwise (`_deg`, `_db`, `_dbm`); `radarcore schema` lists them all.
+Unknown keys are errors; paths are relative to the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from radarcore.motion import Motion
+from radarcore.radar import Radar
+from radarcore.recording import Recording
+from radarcore.scene import Scene
+from radarcore.simulate import Simulator
+
+if TYPE_CHECKING:
+    from radarcore.scenefile.tables import RunTable
+
+__all__ = ["Simulation", "load_scene"]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What a scene file describes.
+
+    Attributes
+    ----------
+    scene : Scene
+        Bodies, points, people and arms, in this order.
+    radar : Radar
+    radar_motion : motion
+        Sensor to world.
+    run : RunTable
+        The table `run` of the file: `start`, `stop`, `rate`, `resolution`, ...
+    """
+
+    scene: Scene
+    radar: Radar
+    radar_motion: Motion
+    run: RunTable
+
+    def simulator(self, *, threads: int | None = None) -> Simulator:
+        """The simulator of this scene, with the settings of the run."""
+        run = self.run
+        return Simulator(
+            self.scene,
+            self.radar,
+            radar_motion=self.radar_motion,
+            resolution=run.resolution,
+            field_of_view_deg=run.field_of_view_deg,
+            sampling=run.sampling,
+            tolerance=run.tolerance,
+            seed=run.seed,
+            threads=threads,
+        )
+
+    def record(
+        self,
+        path: str | PathLike[str] | None = None,
+        *,
+        overwrite: bool = False,
+        progress: bool = True,
+        threads: int | None = None,
+    ) -> Recording:
+        """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`."""
+        run = self.run
+        return self.simulator(threads=threads).record(
+            run.start, run.stop, run.rate, progress=progress, path=path, overwrite=overwrite
+        )
+
+
+def load_scene(path: str | PathLike[str]) -> Simulation:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path : path
+        TOML; ``radarcore schema`` lists the keys. Paths in it are relative to it.
+
+    Returns
+    -------
+    Simulation
+        Its `record` simulates the run; `simulator`, `scene`, `radar` and `radar_motion` are there for other uses.
+
+    Raises
+    ------
+    FileNotFoundError
+        When the file, or a mesh it names, does not exist.
+    ValueError
+        One line per fault, each naming file and key, what was expected and what came.
+    """
+    from radarcore.scenefile import build, read  # they load pydantic
+
+    file = Path(path)
+    return build.simulation(read.table(file), file)

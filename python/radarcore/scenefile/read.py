@@ -1,0 +1,188 @@
+"""From the text of a scene file to its tables; what is wrong with it, one line per fault."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+from pydantic import ValidationError
+
+from radarcore.scenefile.tables import SceneTable, Table
+
+Location = tuple[str | int, ...]
+
+
+def table(file: Path) -> SceneTable:
+    """The tables of a file, with every key known and of the right type."""
+    try:
+        values = tomllib.loads(file.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{file}: not TOML: {error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file}: not TOML: expected UTF-8, got byte {error.object[error.start]:#04x}") from None
+    try:
+        # As JSON, because only there strict validation takes arrays for tuples.
+        return SceneTable.model_validate_json(json.dumps(values, default=str))
+    except ValidationError as error:
+        raise ValueError("\n".join(f"{file}: {line}" for line in _lines(error, values))) from None
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Text about a name that is not there, with the nearest that is."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    return f"{name!r}, did you mean {near[0]!r}?" if near else f"{name!r}; known: {', '.join(names) or 'none'}"
+
+
+def place(kind: str, index: int, name: object) -> str:
+    """A table of an array as messages name it: ``body[2] 'table'``."""
+    return f"{kind}[{index}]" + (f" {name!r}" if isinstance(name, str) else "")
+
+
+def kind_of(table: type[Table]) -> str:
+    """The `kind` that selects a table, or ""."""
+    field = table.model_fields.get("kind")
+    return "" if field is None else str(get_args(field.annotation)[0])
+
+
+def unit_of(description: str | None) -> str:
+    """The unit at the end of a key's description, or ""."""
+    match = re.search(r"\[([^\]]+)\]$", description or "")
+    return match.group(1) if match else ""
+
+
+def tables_in(annotation: Any) -> list[type[Table]]:
+    """All tables that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in tables_in(part)]
+
+
+class _Key(NamedTuple):
+    """A place in a file."""
+
+    path: Location
+    """Keys and indices, as the user wrote them."""
+    unit: str
+    known: list[str]
+    """Keys of the table that the last one is in."""
+
+
+class _Fault(NamedTuple):
+    """What is wrong at a place."""
+
+    path: Location
+    expected: str
+    unit: str
+    got: str
+
+
+# What pydantic's types of errors mean.
+_EXPECTED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "int_type": "an integer",
+    "int_from_float": "an integer",
+    "int_parsing": "an integer",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "missing": "a value",
+}
+
+
+def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
+    """One line per fault: where, what was expected, what came."""
+    faults: dict[Location, _Fault] = {}
+    for details in error.errors(include_url=False):
+        fault = _fault(details)
+        if (other := faults.get(fault.path)) is not None:  # a value of one of several types
+            fault = fault._replace(expected=f"{other.expected} or {fault.expected}")
+        faults[fault.path] = fault
+    for path, fault in faults.items():
+        # Of a value of one of several types, the fault inside says more than that of the whole.
+        if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
+            unit = f" [{fault.unit}]" if fault.unit else ""
+            text = f"expected {fault.expected}{unit}, got {fault.got}" if fault.got else fault.expected
+            yield f"{_path_text(path, values)}: {text}"
+
+
+def _fault(details: Any) -> _Fault:
+    kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    key = _key(details["loc"])
+    if kind == "extra_forbidden":
+        name = str(key.path[-1])
+        return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        # The place is the table; what is wrong is its kind.
+        kinds = context.get("expected_tags") or "one of the known kinds"
+        got = value.get("kind") if isinstance(value, dict) else None
+        return _Fault((*key.path, "kind"), f"one of {kinds}", "", "none" if got is None else repr(got))
+    if kind == "literal_error":
+        return _Fault(key.path, context["expected"], "", repr(value))
+    if kind in ("too_long", "too_short"):
+        number = context.get("max_length", context.get("min_length"))
+        return _Fault(key.path, f"{number} values", key.unit, str(context["actual_length"]))
+    expected = _EXPECTED.get(kind, details["msg"][0].lower() + details["msg"][1:])
+    if kind == "missing" and len(key.path) > 0 and isinstance(key.path[-1], int):
+        # A list that is too short lacks its last values.
+        return _Fault(key.path, expected, key.unit, "none")
+    got = "none" if kind == "missing" else _value_text(value)
+    return _Fault(key.path, expected, key.unit, got)
+
+
+def _value_text(value: object) -> str:
+    """A value of the file as text, short."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _path_text(path: Location, values: dict[str, Any]) -> str:
+    """A place as messages name it: ``body[2] 'table': motion.times[1]``."""
+    text, parts = "", list(path)
+    if len(parts) > 2 and isinstance(parts[1], int):
+        kind, index = str(parts[0]), parts[1]
+        text = place(kind, index, values[kind][index].get("name") if isinstance(values[kind][index], dict) else None)
+        text, parts = f"{text}: ", parts[2:]
+        parts = parts[1:] if kind == "body" and parts[0] == "shape" and len(parts) > 1 else parts
+    elif len(parts) > 1 and isinstance(parts[1], str):
+        text, parts = f"{parts[0]}: ", parts[1:]
+    return text + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+
+
+def _key(location: Location) -> _Key:
+    """The place that pydantic's location means, which also has names of types and kinds in it."""
+    tables: list[type[Table]] = [SceneTable]
+    holders, path, unit = tables, list[str | int](), ""
+    for part in location:
+        if isinstance(part, int):
+            path.append(part)
+            continue
+        fields = [table.model_fields[part] for table in tables if part in table.model_fields]
+        narrowed = [table for table in tables if part in (table.__name__, kind_of(table))]
+        if fields or not (narrowed or part in _TYPES):
+            holders = tables
+            path.append(part)
+            unit = unit_of(fields[0].description) if fields else ""
+            tables = tables_in(fields[0].annotation) if fields else []
+        elif narrowed:
+            tables = narrowed
+    known = dict.fromkeys(name for table in holders for name in table.model_fields)
+    return _Key(tuple(path), unit, list(known))
+
+
+# Types that pydantic puts into locations besides keys.
+_TYPES = ("str", "int", "tuple[int, int]")

@@ -1,0 +1,299 @@
+"""The tables of a scene file: every key with type, unit, default and meaning, and nothing else.
+
+Numbers are checked where they are used, by the classes and functions they are passed to.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Vector = tuple[float, float, float]
+
+
+def _key(default: Any = ..., unit: str = "", text: str = "") -> Any:
+    """A key with its unit and meaning, for messages and the schema."""
+    return Field(default, description=f"{text} [{unit}]" if unit else text)
+
+
+class Table(BaseModel):
+    """A table: no unknown keys, no text where a number is meant."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class PoseTable(Table):
+    """A place; at most one of `rpy_deg`, `quaternion` and `look_at`."""
+
+    position: Vector = _key((0.0, 0.0, 0.0), "m", "origin")
+    rpy_deg: Vector | None = _key(None, "degrees", "roll, pitch, yaw about the fixed axes x, y, z")
+    quaternion: tuple[float, float, float, float] | None = _key(None, "", "rotation as w, x, y, z")
+    look_at: Vector | None = _key(None, "m", "point that the x axis points to, with z up")
+
+
+class LinearTable(Table):
+    """Constant velocity; the pose holds at time 0."""
+
+    kind: Literal["linear"]
+    velocity: Vector = _key((0.0, 0.0, 0.0), "m/s", "velocity")
+    angular_velocity: Vector = _key((0.0, 0.0, 0.0), "rad/s", "angular velocity about the fixed axes x, y, z")
+
+
+class TrajectoryTable(Table):
+    """A smooth motion through poses, at rest before and after."""
+
+    kind: Literal["trajectory"]
+    times: list[float] = _key(..., "s", "increasing times")
+    poses: list[PoseTable] = _key(..., "", "one pose per time")
+
+
+class PlacedTable(Table):
+    """What can be placed, moved and attached."""
+
+    pose: PoseTable = _key(PoseTable(), "", "place; that at time 0 with a linear motion, none with a trajectory")
+    motion: Annotated[LinearTable | TrajectoryTable, Field(discriminator="kind")] | None = _key(
+        None, "", "motion; default: stands still"
+    )
+    attached_to: str | None = _key(
+        None, "", "name of the body that carries it, or arm/link, human/segment; pose and motion are relative to that"
+    )
+
+
+class SensorTable(PlacedTable):
+    """Where the sensor is; it looks along its x axis, y is left, z up."""
+
+    along_z: float | None = _key(
+        None, "m", "in place of a pose: looks along the z axis of what carries it (tool0 of an arm), this far out"
+    )
+
+
+class PlateTable(Table):
+    """A rectangle that faces -x."""
+
+    kind: Literal["plate"]
+    width: float = _key(..., "m", "along y")
+    height: float = _key(..., "m", "along z")
+
+
+class DiscTable(Table):
+    """A disc that faces -x."""
+
+    kind: Literal["disc"]
+    radius: float = _key(..., "m", "radius")
+
+
+class BoxTable(Table):
+    """A box."""
+
+    kind: Literal["box"]
+    size: Vector = _key(..., "m", "edges along x, y, z")
+
+
+class SphereTable(Table):
+    """A sphere."""
+
+    kind: Literal["sphere"]
+    radius: float = _key(..., "m", "radius")
+
+
+class CylinderTable(Table):
+    """A cylinder along z."""
+
+    kind: Literal["cylinder"]
+    radius: float = _key(..., "m", "radius")
+    length: float = _key(..., "m", "along z")
+    caps: bool = _key(True, "", "closed at both ends")
+
+
+class CapsuleTable(Table):
+    """A cylinder along z with half-spheres at its ends."""
+
+    kind: Literal["capsule"]
+    radius: float = _key(..., "m", "radius")
+    length: float = _key(..., "m", "along z, half-spheres included")
+
+
+class DihedralTable(Table):
+    """Two plates at a right angle, open towards -x."""
+
+    kind: Literal["dihedral"]
+    width: float = _key(..., "m", "edge of each plate across the fold")
+    height: float | None = _key(None, "m", "along the fold; default: width")
+
+
+class TrihedralTable(Table):
+    """A corner reflector, open towards -x."""
+
+    kind: Literal["trihedral"]
+    leg: float = _key(..., "m", "edges that meet in the corner")
+    shape: Literal["triangular", "square"] = _key("triangular", "", "of the three plates")
+
+
+class MeshTable(Table):
+    """A mesh file."""
+
+    kind: Literal["mesh"]
+    path: str = _key(..., "", "OBJ, or what trimesh reads; relative to the scene file")
+    scale: float = _key(1.0, "m", "length of one unit of the mesh file")
+    crease_angle_deg: float = _key(45.0, "degrees", "facets that meet below it stand for a curved surface")
+    shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of curved surfaces, or of facets")
+
+
+ShapeTable = (
+    PlateTable
+    | DiscTable
+    | BoxTable
+    | SphereTable
+    | CylinderTable
+    | CapsuleTable
+    | DihedralTable
+    | TrihedralTable
+    | MeshTable
+)
+
+
+class MaterialTable(Table):
+    """A material by numbers; `reflection` or `permittivity` or neither."""
+
+    reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no mirror-like part")
+    permittivity: tuple[float, float] | None = _key(None, "", "relative permittivity: real part, loss (positive)")
+    albedo: float = _key(0.0, "", "diffuse albedo, 0 to 1")
+
+
+_MATERIAL = "name of a material of the library, or a table of numbers"
+
+
+class BodyTable(PlacedTable):
+    """A rigid body."""
+
+    name: str | None = _key(None, "", "for pictures, truth and attachments")
+    shape: Annotated[ShapeTable, Field(discriminator="kind")] = _key(..., "", "kind and sizes")
+    material: str | MaterialTable = _key("metal", "", _MATERIAL)
+
+
+class PointTable(Table):
+    """An ideal point target."""
+
+    name: str | None = _key(None, "", "for pictures and truth")
+    position: Vector = _key(..., "m", "at time 0")
+    velocity: Vector = _key((0.0, 0.0, 0.0), "m/s", "constant velocity")
+    rcs: float = _key(1.0, "m^2", "radar cross-section")
+
+
+class HumanTable(Table):
+    """A walking person."""
+
+    name: str = _key("human", "", "what the names of the segments begin with")
+    height: float = _key(1.75, "m", "body height")
+    speed: float = _key(1.4, "m/s", "mean walking speed")
+    path: list[tuple[float, float]] = _key(..., "m", "waypoints on the floor, x and y, at least two")
+    turn_radius: float = _key(0.4, "m", "smallest radius of the turns")
+    start_time: float = _key(0.0, "s", "when the person is at the first waypoint")
+    phase: float = _key(0.0, "", "part of the gait cycle at that time; the right heel strikes at 0")
+    mass: float | None = _key(None, "kg", "body mass; default: by the height")
+    material: str | MaterialTable = _key("skin", "", _MATERIAL)
+    meshes: bool = _key(False, "", "real human meshes (extra `robots`) in place of spheroids")
+
+
+class RestTable(Table):
+    """Joints that stay."""
+
+    kind: Literal["rest"]
+    angles_deg: list[float] = _key(..., "degrees", "one per moving joint; metres for joints that slide")
+
+
+class JointTrajectoryTable(Table):
+    """Joint angles over time, smooth, at rest before and after."""
+
+    kind: Literal["trajectory"]
+    times: list[float] = _key(..., "s", "increasing times")
+    angles_deg: list[list[float]] = _key(
+        ..., "degrees", "per time a list, one per moving joint; metres for joints that slide"
+    )
+
+
+class LineTable(Table):
+    """A straight motion of a link at constant speed, from rest to rest."""
+
+    kind: Literal["line"]
+    start_deg: list[float] = _key(..., "degrees", "joint angles where it begins; metres for joints that slide")
+    direction: Vector = _key(..., "", "of the motion in the axes of the arm's base, of any length")
+    speed: float = _key(0.25, "m/s", "speed")
+    duration: float = _key(..., "s", "from rest to rest")
+    start_time: float = _key(0.0, "s", "when it begins")
+    ramp_time: float = _key(0.25, "s", "of gaining and of losing speed")
+    link: str = _key("tool0", "", "what moves along the line")
+
+
+class ArmTable(PlacedTable):
+    """A robot arm; pose, motion and attached_to are those of its base."""
+
+    name: str = _key("arm", "", "what the names of the links begin with")
+    model: str = _key("ur10", "", "ur10, or the path of a URDF file relative to the scene file")
+    joints: Annotated[RestTable | JointTrajectoryTable | LineTable, Field(discriminator="kind")] = _key(
+        ..., "", "angles or motion of the joints"
+    )
+    material: str | MaterialTable = _key("metal", "", _MATERIAL)
+    meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders")
+
+
+class PatternTable(Table):
+    """Antenna pattern; isotropic without the two beam widths."""
+
+    gain_db: float = _key(0.0, "dBi", "gain on boresight")
+    beamwidth_azimuth_deg: float | None = _key(None, "degrees", "full width at half power")
+    beamwidth_elevation_deg: float | None = _key(None, "degrees", "full width at half power")
+
+
+class ReceiverTable(Table):
+    """Receiver."""
+
+    output: Literal["iq", "real"] = _key("iq", "", "complex samples, or their real part")
+    noise_figure_db: float | None = _key(None, "dB", "noise figure at 290 K; default: no noise")
+
+
+class RadarTable(Table):
+    """The radar; a preset has values for all keys, which those given override."""
+
+    preset: Literal["bgt60tr13c"] | None = _key(None, "", "a real sensor")
+    start_frequency: float | None = _key(None, "Hz", "at the start of the ramp")
+    stop_frequency: float | None = _key(None, "Hz", "at the end of the sampled sweep; in place of slope")
+    slope: float | None = _key(None, "Hz/s", "of the ramp, negative for a down-chirp; in place of stop_frequency")
+    sample_rate: float | None = _key(None, "Hz", "samples per second")
+    num_samples: int | None = _key(None, "", "samples per chirp")
+    num_chirps: int | None = _key(None, "", "chirps per frame; default: 1, or the preset's")
+    chirp_interval: float | None = _key(None, "s", "from chirp to chirp; default: back to back, or the preset's")
+    chirp_times: list[float] | None = _key(None, "s", "start of every chirp, increasing; in place of chirp_interval")
+    frame_interval: float | None = _key(None, "s", "from frame to frame; default: back to back, or the preset's")
+    adc_delay: float | None = _key(None, "s", "from ramp start to first sample; default: 0, or the preset's")
+    tx: list[Vector] | None = _key(None, "m", "transmit antennas in the sensor frame; default: origin, or the preset's")
+    rx: list[Vector] | None = _key(None, "m", "receive antennas in the sensor frame; default: origin, or the preset's")
+    tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
+    pattern: PatternTable | None = _key(None, "", "of every antenna; default: isotropic, or the preset's")
+    receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
+
+
+class RunTable(Table):
+    """What is simulated and how."""
+
+    start: float = _key(0.0, "s", "time of the first frame")
+    stop: float = _key(1.0, "s", "no frame starts at or after it")
+    rate: float = _key(40.0, "Hz", "frames per second")
+    resolution: int | tuple[int, int] = _key(256, "", "rays across and down, or rows and columns")
+    field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
+    sampling: Literal["footprint", "point"] = _key("footprint", "", "how a ray stands for the patch it hits")
+    tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
+    seed: int = _key(0, "", "of noise and speckle")
+
+
+class SceneTable(Table):
+    """A radarcore scene file."""
+
+    radar: RadarTable = _key(..., "", "the radar")
+    sensor: SensorTable = _key(SensorTable(), "", "where the radar is; default: at the origin, looking along x")
+    run: RunTable = _key(RunTable(), "", "what is simulated and how")
+    body: list[BodyTable] = _key([], "", "rigid bodies")
+    point: list[PointTable] = _key([], "", "ideal point targets")
+    human: list[HumanTable] = _key([], "", "walking people")
+    arm: list[ArmTable] = _key([], "", "robot arms")
