@@ -1,39 +1,37 @@
-"""The demo: a small room seen by a BGT60TR13C for one second, compared with the truth."""
+"""The demo: the paper's experiment in small, compared with its truth.
+
+A UR10 carries the radar at 250 mm/s towards a cylinder on a table while a person walks in and out; all of it is in
+``experiment.toml``.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarcore import plot, shapes
-from radarcore.body import Body
-from radarcore.material import materials
-from radarcore.mesh import Mesh
+from radarcore import plot
 from radarcore.models import robots
-from radarcore.motion import Linear, Motion, Pose
 from radarcore.process import strongest_peak
-from radarcore.radar import Radar, bgt60tr13c
 from radarcore.recording import Recording
-from radarcore.scene import Scene
-from radarcore.simulate import Simulator
+from radarcore.scenefile import load_scene
 
-FRAME_RATE = 40.0
-"""Frames per second [Hz]."""
-
-REFLECTORS = ("plate", "cylinder", "sphere")
-"""Bodies that stand alone in range and velocity, so that their echo can be compared with their truth."""
+TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
+"""What is compared, and the body whose truth counts."""
 
 # A peak is looked for this close to the truth: range [m] and velocity [m/s].
-_GATE = (0.35, 0.5)
+_GATE = (0.4, 0.6)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How well the radar saw one body over a recording; errors in bins, over the frames that count."""
+    """How well the radar saw one target over a recording; errors in bins, over the frames in which it was visible."""
 
     name: str
     num_frames: int
@@ -42,112 +40,89 @@ class Comparison:
     """Of these, frames with a range error below half a bin."""
     num_velocity_within: int
     """Of these, frames with a velocity error below one bin."""
+    median_range_error: float
+    median_velocity_error: float
     max_range_error: float
-    """Largest range error [bins]."""
     max_velocity_error: float
-    """Largest velocity error [bins]."""
-    first: tuple[float, float]
-    """Estimated range [m] and velocity [m/s] in the first frame."""
-    last: tuple[float, float]
-    """The same in the last frame."""
 
 
-def radar() -> Radar:
-    """BGT60TR13C with a 1.5 GHz sweep: 10 cm and 0.13 m/s bins, to 6.7 m and 4.1 m/s."""
-    return bgt60tr13c(
-        start_frequency=60e9,
-        stop_frequency=61.5e9,
-        num_samples=128,
-        num_chirps=64,
-        chirp_interval=300e-6,
-        frame_interval=1.0 / FRAME_RATE,
-    )
+@dataclass(frozen=True)
+class Track:
+    """The strongest peak near a body's truth in every frame; NaN where there was none, or no body to be seen."""
+
+    time: NDArray[np.float64]
+    """Middle of the frame [s]."""
+    range: NDArray[np.float64]
+    """[m]."""
+    velocity: NDArray[np.float64]
+    """[m/s]."""
 
 
-def sensor_motion() -> Pose:
-    """The sensor, 1 m above the floor, looking along +x."""
-    return Pose([0.0, 0.0, 1.0])
+def scene_text(with_robots: bool) -> str:
+    """The scene file of the experiment."""
+    text = files("radarcore").joinpath("experiment.toml").read_text(encoding="utf-8")
+    return text.replace("meshes = false", "meshes = true") if with_robots else text
 
 
-def scene(mesh_directory: Path | None = None) -> Scene:
-    """A plate, a cylinder and a moving sphere in a room; with a directory for converted meshes also arm and man."""
-    sensor = sensor_motion().position
-    metal, wall = materials["metal"], materials["plasterboard"]
-
-    def body(mesh: Mesh, motion: Motion, name: str) -> Body:
-        return Body(mesh, material=metal, motion=motion, name=name)
-
-    bodies = [
-        Body(shapes.box((5.2, 4.4, 2.6)), material=wall, motion=Pose([1.9, 0.0, 1.3]), name="room"),
-        body(shapes.plate(0.2, 0.2), Pose.look_at([1.3, -0.55, 1.1], sensor), "plate"),
-        body(shapes.cylinder(0.12, 1.6), Pose([2.3, 0.75, 0.8]), "cylinder"),
-        body(shapes.sphere(0.15), Linear(Pose([3.1, -0.3, 1.0]), velocity=[-1.0, 0.2, 0.0]), "sphere"),
-    ]
-    if mesh_directory is not None:
-        arm = robots.ur10_links([0.6, -1.2, 1.6, -0.4, 1.5708, 0.0])
-        bodies += robots.link_bodies(arm, Pose([3.1, -0.95, 0.4]), metal, mesh_directory / "ur10")
-        man = robots.human_links()
-        facing_the_sensor = Pose.from_rpy([3.3, 1.75, 0.0], [0.0, 0.0, np.pi])
-        bodies += robots.link_bodies(man, facing_the_sensor, materials["skin"], mesh_directory / "human")
-    return Scene(bodies)
-
-
-def compare(recording: Recording, names: tuple[str, ...] = REFLECTORS) -> list[Comparison]:
-    """Strongest peak near every body's truth, frame by frame, against that truth."""
-    waveform = recording.radar.waveform
+def track(recording: Recording, body: str) -> Track:
+    """Strongest peak near the truth of a body, frame by frame."""
     gate_range, gate_velocity = _GATE
-    comparisons = []
-    for name in names:
-        errors, estimates = [], []
-        for frame in recording.frames():
-            assert frame.truth is not None  # the simulator always gives it
-            i = frame.truth.names.index(name)
-            distance, velocity = float(frame.truth.range[i]), float(frame.truth.velocity[i])
-            if np.isnan(distance):
-                continue
-            peak = strongest_peak(
-                frame.cube,
-                waveform,
-                min_range=distance - gate_range,
-                max_range=distance + gate_range,
-                min_velocity=velocity - gate_velocity,
-                max_velocity=velocity + gate_velocity,
-            )
-            estimates.append((peak.range, peak.velocity))
-            errors.append(
-                (
-                    abs(peak.range - distance) / waveform.range_resolution,
-                    abs(peak.velocity - velocity) / waveform.velocity_resolution,
-                )
-            )
-        table = np.array(errors).reshape(-1, 2)
-        comparisons.append(
-            Comparison(
-                name=name,
-                num_frames=len(table),
-                num_range_within=int((table[:, 0] < 0.5).sum()),
-                num_velocity_within=int((table[:, 1] < 1.0).sum()),
-                max_range_error=float(table[:, 0].max(initial=0.0)),
-                max_velocity_error=float(table[:, 1].max(initial=0.0)),
-                first=estimates[0] if estimates else (np.nan, np.nan),
-                last=estimates[-1] if estimates else (np.nan, np.nan),
-            )
+    waveform = recording.radar.waveform
+    ranges, velocities = np.full(len(recording), np.nan), np.full(len(recording), np.nan)
+    for k, frame in enumerate(recording.frames()):
+        assert frame.truth is not None  # the simulator always gives it
+        truth = frame.truth.select([body])
+        distance, velocity = float(truth.range[0]), float(truth.velocity[0])
+        if np.isnan(distance):
+            continue
+        peak = strongest_peak(
+            frame.cube,
+            waveform,
+            min_range=max(0.0, distance - gate_range),
+            max_range=distance + gate_range,
+            min_velocity=velocity - gate_velocity,
+            max_velocity=velocity + gate_velocity,
         )
-    return comparisons
+        ranges[k], velocities[k] = peak.range, peak.velocity
+    return Track(np.asarray(recording.time) + 0.5 * waveform.duration, ranges, velocities)
+
+
+def compare(recording: Recording, name: str, body: str, found: Track) -> Comparison:
+    """A track against the truth of a body; a frame in which nothing was found counts as an infinite error."""
+    assert recording.truth is not None  # the simulator always gives it
+    truth = recording.truth.select([body])
+    waveform = recording.radar.waveform
+    is_visible = np.isfinite(truth.range[:, 0])
+
+    def errors(estimate: NDArray[np.float64], true: NDArray[np.float64], bin_width: float) -> NDArray[np.float64]:
+        error: NDArray[np.float64] = np.abs(estimate - true[:, 0])[is_visible] / bin_width
+        return np.nan_to_num(error, nan=np.inf)
+
+    range_errors = errors(found.range, truth.range, waveform.range_resolution)
+    velocity_errors = errors(found.velocity, truth.velocity, waveform.velocity_resolution)
+    return Comparison(
+        name=name,
+        num_frames=int(is_visible.sum()),
+        num_range_within=int((range_errors < 0.5).sum()),
+        num_velocity_within=int((velocity_errors < 1.0).sum()),
+        median_range_error=float(np.median(range_errors)) if is_visible.any() else np.nan,
+        median_velocity_error=float(np.median(velocity_errors)) if is_visible.any() else np.nan,
+        max_range_error=float(range_errors.max(initial=0.0)),
+        max_velocity_error=float(velocity_errors.max(initial=0.0)),
+    )
 
 
 def table(comparisons: list[Comparison]) -> list[str]:
     """The comparisons as lines of text."""
     lines = [
-        "",
-        "            frames    first > last frame          largest error [bins]   frames with errors below",
-        "                      range [m]  velocity [m/s]   range     velocity     1/2 range bin   1 velocity bin",
+        "            frames     range error [bins]   velocity error [bins]   frames with errors below",
+        "            visible    median    largest    median      largest     1/2 range bin   1 velocity bin",
     ]
     for c in comparisons:
         within = f"{c.num_range_within} of {c.num_frames}", f"{c.num_velocity_within} of {c.num_frames}"
         lines.append(
-            f"{c.name:<10}  {c.num_frames:>6}    {c.first[0]:.2f}>{c.last[0]:.2f}  {c.first[1]:+.2f} > {c.last[1]:+.2f}"
-            f"    {c.max_range_error:5.3f}     {c.max_velocity_error:5.3f}        {within[0]:<13}   {within[1]}"
+            f"{c.name:<10}  {c.num_frames:>7}    {c.median_range_error:6.3f}    {c.max_range_error:7.3f}    "
+            f"{c.median_velocity_error:6.3f}      {c.max_velocity_error:7.3f}     {within[0]:<13}   {within[1]}"
         )
     return lines
 
@@ -155,63 +130,84 @@ def table(comparisons: list[Comparison]) -> list[str]:
 def run(
     directory: Path,
     *,
-    duration: float = 1.0,
-    resolution: int = 256,
+    duration: float | None = None,
+    resolution: int | None = None,
     with_robots: bool | None = None,
     say: Callable[[str], None] = print,
-) -> list[Comparison]:
-    """Simulate, record, compare and draw; what it found goes to `say`, line by line.
+) -> dict[str, Any]:
+    """Simulate, record, compare and draw; what it finds goes to `say`, line by line, and is returned.
 
     Parameters
     ----------
     directory : path
-        Where recording, picture and converted meshes go.
-    duration : float
-        Length of the recording [s].
-    resolution : int
-        Rays across the image.
+        Where scene file, recording and picture go.
+    duration : float, optional
+        Length of the recording [s]; default: that of the scene file.
+    resolution : int, optional
+        Rays across the image; default: those of the scene file.
     with_robots : bool, optional
-        Put the real UR10 and human meshes into the scene; default: when the extra `robots` is installed.
+        Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """
     if with_robots is None:
         with_robots = robots.is_available()
-    place = scene(directory / "meshes" if with_robots else None)
-    sensor = radar()
-    waveform = sensor.waveform
-    simulator = Simulator(
-        place, sensor, radar_motion=sensor_motion(), resolution=resolution, field_of_view_deg=(80.0, 60.0)
-    )
+    directory.mkdir(parents=True, exist_ok=True)
+    file = directory / "scene.toml"
+    file.write_text(scene_text(with_robots), encoding="utf-8")
+    simulation = load_scene(file)
+    changes: dict[str, Any] = {}
+    if duration is not None:
+        changes["stop"] = simulation.run.start + duration
+    if resolution is not None:
+        changes["resolution"] = (round(0.7 * resolution), resolution)
+    simulation = replace(simulation, run=simulation.run.model_copy(update=changes))
+    settings, waveform = simulation.run, simulation.radar.waveform
+
     say(
-        f"BGT60TR13C, {waveform.start_frequency / 1e9:g} GHz + {waveform.bandwidth / 1e9:.2f} GHz, "
-        f"{sensor.num_channels} channels x {waveform.num_chirps} chirps x {waveform.num_samples} samples; "
-        f"range bin {100 * waveform.range_resolution:.1f} cm, velocity bin {waveform.velocity_resolution:.3f} m/s"
+        f"BGT60TR13C: {simulation.radar.num_channels} channels x {waveform.num_chirps} chirps x "
+        f"{waveform.num_samples} samples, range bin {100 * waveform.range_resolution:.1f} cm, "
+        f"velocity bin {waveform.velocity_resolution:.3f} m/s"
     )
-    meshes = sum(len(b.mesh.triangles) for b in place.bodies if isinstance(b, Body))
-    extra = "with UR10 and human meshes" if with_robots else "without robot meshes (pip install radarcore[robots])"
-    say(f"{len(place.bodies)} bodies, {meshes} triangles, {extra}; {resolution} x {resolution} rays")
+    extra = "real UR10 and human meshes" if with_robots else "analytic shapes (pip install radarcore[robots]: meshes)"
+    say(f"{len(simulation.scene.bodies)} bodies, {simulation.scene.num_triangles} triangles, {extra}")
 
     # Simulate and record.
     path = directory / "recording"
     began = time.perf_counter()
-    recording = simulator.record(0.0, duration, FRAME_RATE, path=path, overwrite=True)
+    recording = simulation.record(path=path, overwrite=True)
     elapsed = time.perf_counter() - began
-    num_frames = len(recording)
+    real_time_factor = len(recording) / settings.rate / elapsed
     say(
-        f"{num_frames} frames in {elapsed:.1f} s: {1e3 * elapsed / num_frames:.0f} ms per frame, "
-        f"{num_frames / FRAME_RATE / elapsed:.2f} x real time"
+        f"{len(recording)} frames in {elapsed:.1f} s: {1e3 * elapsed / len(recording):.0f} ms per frame, "
+        f"{real_time_factor:.2f} x real time"
     )
 
     # Compare with the truth.
-    comparisons = compare(recording)
+    tracks = {body: track(recording, body) for body in TARGETS.values()}
+    comparisons = [compare(recording, name, body, tracks[body]) for name, body in TARGETS.items()]
+    say("")
     for line in table(comparisons):
         say(line)
 
-    # One picture of the frame in the middle.
-    middle = recording[num_frames // 2]
-    picture = directory / "overview.png"
-    assert middle.truth is not None  # the simulator always gives it
-    middle = replace(middle, truth=middle.truth.select(REFLECTORS))
-    plot.overview(middle, simulator.depth_image(middle.time + 0.5 * waveform.duration), picture, max_range=5.0)
+    # One picture.
+    picture = directory / "experiment.png"
+    plot.experiment(
+        recording,
+        simulation.scene,
+        simulation.radar_motion,
+        {body: asdict(found) for body, found in tracks.items()},
+        field_of_view_deg=settings.field_of_view_deg,
+        max_range=6.0,
+        path=picture,
+    )
     say("")
-    say(f"recording {path}, picture {picture}")
-    return comparisons
+    say(f"scene {file}, recording {path}, picture {picture}")
+    return {
+        "frames": len(recording),
+        "seconds": elapsed,
+        "real_time_factor": real_time_factor,
+        "triangles": simulation.scene.num_triangles,
+        "targets": [asdict(comparison) for comparison in comparisons],
+        "scene": str(file),
+        "recording": str(path),
+        "picture": str(picture),
+    }

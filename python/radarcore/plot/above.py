@@ -62,12 +62,17 @@ def scene_from_above(
 
 
 def scene_colors(scene: Scene, times: ArrayLike, first: Iterable[str] = ()) -> dict[str, str]:
-    """Colours by name: those that come first, then what moves between the times [s], while there are colours left."""
+    """Colours by name: those that come first, then what moves between the times [s], while there are colours left.
+
+    The parts of one thing, such as the links of an arm, have one colour.
+    """
     dense = _dense(np.asarray(times, dtype=np.float64))
-    colors = canvas.color_cycle(first)
+    chosen = list(dict.fromkeys(map(canvas.thing, first)))
     moving = [name for name, body in zip(scene.names, scene.bodies, strict=True) if _moves(body, dense)]
-    others = [name for name in dict.fromkeys(moving) if name not in colors]
-    return colors | dict(zip(others, canvas.COLORS[len(colors) :], strict=False))
+    others = [thing for thing in dict.fromkeys(map(canvas.thing, moving)) if thing not in chosen]
+    colors = canvas.color_cycle(chosen)
+    colors |= dict(zip(others, canvas.COLORS[len(colors) :], strict=False))
+    return {name: colors[canvas.thing(name)] for name in scene.names if canvas.thing(name) in colors}
 
 
 def draw_scene(

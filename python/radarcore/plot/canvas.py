@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -81,12 +82,25 @@ def color_cycle(names: Iterable[str], given: Mapping[str, str] | None = None) ->
     return known | dict(zip((name for name in names if name not in known), itertools.cycle(COLORS), strict=False))
 
 
+def thing(name: str) -> str:
+    """What a body belongs to: the arm of ``arm/forearm_link``, itself otherwise."""
+    return name.partition("/")[0]
+
+
+def once_per_thing(names: Sequence[Name]) -> list[Name]:
+    """The parts of one thing named together, at the first of them."""
+    parts = Counter(thing(name.text) for name in names)
+    first = {thing(name.text): name for name in reversed(names)}
+    return [name if parts[of] == 1 else name._replace(text=of) for of, name in reversed(first.items())]
+
+
 def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False) -> None:
     """Names where each covers no other and no point, or not at all; limits and layout must be final.
 
     Tries the inside of its box, then places to the right, left, above and below (or above and below first),
-    further and further off, and takes the one that hides the least of the lines.
+    further and further off, and takes the one that hides the least of the lines. Parts of one thing are named once.
     """
+    names = once_per_thing(names)
     from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox
 
