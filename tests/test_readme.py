@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import radarcore as rc
+from radarcore import cli
+
 README = Path(__file__).resolve().parents[1] / "README.md"
 
 
@@ -28,3 +31,19 @@ def test_readme_names_both_commands() -> None:
     text = README.read_text(encoding="utf-8")
     assert "make demo" in text
     assert "make test" in text
+
+
+def test_readme_scene_file_and_its_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    monkeypatch.chdir(tmp_path)
+    text = README.read_text(encoding="utf-8")
+    (scene,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    Path("scene.toml").write_text(scene.replace("stop = 0.5", "stop = 0.05\nresolution = 32"), encoding="utf-8")
+    Path("part.obj").write_text((README.parent / "examples" / "wedge.obj").read_text())
+    (commands,) = re.findall(r"```sh\n(radarcore .*?)```", text, flags=re.DOTALL)
+    for line in commands.splitlines():
+        _, *arguments = line.partition("#")[0].split()
+        assert cli.main(arguments) == 0
+    assert rc.Recording.load("recording").cube.shape == (2, 3, 64, 64)
+    assert Path("depth.png").is_file()
+    assert Path("spectrogram.png").is_file()

@@ -16,6 +16,11 @@ assert radarcore.__version__ == importlib.metadata.version("radarcore"), radarco
 heavy = {"scipy", "pydantic", "matplotlib", "tqdm", "trimesh", "usb"} & set(sys.modules)
 assert not heavy, f"import radarcore also imports {sorted(heavy)}"
 
+# Scene files and commands need nothing else.
+from radarcore.scenefile import schema  # noqa: E402  # after the check of what is imported
+
+assert "body[].shape.radius" in schema.text()
+
 # The main job runs: a mesh in, samples and a peak out.
 sphere = radarcore.Body(radarcore.shapes.sphere(0.1), motion=radarcore.Pose([2.0, 0.0, 0.0]))
 frame = radarcore.Simulator(radarcore.Scene([sphere]), radarcore.bgt60tr13c(stop_frequency=59e9)).frame()

@@ -35,8 +35,13 @@ def table(file: Path) -> SceneTable:
 def unknown(name: str, known: Iterable[str]) -> str:
     """Text about a name that is not there, with the nearest that is."""
     names = list(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    return f"{name!r}, did you mean {near[0]!r}?" if near else f"{name!r}; known: {', '.join(names) or 'none'}"
+    near = nearest(name, names)
+    return f"{name!r}; known: {', '.join(names) or 'none'}" if near is None else f"{name!r}, did you mean {near!r}?"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The name that was probably meant."""
+    return next(iter(difflib.get_close_matches(name, known, n=1, cutoff=0.5)), None)
 
 
 def place(kind: str, index: int, name: object) -> str:
@@ -71,6 +76,8 @@ class _Key(NamedTuple):
     unit: str
     known: list[str]
     """Keys of the table that the last one is in."""
+    kinds: list[str]
+    """Kinds of table that may be there."""
 
 
 class _Fault(NamedTuple):
@@ -80,6 +87,9 @@ class _Fault(NamedTuple):
     expected: str
     unit: str
     got: str
+    is_unknown_key: bool = False
+    meant: Location | None = None
+    """The key that an unknown one was probably meant to be."""
 
 
 # What pydantic's types of errors mean.
@@ -94,8 +104,8 @@ _EXPECTED = {
     "bool_type": "true or false",
     "list_type": "a list",
     "tuple_type": "a list",
+    "dict_type": "a table",
     "model_type": "a table",
-    "model_attributes_type": "a table",
     "missing": "a value",
 }
 
@@ -108,12 +118,17 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
         if (other := faults.get(fault.path)) is not None:  # a value of one of several types
             fault = fault._replace(expected=f"{other.expected} or {fault.expected}")
         faults[fault.path] = fault
+    misspelt = {fault.meant for fault in faults.values()}
     for path, fault in faults.items():
+        if path in misspelt:
+            continue  # missing only because its name is wrong
         # Of a value of one of several types, the fault inside says more than that of the whole.
         if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
             unit = f" [{fault.unit}]" if fault.unit else ""
-            text = f"expected {fault.expected}{unit}, got {fault.got}" if fault.got else fault.expected
-            yield f"{_path_text(path, values)}: {text}"
+            if fault.is_unknown_key:
+                yield ": ".join(filter(None, [_path_text(path[:-1], values), fault.expected]))
+            else:
+                yield f"{_path_text(path, values)}: expected {fault.expected}{unit}, got {fault.got}"
 
 
 def _fault(details: Any) -> _Fault:
@@ -121,12 +136,13 @@ def _fault(details: Any) -> _Fault:
     key = _key(details["loc"])
     if kind == "extra_forbidden":
         name = str(key.path[-1])
-        return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "")
+        near = nearest(name, key.known)
+        meant = None if near is None else (*key.path[:-1], near)
+        return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "", is_unknown_key=True, meant=meant)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.
-        kinds = context.get("expected_tags") or "one of the known kinds"
-        got = value.get("kind") if isinstance(value, dict) else None
-        return _Fault((*key.path, "kind"), f"one of {kinds}", "", "none" if got is None else repr(got))
+        got = repr(context["tag"]) if "tag" in context else "none"
+        return _Fault((*key.path, "kind"), f"one of {', '.join(map(repr, key.kinds))}", "", got)
     if kind == "literal_error":
         return _Fault(key.path, context["expected"], "", repr(value))
     if kind in ("too_long", "too_short"):
@@ -152,15 +168,14 @@ def _value_text(value: object) -> str:
 
 def _path_text(path: Location, values: dict[str, Any]) -> str:
     """A place as messages name it: ``body[2] 'table': motion.times[1]``."""
-    text, parts = "", list(path)
-    if len(parts) > 2 and isinstance(parts[1], int):
-        kind, index = str(parts[0]), parts[1]
-        text = place(kind, index, values[kind][index].get("name") if isinstance(values[kind][index], dict) else None)
-        text, parts = f"{text}: ", parts[2:]
-        parts = parts[1:] if kind == "body" and parts[0] == "shape" and len(parts) > 1 else parts
-    elif len(parts) > 1 and isinstance(parts[1], str):
-        text, parts = f"{parts[0]}: ", parts[1:]
-    return text + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+    head, rest = str(path[0]) if path else "", list(path[1:])
+    if rest and isinstance(rest[0], int):
+        entry = values[head][rest[0]]
+        head, rest = place(head, rest[0], entry.get("name") if isinstance(entry, dict) else None), rest[1:]
+    if len(rest) > 1 and rest[0] == "shape":
+        rest = rest[1:]  # sizes are named as in the messages of the shapes themselves
+    tail = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in rest).removeprefix(".")
+    return ": ".join(filter(None, [head, tail]))
 
 
 def _key(location: Location) -> _Key:
@@ -181,7 +196,7 @@ def _key(location: Location) -> _Key:
         elif narrowed:
             tables = narrowed
     known = dict.fromkeys(name for table in holders for name in table.model_fields)
-    return _Key(tuple(path), unit, list(known))
+    return _Key(tuple(path), unit, list(known), [kind_of(table) for table in tables])
 
 
 # Types that pydantic puts into locations besides keys.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from radarcore.scenefile.read import kind_of, tables_in
 from radarcore.scenefile.tables import SceneTable, Table
@@ -30,19 +31,19 @@ def _lines(table: type[Table], prefix: str) -> Iterator[str]:
         inner = tables_in(field.annotation)
         is_list = get_origin(field.annotation) is list
         key = f"{prefix}{name}" + ("[]" if is_list and inner else "")
-        yield f"{key:<44} {field.description}{_default(field.is_required(), field.default)}{_choices(field.annotation)}"
+        yield f"{key:<44} {field.description}{_default(field)}{_choices(field.annotation)}"
         for part in inner:
             if kind := kind_of(part):
                 yield f'{f"{key}.kind":<44} "{kind}": {_first_line(part)}'
             yield from _lines(part, f"{key}.")
 
 
-def _default(is_required: bool, value: Any) -> str:
-    if is_required:
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
         return "; required"
-    if value is None or value == [] or isinstance(value, BaseModel):
-        return ""  # optional; the text says what it means to leave it out, where that needs saying
-    return f"; default: {json.dumps(value)}"
+    if isinstance(field.default, BaseModel) or "default: " in (field.description or ""):
+        return ""  # that of its keys; or said already
+    return f"; default: {json.dumps(field.default) if field.default not in (None, []) else 'none'}"
 
 
 def _choices(annotation: Any) -> str:
