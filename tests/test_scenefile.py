@@ -558,6 +558,18 @@ def test_text_that_is_no_utf8(tmp_path: Path) -> None:
     check_fault(path, "not TOML: expected UTF-8, got byte 0xff")
 
 
+def test_misspelt_key_does_not_hide_a_fault_of_the_right_one(tmp_path: Path) -> None:
+    path = write(tmp_path, shaped('{ kind = "sphere", raduis = 0.1, radius = "x" }'))
+    with pytest.raises(ValueError, match="raduis") as caught:
+        rc.load_scene(path)
+    assert "radius: expected a number [m], got 'x'" in str(caught.value)
+
+
+def test_value_of_one_of_several_types(tmp_path: Path) -> None:
+    check_fault(write(tmp_path, BALL + "material = 3"), "body[0] 'ball': material: expected text or a table, got 3")
+    check_fault(write(tmp_path, "[run]\nresolution = [1, 2.5]"), "run: resolution[1]: expected an integer, got 2.5")
+
+
 def test_several_faults_are_one_line_each(tmp_path: Path) -> None:
     path = write(tmp_path, '[run]\nstopp = 1\nrate = "fast"\n')
     with pytest.raises(ValueError, match="stopp") as caught:

@@ -120,7 +120,7 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
         faults[fault.path] = fault
     misspelt = {fault.meant for fault in faults.values()}
     for path, fault in faults.items():
-        if path in misspelt:
+        if path in misspelt and fault.got == "none":
             continue  # missing only because its name is wrong
         # Of a value of one of several types, the fault inside says more than that of the whole.
         if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
@@ -149,11 +149,7 @@ def _fault(details: Any) -> _Fault:
         number = context.get("max_length", context.get("min_length"))
         return _Fault(key.path, f"{number} values", key.unit, str(context["actual_length"]))
     expected = _EXPECTED.get(kind, details["msg"][0].lower() + details["msg"][1:])
-    if kind == "missing" and len(key.path) > 0 and isinstance(key.path[-1], int):
-        # A list that is too short lacks its last values.
-        return _Fault(key.path, expected, key.unit, "none")
-    got = "none" if kind == "missing" else _value_text(value)
-    return _Fault(key.path, expected, key.unit, got)
+    return _Fault(key.path, expected, key.unit, "none" if kind == "missing" else _value_text(value))
 
 
 def _value_text(value: object) -> str:
