@@ -17,12 +17,7 @@ use radarcore::trace::Snapshot;
 fn plane() -> ImagePlane {
     let side = common::sizes([256], 8)[0];
     let half = 30_f64.to_radians().tan();
-    ImagePlane {
-        rows: side,
-        columns: side,
-        half_width: half,
-        half_height: half,
-    }
+    ImagePlane::centered(side, side, half, half)
 }
 
 fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {

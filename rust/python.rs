@@ -27,7 +27,7 @@ use crate::material::Material;
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
 use crate::rays::ImagePlane;
-use crate::scatter::{self, Places, Sampling, Selection};
+use crate::scatter::{self, Places, Sampling, Selection, Surfels};
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, NO_BODY, Snapshot};
 
@@ -36,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(load_obj, module)?)?;
     module.add_function(wrap_pyfunction!(beat_signal, module)?)?;
+    module.add_function(wrap_pyfunction!(image_scatterers, module)?)?;
     module.add_class::<Surface>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
@@ -243,12 +244,7 @@ impl Scene {
         threads: Option<usize>,
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
-        let plane = ImagePlane {
-            rows,
-            columns,
-            half_width,
-            half_height,
-        };
+        let plane = ImagePlane::centered(rows, columns, half_width, half_height);
         let surfaces = self.surfaces.clone();
         let (snapshot, hits) = compute(py, threads, || {
             let snapshot = Snapshot::new(surfaces, poses);
@@ -262,6 +258,8 @@ impl Scene {
         })
     }
 }
+
+type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// What the rays of an image hit.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -283,6 +281,21 @@ impl Hits {
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let cosines = compute(py, threads, || Ok(scatter::cos_incidence(&self.snapshot, &self.image)))?;
         self.image(cosines.into_pyarray(py))
+    }
+
+    /// Distance along the ray to the surface that the facets stand for [m], (rows, columns), and its unit normal
+    /// towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
+    #[pyo3(signature = (*, threads=None))]
+    fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
+        let (distance, normals) = compute(py, threads, || Ok(scatter::shaded(&self.snapshot, &self.image)))?;
+        let plane = &self.image.plane;
+        Ok((
+            self.image(distance.into_pyarray(py))?,
+            normals
+                .into_flattened()
+                .into_pyarray(py)
+                .reshape([plane.rows, plane.columns, 3])?,
+        ))
     }
 
     /// Power reflectance of the material, (rows, columns); 0 where nothing was hit.
@@ -319,23 +332,8 @@ impl Hits {
         seed: u64,
         threads: Option<usize>,
     ) -> PyResult<Scatterers> {
-        let (peak, azimuth, elevation) = pattern;
-        let array = Array {
-            tx: points(numbers("tx", &tx, [None, Some(3)])?),
-            rx: points(numbers("rx", &rx, [None, Some(3)])?),
-            pattern: Pattern {
-                peak,
-                azimuth,
-                elevation,
-            },
-            power,
-            frequency,
-        };
-        let sampling = if is_footprint {
-            Sampling::Footprint
-        } else {
-            Sampling::Point
-        };
+        let array = array(&tx, &rx, pattern, power, frequency)?;
+        let sampling = sampling(is_footprint);
         let scatterers = compute(py, threads, || {
             Ok(scatter::Scatterers::new(
                 &self.snapshot,
@@ -359,6 +357,87 @@ impl Hits {
     }
 }
 
+/// Material points of the surface elements of an image that send anything back; the bodies' frames are the sensor frame.
+#[pyfunction(signature = (
+    distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, tx, rx, pattern, power,
+    frequency, is_footprint, seed, threads=None
+))]
+fn image_scatterers(
+    py: Python<'_>,
+    distance: PyReadonlyArray2<'_, f64>,
+    normals: PyReadonlyArray3<'_, f64>,
+    reflection: PyReadonlyArray2<'_, Complex64>,
+    albedo: PyReadonlyArray2<'_, f64>,
+    body: PyReadonlyArray2<'_, i32>,
+    num_bodies: usize,
+    focal_length: (f64, f64),
+    principal_point: (f64, f64),
+    tx: PyReadonlyArray2<'_, f64>,
+    rx: PyReadonlyArray2<'_, f64>,
+    pattern: (f64, f64, f64),
+    power: f64,
+    frequency: f64,
+    is_footprint: bool,
+    seed: u64,
+    threads: Option<usize>,
+) -> PyResult<Scatterers> {
+    let [rows, columns] = *distance.shape() else {
+        unreachable!("two axes")
+    };
+    let image = [Some(rows), Some(columns)];
+    let normal = points(numbers("normals", &normals, [image[0], image[1], Some(3)])?);
+    let surfels = Surfels {
+        plane: ImagePlane {
+            rows,
+            columns,
+            du: focal_length.0.recip(),
+            dv: focal_length.1.recip(),
+            axis_column: principal_point.0,
+            axis_row: principal_point.1,
+        },
+        distance: numbers("distance", &distance, image)?,
+        normal: &normal,
+        reflection: numbers("reflection", &reflection, image)?,
+        albedo: numbers("albedo", &albedo, image)?,
+        body: numbers("body", &body, image)?,
+        num_bodies,
+    };
+    let array = array(&tx, &rx, pattern, power, frequency)?;
+    let scatterers = compute(py, threads, || {
+        scatter::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
+    })?;
+    Ok(Scatterers { scatterers, num_bodies })
+}
+
+/// Antennas from rows (x, y, z) and the parameters of a Gaussian beam.
+fn array(
+    tx: &PyReadonlyArray2<'_, f64>,
+    rx: &PyReadonlyArray2<'_, f64>,
+    (peak, azimuth, elevation): (f64, f64, f64),
+    power: f64,
+    frequency: f64,
+) -> PyResult<Array> {
+    Ok(Array {
+        tx: points(numbers("tx", tx, [None, Some(3)])?),
+        rx: points(numbers("rx", rx, [None, Some(3)])?),
+        pattern: Pattern {
+            peak,
+            azimuth,
+            elevation,
+        },
+        power,
+        frequency,
+    })
+}
+
+fn sampling(is_footprint: bool) -> Sampling {
+    if is_footprint {
+        Sampling::Footprint
+    } else {
+        Sampling::Point
+    }
+}
+
 /// Material points; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]
 struct Scatterers {
@@ -377,6 +456,11 @@ impl Scatterers {
     /// Number of the body of every material point.
     fn body<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, self.scatterers.bodies())
+    }
+
+    /// Number of the pixel of every material point, row by row.
+    fn pixel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, self.scatterers.pixels())
     }
 
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:

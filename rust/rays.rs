@@ -17,10 +17,14 @@ pub struct ImagePlane {
     pub rows: usize,
     /// Pixels from left to right.
     pub columns: usize,
-    /// Half the width of the plane, tan(horizontal field of view / 2).
-    pub half_width: f64,
-    /// Half the height of the plane, tan(vertical field of view / 2).
-    pub half_height: f64,
+    /// Width of a pixel in u: 1 / (horizontal focal length in pixels).
+    pub du: f64,
+    /// Height of a pixel in v: 1 / (vertical focal length in pixels).
+    pub dv: f64,
+    /// Where the axis passes, in pixels from the left edge of the image; the centre of column j is j + 1/2.
+    pub axis_column: f64,
+    /// Where the axis passes, in pixels from the top edge of the image.
+    pub axis_row: f64,
 }
 
 /// A rectangle of pixels.
@@ -37,6 +41,18 @@ pub struct Tile {
 }
 
 impl ImagePlane {
+    /// A plane with the axis in its middle, from half its extents tan(field of view / 2).
+    pub const fn centered(rows: usize, columns: usize, half_width: f64, half_height: f64) -> Self {
+        Self {
+            rows,
+            columns,
+            du: 2.0 * half_width / columns as f64,
+            dv: 2.0 * half_height / rows as f64,
+            axis_column: 0.5 * columns as f64,
+            axis_row: 0.5 * rows as f64,
+        }
+    }
+
     /// Refuses planes without pixels or without extent.
     pub fn check(&self) -> Result<()> {
         if self.rows == 0 || self.columns == 0 {
@@ -51,12 +67,20 @@ impl ImagePlane {
             let got = format!("{} x {}", self.rows, self.columns);
             return Err(Error::value("resolution", format!("at most {MAX_PIXELS} rays"), got));
         }
-        let halves = [self.half_width, self.half_height];
-        if halves.iter().any(|h| !h.is_finite() || *h <= 0.0) {
+        let sides = [self.du, self.dv];
+        if sides.iter().any(|side| !side.is_finite() || *side <= 0.0) {
             return Err(Error::value(
                 "field_of_view",
                 "angles between 0 and 180 degrees",
-                format!("{halves:?}"),
+                format!("pixels of {sides:?} in the plane at distance 1"),
+            ));
+        }
+        let axis = [self.axis_column, self.axis_row];
+        if axis.iter().any(|place| !place.is_finite()) {
+            return Err(Error::value(
+                "principal_point",
+                "finite numbers [pixels]",
+                format!("{axis:?}"),
             ));
         }
         Ok(())
@@ -67,21 +91,11 @@ impl ImagePlane {
         self.rows * self.columns
     }
 
-    /// Width of a pixel in u.
-    pub fn du(&self) -> f64 {
-        2.0 * self.half_width / self.columns as f64
-    }
-
-    /// Height of a pixel in v.
-    pub fn dv(&self) -> f64 {
-        2.0 * self.half_height / self.rows as f64
-    }
-
     /// Plane coordinates (u, v) of the centre of a pixel.
     pub fn center(&self, row: usize, column: usize) -> (f64, f64) {
-        // From the middle outwards, so that the image is exactly symmetric.
-        let u = (0.5 * self.columns as f64 - (column as f64 + 0.5)) * self.du();
-        let v = (0.5 * self.rows as f64 - (row as f64 + 0.5)) * self.dv();
+        // From the axis outwards, so that a centred image is exactly symmetric.
+        let u = (self.axis_column - (column as f64 + 0.5)) * self.du;
+        let v = (self.axis_row - (row as f64 + 0.5)) * self.dv;
         (u, v)
     }
 
@@ -94,7 +108,7 @@ impl ImagePlane {
     /// Solid angle of a pixel [sr], du dv / w^3.
     pub fn solid_angle(&self, row: usize, column: usize) -> f64 {
         let (u, v) = self.center(row, column);
-        self.du() * self.dv() / (1.0 + u * u + v * v).powf(1.5)
+        self.du * self.dv / (1.0 + u * u + v * v).powf(1.5)
     }
 
     /// The tile of a number from 0 to [`Self::num_tiles`], row by row.
@@ -119,18 +133,26 @@ impl ImagePlane {
 mod tests {
     use super::*;
 
-    const PLANE: ImagePlane = ImagePlane {
-        rows: 20,
-        columns: 30,
-        half_width: 0.6,
-        half_height: 0.4,
-    };
+    const PLANE: ImagePlane = ImagePlane::centered(20, 30, 0.6, 0.4);
 
     #[test]
     fn first_pixel_looks_up_and_to_the_left() {
         let d = PLANE.direction(0, 0);
         assert!(d.x > 0.0 && d.y > 0.0 && d.z > 0.0);
         assert!((d.y / d.x - (0.6 - 0.02)).abs() < 1e-15 && (d.z / d.x - (0.4 - 0.02)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_cut_out_of_an_image_looks_where_the_whole_does() {
+        let cut = ImagePlane {
+            rows: 7,
+            columns: 5,
+            axis_column: PLANE.axis_column - 3.0,
+            axis_row: PLANE.axis_row - 11.0,
+            ..PLANE
+        };
+        assert_eq!(cut.direction(2, 4), PLANE.direction(13, 7));
+        assert!((cut.solid_angle(2, 4) - PLANE.solid_angle(13, 7)).abs() < 1e-18);
     }
 
     #[test]
@@ -149,11 +171,7 @@ mod tests {
     #[test]
     fn solid_angles_add_up_to_that_of_the_pyramid() {
         // Rectangle seen from its foot point: 4 asin(a b / sqrt((1 + a^2)(1 + b^2))).
-        let fine = ImagePlane {
-            rows: 400,
-            columns: 400,
-            ..PLANE
-        };
+        let fine = ImagePlane::centered(400, 400, 0.6, 0.4);
         let sum: f64 = (0..400)
             .flat_map(|i| (0..400).map(move |j| fine.solid_angle(i, j)))
             .sum();

@@ -1,4 +1,4 @@
-//! From hits to paths: what every hit sends back to every antenna pair.
+//! From hits to paths: what every hit, or pixel of somebody else's depth image, sends back to every antenna pair.
 //!
 //! Two mechanisms per material (README eqs. (2) and (3)): the mirror-like one is physical optics written on the
 //! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
@@ -13,7 +13,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::antenna::{Array, Sight};
-use crate::error::{Result, fits_memory};
+use crate::error::{Error, Result, fits_memory};
 use crate::hash::mix;
 use crate::material::Material;
 use crate::motion::Pose;
@@ -48,6 +48,8 @@ pub enum Sampling {
 /// Material points with what their amplitude needs besides the geometry.
 pub struct Scatterers {
     array: Array,
+    /// Number of the pixel that shows it, row by row.
+    pixel: Vec<u32>,
     body: Vec<u32>,
     /// In body coordinates [m].
     position: Vec<DVec3>,
@@ -105,6 +107,60 @@ impl Selection {
     }
 }
 
+/// An image of surface elements that another program has seen: one per pixel, row by row. The bodies' frames are the
+/// sensor frame at the time of the image.
+#[derive(Clone, Copy, Debug)]
+pub struct Surfels<'a> {
+    /// The image.
+    pub plane: ImagePlane,
+    /// Distance along the ray [m]; no return where it is not a positive, finite number.
+    pub distance: &'a [f64],
+    /// Unit normals towards the incident side, sensor frame.
+    pub normal: &'a [DVec3],
+    /// Field reflection coefficient of the mirror-like part.
+    pub reflection: &'a [Complex64],
+    /// Diffuse albedo.
+    pub albedo: &'a [f64],
+    /// Number of the body; no return where it is negative.
+    pub body: &'a [i32],
+    /// Number of bodies.
+    pub num_bodies: usize,
+}
+
+impl Surfels<'_> {
+    /// Refuses images that cannot be, and bodies that are not there.
+    fn check(&self) -> Result<()> {
+        self.plane.check()?;
+        fits_memory(
+            "scatterers",
+            &[self.plane.rows, self.plane.columns],
+            size_of::<Scatterer>(),
+        )?;
+        let is_beyond = |body: &&i32| usize::try_from(**body).is_ok_and(|body| body >= self.num_bodies);
+        match self.body.iter().find(is_beyond) {
+            Some(body) => Err(Error::value("body", format!("numbers below {}", self.num_bodies), body)),
+            None => Ok(()),
+        }
+    }
+
+    /// What one pixel shows.
+    fn patch(&self, pixel: usize) -> Option<Patch> {
+        let (distance, normal) = (self.distance[pixel], self.normal[pixel]);
+        if !(distance > 0.0 && distance.is_finite() && normal.is_finite()) {
+            return None;
+        }
+        Some(Patch {
+            pixel,
+            body: u32::try_from(self.body[pixel]).ok()?,
+            direction: self
+                .plane
+                .direction(pixel / self.plane.columns, pixel % self.plane.columns),
+            distance,
+            normal,
+        })
+    }
+}
+
 /// What one pixel shows.
 struct Patch {
     pixel: usize,
@@ -123,6 +179,17 @@ pub fn cos_incidence(snapshot: &Snapshot, hits: &Hits) -> Vec<f64> {
         .into_par_iter()
         .map(|pixel| patch(snapshot, hits, pixel).map_or(0.0, |p| (-p.normal.dot(p.direction)).clamp(0.0, 1.0)))
         .collect()
+}
+
+/// Distance to the surface that the facets stand for [m], infinite where nothing was hit, and its unit normal towards
+/// the incident side in the sensor frame, zero where nothing was hit.
+pub fn shaded(snapshot: &Snapshot, hits: &Hits) -> (Vec<f64>, Vec<[f64; 3]>) {
+    (0..hits.plane.num_pixels())
+        .into_par_iter()
+        .map(|pixel| {
+            patch(snapshot, hits, pixel).map_or((f64::INFINITY, [0.0; 3]), |p| (p.distance, p.normal.to_array()))
+        })
+        .unzip()
 }
 
 /// What the hit of one pixel shows.
@@ -163,28 +230,53 @@ impl Scatterers {
         sampling: Sampling,
         seed: u64,
     ) -> Self {
+        Self::gather(&hits.plane, array, sampling, |weigh, pixel| {
+            let patch = patch(snapshot, hits, pixel)?;
+            let speckle = mix(seed ^ snapshot.surface(patch.body).fingerprint());
+            weigh.scatterer(
+                &patch,
+                &materials[patch.body as usize],
+                snapshot.pose(patch.body),
+                speckle,
+            )
+        })
+    }
+
+    /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
+    pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
+        surfels.check()?;
+        Ok(Self::gather(&surfels.plane, array, sampling, |weigh, pixel| {
+            let patch = surfels.patch(pixel)?;
+            let material = Material {
+                reflection: surfels.reflection[pixel],
+                albedo: surfels.albedo[pixel],
+            };
+            let speckle = mix(seed ^ u64::from(patch.body));
+            weigh.scatterer(&patch, &material, &Pose::IDENTITY, speckle)
+        }))
+    }
+
+    /// The material points of the pixels that have one.
+    fn gather(
+        plane: &ImagePlane,
+        array: Array,
+        sampling: Sampling,
+        scatterer: impl Fn(&Weigh, usize) -> Option<Scatterer> + Sync,
+    ) -> Self {
         let weigh = Weigh {
-            plane: &hits.plane,
+            plane,
             array: &array,
             sampling,
         };
-        let mut scatterers: Vec<Scatterer> = (0..hits.plane.num_pixels())
+        let mut scatterers: Vec<Scatterer> = (0..plane.num_pixels())
             .into_par_iter()
-            .filter_map(|pixel| {
-                let patch = patch(snapshot, hits, pixel)?;
-                let speckle = mix(seed ^ snapshot.surface(patch.body).fingerprint());
-                weigh.scatterer(
-                    &patch,
-                    &materials[patch.body as usize],
-                    snapshot.pose(patch.body),
-                    speckle,
-                )
-            })
+            .filter_map(|pixel| scatterer(&weigh, pixel))
             .collect();
         if sampling == Sampling::Footprint {
             share_speckle(&mut scatterers);
         }
         Self {
+            pixel: scatterers.iter().map(|s| s.pixel).collect(),
             body: scatterers.iter().map(|s| s.body).collect(),
             position: scatterers.iter().map(|s| s.position).collect(),
             normal: scatterers.iter().map(|s| s.normal).collect(),
@@ -207,6 +299,11 @@ impl Scatterers {
     /// Body of every material point, in image order.
     pub fn bodies(&self) -> &[u32] {
         &self.body
+    }
+
+    /// Pixel of every material point, in image order.
+    pub fn pixels(&self) -> &[u32] {
+        &self.pixel
     }
 
     /// Number of TX-RX pairs.
@@ -306,6 +403,7 @@ fn delay(t: &Sight, r: &Sight) -> f64 {
 
 /// One material point; see [`Scatterers`].
 struct Scatterer {
+    pixel: u32,
     body: u32,
     position: DVec3,
     normal: DVec3,
@@ -388,6 +486,7 @@ impl Weigh<'_> {
         let is_silent = diffuse == Complex64::ZERO && mirror.iter().all(|m| *m == Complex64::ZERO);
         let normal = pose.direction_to_body(normal);
         (!is_silent).then_some(Scatterer {
+            pixel: pixel as u32,
             body,
             position,
             normal,
@@ -408,7 +507,7 @@ fn footprint(plane: &ImagePlane, pixel: usize, d: DVec3, distance: f64, normal: 
         let stretch = -distance * normal.dot(turn) / normal.dot(d); // dR/du on the tangent plane
         (stretch * d + distance * turn) * width
     };
-    (edge(DVec3::Y, u, plane.du()), edge(DVec3::Z, v, plane.dv()))
+    (edge(DVec3::Y, u, plane.du), edge(DVec3::Z, v, plane.dv))
 }
 
 /// Mean of exp(-2jx s) over s in [-1/2, 1/2], tapered to zero at x = pi so that aliases of steep patches vanish.

@@ -212,12 +212,7 @@ mod tests {
         }
     }
 
-    const PLANE: ImagePlane = ImagePlane {
-        rows: 17,
-        columns: 23,
-        half_width: 0.5,
-        half_height: 0.5,
-    };
+    const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 
     #[test]
     fn nearer_body_hides_the_one_behind() {

@@ -43,6 +43,15 @@ POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
 
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
 REFLECTION, ALBEDO = np.array([-0.5 + 0j]), np.array([0.5])
+SHAPE = (4, 5)
+SURFELS: dict[str, Any] = {
+    "distance": np.full(SHAPE, 2.0),
+    "normals": np.broadcast_to([-1.0, 0.0, 0.0], (*SHAPE, 3)).copy(),
+    "reflection": np.full(SHAPE, -1.0 + 0j),
+    "albedo": np.full(SHAPE, 0.1),
+    "body": np.zeros(SHAPE, np.int32),
+}
+CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "principal_point": (2.5, 2.0)}
 SCENE = _core.Scene([SURFACE], REFLECTION, ALBEDO)
 HITS = SCENE.cast(POSES, **IMAGE)
 SCATTERERS = HITS.scatterers(**ANTENNAS)
@@ -58,6 +67,11 @@ def cast(poses: Any = POSES, **changes: Any) -> Any:
 
 def scatterers(**changes: Any) -> Any:
     return HITS.scatterers(**(ANTENNAS | changes))
+
+
+def surfels(**changes: Any) -> Any:
+    settings = SURFELS | CAMERA | ANTENNAS | changes
+    return _core.image_scatterers(*[settings.pop(name) for name in SURFELS], **settings)
 
 
 def paths(poses: Any = POSES[None], points: Any = POINTS, rcs: Any = RCS, **changes: Any) -> Any:
@@ -97,7 +111,11 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.reflectance(), "float64", (20, 30)),
         (HITS.body(), "int32", (20, 30)),
         (HITS.directions(), "float64", (20, 30, 3)),
+        (HITS.shaded()[0], "float64", (20, 30)),
+        (HITS.shaded()[1], "float64", (20, 30, 3)),
         (SCATTERERS.body(), "uint32", (len(SCATTERERS),)),
+        (SCATTERERS.pixel(), "uint32", (len(SCATTERERS),)),
+        (surfels().pixel(), "uint32", (20,)),
         (delay, "float64", (1, 2, len(SCATTERERS) + 1)),
         (amplitude, "complex128", (1, 2, len(SCATTERERS) + 1)),
         (rates(), "float64", (2, len(SCATTERERS) + 1)),
@@ -120,6 +138,9 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "cast poses": (lambda a: cast(a), POSES),
     "scatterers tx": (lambda a: scatterers(tx=a), ANTENNAS["rx"]),
     "scatterers rx": (lambda a: scatterers(rx=a), ANTENNAS["rx"]),
+    **{f"surfels {name}": (lambda a, name=name: surfels(**{name: a}), SURFELS[name]) for name in SURFELS},
+    "surfels tx": (lambda a: surfels(tx=a), ANTENNAS["rx"]),
+    "surfels rx": (lambda a: surfels(rx=a), ANTENNAS["rx"]),
     "paths poses": (lambda a: paths(poses=a), POSES[None]),
     "paths points": (lambda a: paths(points=a), POINTS),
     "paths rcs": (lambda a: paths(points=np.ones((1, 2, 3)), rcs=a), np.ones(2)),
@@ -223,7 +244,14 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
         (lambda: rates(pose_rates=np.zeros((0, 3, 4))), r"pose_rates: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
         (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(1, 3\), got \(1, 4\)"),
         (lambda: rates(point_rates=np.zeros((2, 3))), r"point_rates: expected shape \(1, 3\), got \(2, 3\)"),
+        (lambda: surfels(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
+        (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
+        (lambda: surfels(body=np.zeros((4, 4), np.int32)), r"body: expected shape \(4, 5\), got \(4, 4\)"),
         # Values that no result can be formed for.
+        (lambda: surfels(body=np.full(SHAPE, 1, np.int32)), "body: expected numbers below 1, got 1"),
+        (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
+        (lambda: surfels(focal_length=(1.0, NAN)), "field_of_view: expected angles"),
+        (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
         (lambda: beat(np.full((1, 2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
         (lambda: beat(amplitude=np.full((1, 2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
         (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
@@ -253,7 +281,7 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
-@pytest.mark.parametrize("call", [beat, cast, scatterers, paths, rates, HITS.cos_incidence])
+@pytest.mark.parametrize("call", [beat, cast, scatterers, surfels, paths, rates, HITS.cos_incidence, HITS.shaded])
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
 
@@ -350,6 +378,9 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     ):
         wild.paths(POSES[None], np.full((1, 1, 3), value), np.full(1, value))
     hit_scatterers = scatterers(tx=np.full((1, 3), value), rx=np.full((2, 3), -value))
+    for name in ("distance", "normals", "reflection", "albedo"):
+        wild = np.full_like(SURFELS[name], value)
+        surfels(**{name: wild}).paths(POSES[None], POINTS, RCS)
     delay, amplitude = hit_scatterers.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
     assert delay.shape == amplitude.shape == (2, 2, len(hit_scatterers) + 1)
     rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))

@@ -55,6 +55,27 @@ def test_wall_at_three_metres_is_three_times_the_slant_away(resolution: Any, fie
     assert image.field_of_view_deg == field_of_view_deg
 
 
+def test_normals_face_the_sensor_and_make_the_cosine() -> None:
+    image = depth_image([rc.Body(rc.shapes.sphere(0.5, subdivisions=3), motion=rc.Pose([2.0, 0.2, 0.1]))])
+    is_hit = image.body == 0
+    cosines = -(image.normals * image.directions).sum(axis=-1)
+    np.testing.assert_allclose(cosines[is_hit], image.cos_incidence[is_hit], rtol=0, atol=1e-14)
+    assert (image.normals[~is_hit] == 0.0).all()
+    assert (image.surface_distance[~is_hit] == np.inf).all()
+
+
+def test_surface_distance_is_that_of_the_sphere_and_not_of_its_facets() -> None:
+    image = depth_image([rc.Body(rc.shapes.sphere(0.5, subdivisions=3), motion=rc.Pose([2.0, 0.0, 0.0]))])
+    ball = np.array([2.0, 0.0, 0.0])
+    is_seen = image.cos_incidence > 0.5
+    sagitta = 0.5 * 0.5 * 0.1**2  # edges of 1280 triangles are 0.14 radii long
+    for distance, error in ((image.distance, sagitta), (image.surface_distance, 0.1 * sagitta)):
+        points = distance[is_seen, None] * image.directions[is_seen]
+        assert np.abs(np.linalg.norm(points - ball, axis=1) - 0.5).max() < error
+    facets = image.distance[is_seen, None] * image.directions[is_seen]
+    assert np.abs(np.linalg.norm(facets - ball, axis=1) - 0.5).max() > 0.2 * sagitta
+
+
 def test_arrays_have_the_documented_types() -> None:
     image = depth_image([wall()], time=0.25)
     assert (image.distance.dtype, image.cos_incidence.dtype, image.reflectance.dtype) == (np.float64,) * 3

@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hits", "Scatterers", "Scene", "Surface", "__version__", "beat_signal", "load_obj"]
+__all__ = ["Hits", "Scatterers", "Scene", "Surface", "__version__", "beat_signal", "image_scatterers", "load_obj"]
 
 __version__: str
 
@@ -29,6 +29,31 @@ def beat_signal(
     threads: int | None = None,
 ) -> NDArray[np.complex128]:
     """Samples (channel, chirp, sample) of paths (term, channel, path): derivatives, or values at Chebyshev times."""
+
+def image_scatterers(
+    distance: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    reflection: NDArray[np.complex128],
+    albedo: NDArray[np.float64],
+    body: NDArray[np.int32],
+    *,
+    num_bodies: int,
+    focal_length: tuple[float, float],
+    principal_point: tuple[float, float],
+    tx: NDArray[np.float64],
+    rx: NDArray[np.float64],
+    pattern: tuple[float, float, float],
+    power: float,
+    frequency: float,
+    is_footprint: bool,
+    seed: int,
+    threads: int | None = None,
+) -> Scatterers:
+    """Material points of the surface elements (rows, columns) of an image; the bodies' frames are the sensor frame.
+
+    No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
+    unit vectors towards the sensor; focal lengths and principal point are in pixels.
+    """
 
 @final
 class Surface:
@@ -67,6 +92,11 @@ class Hits:
         """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
     def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:
         """Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit."""
+    def shaded(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance along the ray to the surface that the facets stand for [m], and its unit normal towards the sensor.
+
+        (rows, columns), inf where nothing was hit, and (rows, columns, 3), 0 where nothing was hit.
+        """
     def reflectance(self) -> NDArray[np.float64]:
         """Power reflectance of the material, (rows, columns); 0 where nothing was hit."""
     def body(self) -> NDArray[np.int32]:
@@ -94,6 +124,8 @@ class Scatterers:
     def __len__(self) -> int: ...
     def body(self) -> NDArray[np.uint32]:
         """Number of the body of every material point, (scatterer,)."""
+    def pixel(self) -> NDArray[np.uint32]:
+        """Number of the pixel of every material point, row by row, (scatterer,)."""
     def paths(
         self,
         poses: NDArray[np.float64],

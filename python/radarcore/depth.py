@@ -24,6 +24,11 @@ class DepthImage:
         Number of the body in the scene; -1 where nothing was hit.
     directions : (rows, columns, 3) float64
         Unit directions of the rays in sensor axes.
+    surface_distance : (rows, columns) float64
+        Like `distance`, but to the smooth surface that the facets of a mesh stand for: what the radar's delays follow.
+        Facets lie behind it by up to their sagitta, which is an error of phase; see `Mesh`.
+    normals : (rows, columns, 3) float64
+        Unit normals of that surface towards the sensor, in sensor axes; 0 where nothing was hit.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle of the image [degrees].
     time : float
@@ -35,6 +40,8 @@ class DepthImage:
     reflectance: NDArray[np.float64]
     body: NDArray[np.int32]
     directions: NDArray[np.float64]
+    surface_distance: NDArray[np.float64]
+    normals: NDArray[np.float64]
     field_of_view_deg: tuple[float, float]
     time: float
 

@@ -12,29 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check
-from radarcore.beat import METHODS, check_threads, core_waveform, sample_dtype
+from radarcore.beat import METHODS, check_threads, sample_dtype
 from radarcore.depth import DepthImage
+from radarcore.follow import Course, follow_nodes, receive, sum_paths, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.radar import Radar
-from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Placement, Scene
-from radarcore.units import SPEED_OF_LIGHT
 
 SAMPLINGS = ("footprint", "point")
 """How a pixel stands for the patch it covers."""
-
-# Delays and amplitudes are taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that turn
-# out of sight have a kink, which no number of times follows exactly.
-_NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
-_MAX_NODES_FOR_AMPLITUDES = 16
-# Delays are followed to this phase [rad] whatever the tolerance: it costs little, and other processing may need it.
-_PHASE_GOAL = 1e-7
-# Paths that are looked at to choose the number of times.
-_NUM_PROBES = 2048
-# Work and memory of one piece of the sum: path-samples (half a second), and numbers per path.
-_PIECE_PATH_SAMPLES = 2**28
-_PIECE_NUMBERS = 2**25
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,24 +136,29 @@ class Simulator:
         start = check.number("time", time, "s")
         hits = self._cast(start + self._middle)
         scatterers = self._scatterers(hits)
-        times, residual = self._follow_times(scatterers, start)
-        ideal = self._beat_signal(scatterers, self._place(times))
+        course = self._course(scatterers)
+        nodes = follow_nodes(course, self.radar.waveform, start, self.tolerance)
+        ideal, farthest = sum_paths(course, nodes.times, self.radar, self.threads)
+        cube = receive(ideal, self.radar, start, seed=self.seed, tolerance=self.tolerance)
+        if not self._has_warned_of_series:
+            self._has_warned_of_series = nodes.warn_beyond(self.tolerance, stacklevel=2)
+        if not self._has_warned_of_range:
+            self._has_warned_of_range = warn_beyond_range(farthest, self.radar, stacklevel=2)
         image = self._image(hits, start + self._middle)
         num_hit = int((image.body >= 0).sum())
-        num_paths = len(scatterers) + len(self.scene._rcs)
         stats = {
             "rays_cast": image.body.size,
             "rays_hit": num_hit,
             "tiles_skipped": 0,
             "tiles_reused": 0,
-            "paths": num_paths,
+            "paths": course.num_paths,
             "paths_skipped": num_hit - len(scatterers),
-            "delay_nodes": len(times),
-            "series_residual": residual,
-            "plan": f"direct sum in double precision: {self.radar.num_channels} channels, {num_paths} paths, delays at "
-            f"{len(times)} times",
+            "delay_nodes": len(nodes.times),
+            "series_residual": nodes.residual,
+            "plan": f"direct sum in double precision: {self.radar.num_channels} channels, {course.num_paths} paths, "
+            f"delays at {len(nodes.times)} times",
         }
-        return Frame(self._receive(ideal, start), start, self.radar, self._truth(image, start + self._middle), stats)
+        return Frame(cube, start, self.radar, self._truth(image, start + self._middle), stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -236,12 +228,15 @@ class Simulator:
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:
         """The hits as arrays, bodies numbered as in the scene."""
         numbers = np.append(self.scene._mesh_numbers, np.int32(-1))
+        surface_distance, normals = hits.shaded(threads=self.threads)
         return DepthImage(
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
             reflectance=hits.reflectance(),
             body=numbers[hits.body()],
             directions=hits.directions(),
+            surface_distance=surface_distance,
+            normals=normals,
             field_of_view_deg=self.field_of_view_deg,
             time=time,
         )
@@ -260,68 +255,29 @@ class Simulator:
         )
 
     def _follow(
-        self, scatterers: _core.Scatterers, place: Placement, first: int = 0, last: int | None = None, step: int = 1
+        self, scatterers: _core.Scatterers, place: Placement, part: slice = slice(0, None, 1)
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delays and amplitudes (time, channel, path) of some paths with bodies and points at their places."""
         delay, amplitude = scatterers.paths(
-            place.poses, place.points, self.scene._rcs, first=first, last=last, step=step, threads=self.threads
+            place.poses,
+            place.points,
+            self.scene._rcs,
+            first=part.start,
+            last=part.stop,
+            step=part.step,
+            threads=self.threads,
         )
         if not np.isfinite(amplitude).all():
             raise ValueError("scene: expected nothing at the place of an antenna, got a path of length zero")
         return delay, amplitude
 
-    def _follow_times(self, scatterers: _core.Scatterers, start: float) -> tuple[NDArray[np.float64], float]:
-        """Times of a frame at which delays and amplitudes are taken, and the error of the series through them."""
-        waveform = self.radar.waveform
-        if self.scene.is_static and is_static(self.radar_motion):
-            return start + waveform.delay_times(1), 0.0
-        step = max(1, (len(scatterers) + len(self.scene._rcs)) // _NUM_PROBES)
-        highest = max(waveform.start_frequency, waveform.center_frequency) + 0.5 * waveform.bandwidth
-        last_phase = np.inf
-        for num_nodes in _NODE_COUNTS:
-            times = start + waveform.delay_times(num_nodes)
-            delay, amplitude = self._follow(scatterers, self._place(times), step=step)
-            phase, weight = _series_residuals(delay, amplitude, highest)
-            # Rounding of absolute time ends the improvement before the goal where time is large.
-            goal = 0.1 * self.tolerance
-            phase_is_done = phase <= min(goal, _PHASE_GOAL) or (phase <= goal and phase > 0.5 * last_phase)
-            weight_is_done = weight <= goal or num_nodes >= _MAX_NODES_FOR_AMPLITUDES
-            if phase_is_done and weight_is_done:
-                break
-            last_phase = phase
-        residual = float(np.hypot(phase, weight))
-        if residual > self.tolerance and not self._has_warned_of_series:
-            self._has_warned_of_series = True
-            reason = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
-            warnings.warn(
-                f"{reason} are followed within a frame to {residual:.1e} only, tolerance is {self.tolerance:.1e}",
-                stacklevel=3,
-            )
-        return times, residual
-
-    def _beat_signal(self, scatterers: _core.Scatterers, place: Placement) -> NDArray[np.complex128]:
-        """The sum over all paths, piece by piece: bounded memory, and Ctrl-C is heard between pieces."""
-        waveform = self.radar.waveform
-        num_paths, num_nodes = len(scatterers) + len(self.scene._rcs), len(place.poses)
-        cube = np.zeros((self.radar.num_channels, waveform.num_chirps, waveform.num_samples), dtype=np.complex128)
-        size = max(1, min(_PIECE_PATH_SAMPLES // cube.size, _PIECE_NUMBERS // (self.radar.num_channels * num_nodes)))
-        for first in range(0, num_paths, size):
-            delay, amplitude = self._follow(scatterers, place, first, min(first + size, num_paths))
-            self._warn_beyond_range(delay, amplitude)
-            cube += _core.beat_signal(
-                delay, amplitude, is_chebyshev=True, threads=self.threads, **core_waveform(waveform)
-            )
-        return cube
-
-    def _receive(self, ideal: NDArray[np.complex128], start: float) -> NDArray[Any]:
-        """The cube as the receiver delivers it."""
-        receiver = self.radar.receiver or Receiver()
-        time_bits = int(np.float64(start + 0.0).view(np.uint64))
-        cube = receiver.receive(ideal, self.radar.waveform.sample_rate, np.random.default_rng([self.seed, time_bits]))
-        single = sample_dtype(self.tolerance) is np.complex64
-        if np.iscomplexobj(cube):
-            return cube.astype(np.complex64 if single else np.complex128, copy=False)
-        return cube.astype(np.float32 if single else np.float64, copy=False)
+    def _course(self, scatterers: _core.Scatterers) -> Course:
+        """How the paths run through time."""
+        return Course(
+            num_paths=len(scatterers) + len(self.scene._rcs),
+            is_static=self.scene.is_static and is_static(self.radar_motion),
+            follow=lambda times, part: self._follow(scatterers, self._place(times), part),
+        )
 
     def _truth(self, image: DepthImage, time: float) -> Truth:
         """Range, velocity and direction of the nearest visible point of every body at `time`."""
@@ -346,16 +302,6 @@ class Simulator:
         velocity = (points * velocities).sum(axis=1) / np.maximum(distance, np.finfo(float).tiny)
         return Truth(self.scene.names, distance, velocity, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
 
-    def _warn_beyond_range(self, delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> None:
-        farthest = 0.5 * SPEED_OF_LIGHT * float(delay.max(initial=0.0, where=amplitude != 0.0 if delay.size else True))
-        if farthest > self.radar.max_range and not self._has_warned_of_range:
-            self._has_warned_of_range = True
-            warnings.warn(
-                f"the scene reaches to {farthest:.2f} m, beyond max_range {self.radar.max_range:.2f} m of the "
-                "waveform: echoes from there appear at wrong ranges",
-                stacklevel=4,
-            )
-
     def _warn_of_overlap(self, rate: float) -> None:
         duration = self.radar.waveform.duration
         if duration * rate > 1.0:
@@ -376,29 +322,6 @@ class Simulator:
             "tolerance": self.tolerance,
             "seed": self.seed,
         }
-
-
-def _series_residuals(
-    delay: NDArray[np.float64], amplitude: NDArray[np.complex128], frequency: float
-) -> tuple[float, float]:
-    """Error of the Chebyshev series through delays and amplitudes (node, channel, path), relative to l2(amplitudes).
-
-    Of phases and of amplitudes, the worst channel's; from the last two coefficients, which for smooth motion are larger
-    than all that follow.
-    """
-    n = len(delay)
-    angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
-    last = np.cos(np.arange(n - 2, n)[:, None] * angles) * (2.0 / n)
-
-    def end(values: NDArray[Any]) -> NDArray[np.float64]:
-        coefficients: NDArray[np.float64] = np.abs(np.tensordot(last, values - values[0], axes=1)).max(axis=0)
-        return coefficients
-
-    strength = np.abs(amplitude).max(axis=0)
-    total = np.maximum(np.linalg.norm(strength, axis=-1), np.finfo(float).tiny)
-    phase = np.linalg.norm(2.0 * np.pi * frequency * end(delay) * strength, axis=-1) / total
-    weight = np.linalg.norm(end(amplitude), axis=-1) / total
-    return float(phase.max(initial=0.0)), float(weight.max(initial=0.0))
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:
