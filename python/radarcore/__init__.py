@@ -9,7 +9,9 @@ from radarcore._core import __version__
 from radarcore.antenna import GaussianPattern, IsotropicPattern
 from radarcore.beat import beat_signal
 from radarcore.body import Body, PointTarget
+from radarcore.camera import Camera
 from radarcore.depth import DepthImage
+from radarcore.external import frame_from_depth
 from radarcore.material import Material, materials
 from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
@@ -18,7 +20,6 @@ from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
-from radarcore.scenefile import Simulation, load_scene
 from radarcore.simulate import Paths, Simulator
 from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 from radarcore.waveform import Waveform
@@ -26,6 +27,7 @@ from radarcore.waveform import Waveform
 __all__ = [
     "Attached",
     "Body",
+    "Camera",
     "DepthImage",
     "Frame",
     "Function",
@@ -44,7 +46,6 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Scene",
-    "Simulation",
     "Simulator",
     "Spectrogram",
     "Trajectory",
@@ -53,9 +54,9 @@ __all__ = [
     "__version__",
     "beat_signal",
     "bgt60tr13c",
+    "frame_from_depth",
     "load_mesh",
     "load_meshes",
-    "load_scene",
     "materials",
     "models",
     "plot",

@@ -1,0 +1,68 @@
+"""The camera of a depth image: which direction each pixel looks into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera that looks along +x; row 0 of its images is on top (+z), column 0 on the left (+y).
+
+    The centre of the pixel in row i and column j lies at (j + 1/2, i + 1/2). OpenCV and ROS put it at (j, i): add 1/2
+    to their cx and cy.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths [pixels], to the right and down.
+    cx, cy : float
+        Where the optical axis meets the image, from its left and top edge [pixels]; half its size when centred.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy"):
+            object.__setattr__(self, name, check.positive(name, getattr(self, name), "pixels"))
+        for name in ("cx", "cy"):
+            object.__setattr__(self, name, check.number(name, getattr(self, name), "pixels"))
+
+    @classmethod
+    def from_field_of_view(cls, field_of_view_deg: tuple[float, float], rows: int, columns: int) -> Camera:
+        """Camera of a centred image with a horizontal and a vertical angle [degrees]."""
+        angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
+        if (angles <= 0.0).any() or (angles >= 180.0).any():
+            raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")
+        half_width, half_height = 0.5 * columns, 0.5 * rows
+        tangents = np.tan(0.5 * np.deg2rad(angles))
+        return cls(float(half_width / tangents[0]), float(half_height / tangents[1]), half_width, half_height)
+
+    def plane(self, rows: int, columns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Plane coordinates u = y/x of the columns, (columns,), and v = z/x of the rows, (rows,)."""
+        u = (self.cx - (np.arange(columns, dtype=np.float64) + 0.5)) / self.fx
+        v = (self.cy - (np.arange(rows, dtype=np.float64) + 0.5)) / self.fy
+        return u, v
+
+    def slant(self, rows: int, columns: int) -> NDArray[np.float64]:
+        """Distance along the ray over planar depth, (rows, columns)."""
+        u, v = self.plane(rows, columns)
+        slant: NDArray[np.float64] = np.sqrt(1.0 + u**2 + v[:, None] ** 2)
+        return slant
+
+    def every(self, step: int, row: int, column: int) -> Camera:
+        """Camera of every `step`-th pixel in both directions, from a row and a column on."""
+        return Camera(
+            self.fx / step,
+            self.fy / step,
+            (self.cx - column - 0.5) / step + 0.5,
+            (self.cy - row - 0.5) / step + 0.5,
+        )

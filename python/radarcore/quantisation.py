@@ -1,0 +1,80 @@
+"""Steps in depth images: 16-bit millimetres and z-buffers, and the errors of phase they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.float64]
+
+# Steps below this fraction of the largest value are rounding of single precision, and do not matter.
+_SMALLEST = 4e-7
+# Second differences of a quantised image are small multiples of the step.
+_MOST_STEPS = 100.0
+# Those above this fraction of the values are edges.
+_EDGE = 0.01
+# So many of all second differences, and at least so many, have to be such multiples ...
+_LEAST_SHARE, _LEAST = 0.003, 50
+# ... and so many of those that are not zero be within this of whole ones (0.4 of them would be by chance).
+_LEAST_WHOLE, _WHOLE = 0.95, 0.2
+
+
+@dataclass(frozen=True)
+class Quantisation:
+    """Steps of a depth image: of the depth itself [m] and of its inverse, as in a z-buffer [1/m]; zero where none."""
+
+    depth_step: float
+    inverse_step: float
+    deepest: float
+
+    def at(self, depth: Values) -> Values:
+        """Step at a depth [m]."""
+        return self.depth_step + depth**2 * self.inverse_step
+
+    @property
+    def largest(self) -> float:
+        """Step at the deepest pixel [m]."""
+        return self.depth_step + self.deepest**2 * self.inverse_step
+
+    def phase_error_deg(self, wavelength: float) -> float:
+        """Error of the two-way phase at the deepest pixel, rms [degrees]."""
+        return float(720.0 * self.largest / np.sqrt(12.0) / wavelength)
+
+
+def find(depth: Values, slant: Values) -> Quantisation:
+    """Steps of an image of depths, NaN where nothing returns; depth / slant is the planar depth."""
+    step = _uniform_step(depth)
+    inverse_step = 0.0 if step > 0.0 else _uniform_step(slant / depth)
+    is_known = np.isfinite(depth)
+    return Quantisation(step, inverse_step, float(depth.max(initial=0.0, where=is_known)))
+
+
+def relative_noise(given: NDArray[Any], depth: Values, steps: Quantisation) -> Values:
+    """Uncertainty of every depth relative to itself: type of the numbers and steps."""
+    rounding = 4.0 * np.finfo(given.dtype).eps if given.dtype.kind == "f" else 0.0
+    known = np.where(np.isfinite(depth), depth, 1.0)
+    return np.maximum(max(rounding, 1e-12), steps.at(known) / known)
+
+
+def _uniform_step(values: Values) -> float:
+    """The step that all values are multiples of, but for an offset; zero where there is none.
+
+    Seen from the second differences along rows and columns: those of a plane are zero if it is not quantised, although
+    its values may be evenly spaced.
+    """
+    bends = np.abs(np.concatenate([np.diff(values, 2, axis=axis).ravel() for axis in (0, 1)]))
+    bends = bends[np.isfinite(bends)]
+    largest = np.max(values, initial=0.0, where=np.isfinite(values))
+    multiples = bends[(bends > _SMALLEST * largest) & (bends < _EDGE * largest)]
+    step = float(multiples.min(initial=np.inf))
+    few = multiples[multiples < _MOST_STEPS * step]
+    if len(few) < max(_LEAST, _LEAST_SHARE * len(bends)):
+        return 0.0
+    count = np.round(few / step)
+    is_small = count <= 4.0
+    step = float((few * count)[is_small].sum() / (count**2)[is_small].sum())
+    is_whole = np.abs(few / step - np.round(few / step)) < _WHOLE
+    return step if is_whole.mean() >= _LEAST_WHOLE else 0.0
