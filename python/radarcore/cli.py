@@ -48,8 +48,8 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser("demo", help="simulate the experiment and compare it with its truth")
     demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), help="directory (default: %(default)s)")
-    demo.add_argument("--duration", type=float, default=5.0, metavar="S", help="seconds (default: %(default)s)")
-    demo.add_argument("--resolution", type=int, default=256, metavar="N", help="rays across (default: %(default)s)")
+    demo.add_argument("--duration", type=float, metavar="S", help="seconds (default: 5)")
+    demo.add_argument("--resolution", type=int, metavar="N", help="rays across (default: 384)")
     demo.add_argument(
         "--robots",
         action=argparse.BooleanOptionalAction,

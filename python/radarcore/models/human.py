@@ -145,7 +145,9 @@ class Human:
         scale = self.height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
         local = {segment: (scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()}
         figure = _Figure(self, _real_skeleton(rest, scale), _lowest_of(local["right_foot"][0]))
-        return figure.bodies({segment: Mesh(*arrays) for segment, arrays in local.items()}, material, name)
+        return figure.bodies(
+            {segment: robots.through_obj(*arrays) for segment, arrays in local.items()}, material, name
+        )
 
     def __repr__(self) -> str:
         return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"

@@ -6,17 +6,15 @@ import importlib.metadata
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.body import Body
-from radarcore.material import Material
 from radarcore.mesh import Mesh, load_mesh
 from radarcore.models import urdf
 from radarcore.models.arm import JointAngles, RobotArm
-from radarcore.motion import Pose
 
 
 class Link(NamedTuple):
@@ -47,23 +45,14 @@ def is_available() -> bool:
     return True
 
 
-def link_bodies(links: list[Link], place: Pose, material: Material, directory: Path) -> list[Body]:
-    """Bodies of a model that stands at `place`; every mesh is converted to OBJ in `directory` and read back."""
-    directory.mkdir(parents=True, exist_ok=True)
-    bodies = []
-    for number, link in enumerate(links):
-        mesh = through_obj(link, directory / f"{number:02d}_{link.name.replace('/', '_')}.obj")
-        pose = place @ Pose(link.pose[:3, 3], link.pose[:3, :3])
-        bodies.append(Body(mesh, material=material, motion=pose, name=link.name.split("/")[0]))
-    return bodies
-
-
-def through_obj(link: Link, path: Path) -> Mesh:
-    """A link's mesh, written to an OBJ file and read back by radarcore's own reader."""
+def through_obj(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Mesh:
+    """A mesh, written to an OBJ file and read back by radarcore's own reader."""
     import trimesh
 
-    trimesh.Trimesh(link.vertices, link.triangles, process=False).export(path)
-    return load_mesh(path)
+    with TemporaryDirectory() as directory:
+        path = Path(directory) / "mesh.obj"
+        trimesh.Trimesh(vertices, triangles, process=False).export(path)
+        return load_mesh(path)
 
 
 def ur10_links(joint_angles: JointAngles) -> list[Link]:

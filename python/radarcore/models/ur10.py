@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from math import pi
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -100,8 +98,6 @@ def collision_meshes() -> dict[str, Mesh | None]:
     from radarcore.models import robots
 
     meshes: dict[str, Mesh | None] = dict.fromkeys(_CYLINDERS)
-    with TemporaryDirectory() as directory:
-        for link in robots.ur10_links(np.zeros(6)):
-            name = link.name.split("/")[0]
-            meshes[name] = robots.through_obj(link, Path(directory) / f"{name}.obj")
+    for link in robots.ur10_links(np.zeros(6)):
+        meshes[link.name.split("/")[0]] = robots.through_obj(link.vertices, link.triangles)
     return meshes
