@@ -16,6 +16,8 @@ _SMALLEST = 4e-7
 _MOST_STEPS = 100.0
 # Those above this fraction of the values are edges.
 _EDGE = 0.01
+# So many of the smallest have to be of either sign: steps go up and down, curved surfaces bend one way.
+_LEAST_BOTH = 0.1
 # So many of all second differences, and at least so many, have to be such multiples ...
 _LEAST_SHARE, _LEAST = 0.003, 50
 # ... and so many of those that are not zero be within this of whole ones (0.4 of them would be by chance).
@@ -65,16 +67,19 @@ def _uniform_step(values: Values) -> float:
     Seen from the second differences along rows and columns: those of a plane are zero if it is not quantised, although
     its values may be evenly spaced.
     """
-    bends = np.abs(np.concatenate([np.diff(values, 2, axis=axis).ravel() for axis in (0, 1)]))
+    bends = np.concatenate([np.diff(values, 2, axis=axis).ravel() for axis in (0, 1)])
     bends = bends[np.isfinite(bends)]
     largest = np.max(values, initial=0.0, where=np.isfinite(values))
-    multiples = bends[(bends > _SMALLEST * largest) & (bends < _EDGE * largest)]
-    step = float(multiples.min(initial=np.inf))
-    few = multiples[multiples < _MOST_STEPS * step]
+    size = np.abs(bends)
+    multiples = bends[(size > _SMALLEST * largest) & (size < _EDGE * largest)]
+    step = float(np.abs(multiples).min(initial=np.inf))
+    few = multiples[np.abs(multiples) < _MOST_STEPS * step]
     if len(few) < max(_LEAST, _LEAST_SHARE * len(bends)):
         return 0.0
     count = np.round(few / step)
-    is_small = count <= 4.0
+    is_small = np.abs(count) <= 4.0
+    if min((count[is_small] > 0.0).sum(), (count[is_small] < 0.0).sum()) < _LEAST_BOTH * is_small.sum():
+        return 0.0  # evenly curved, not quantised
     step = float((few * count)[is_small].sum() / (count**2)[is_small].sum())
     is_whole = np.abs(few / step - np.round(few / step)) < _WHOLE
     return step if is_whole.mean() >= _LEAST_WHOLE else 0.0
