@@ -201,6 +201,33 @@ def test_silhouettes_left_in_are_velocities_that_nothing_has(speed: float, monke
     assert moving_power(false) > 10.0 * moving_power(frame)
 
 
+@pytest.mark.parametrize(
+    ("mesh", "velocity", "most_missed"),
+    [
+        (rc.shapes.sphere(0.3), [-2.0, 0.0, 0.0], 0.0),
+        (rc.shapes.box(0.5), [-1.0, 1.0, 0.5], 0.0),
+        (rc.shapes.box((0.04, 0.04, 2.0)), [0.0, 3.0, 0.0], 0.01),  # crosses by more than its width
+        (rc.shapes.box((0.5, 0.5, 1.2)), [0.0, 2.0, 0.0], 0.2),  # slides on the floor: gaps down to nothing
+    ],
+)
+def test_silhouettes_are_the_pixels_that_change_bodies_and_no_others(
+    mesh: rc.Mesh, velocity: list[float], most_missed: float
+) -> None:
+    bodies = [
+        body(mesh, rc.Linear(rc.Pose([2.5, 0.1, 0.0]), velocity=velocity)),
+        body(rc.shapes.plate(12.0, 12.0), rc.Pose.from_rpy([3.0, 0.0, -0.6], [0.0, 0.5 * np.pi, 0.0])),
+        body(rc.shapes.plate(6.0, 6.0), rc.Pose([4.0, 0.0, 0.0])),
+    ]
+    sim = simulator(bodies)
+    new, old = sim.depth_image(0.0), sim.depth_image(-0.025)
+    change = surfaces.range_rate(new.distance, old.distance, np.full(new.distance.shape, 1e-12))
+    is_other = (new.body != old.body) & (new.body >= 0)
+    is_left_out = np.isnan(change) & (new.body >= 0)
+    assert is_other.sum() > 20
+    assert not (is_left_out & ~is_other).any()
+    assert (is_other & ~is_left_out).sum() <= most_missed * is_other.sum()
+
+
 def test_what_was_not_there_before_has_no_velocity() -> None:
     image = simulator([body(rc.shapes.plate(0.5, 0.5), rc.Pose([2.0, 0.0, 0.0]))]).depth_image().distance
     frame = frame_of(image, previous=np.full_like(image, np.inf), interval=0.025)

@@ -174,7 +174,7 @@ def test_decoded_image_goes_straight_into_a_frame() -> None:
         image.depth, 0.5, rc.Radar(waveform), camera=image.camera, planar=True, sampling="point"
     )
     assert frame.stats["rays_hit"] + frame.stats["normals_missing"] == image.valid.sum()
-    assert 2.0 < rc.strongest_peak(frame.cube, waveform).range < 4.5
+    assert 2.0 < rc.strongest_peak(frame.cube, waveform).range < 5.5  # the corners of the plane are at 5.4 m
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,8 @@ def range_rate(distance: Values, previous: Values, noise: Values) -> Values:
 
     Stetco et al., ICRA 2020, eq. (13), without its silhouettes: where an object has come between or gone away the
     difference is the gap between two objects. Such pixels form strips along edges: joined to one neighbour in the new
-    image and to the other in the old one, with a jump of the difference at both.
+    image and to the other in the old one, with a jump of the difference at both. What is missed is near the contact of
+    an object with what it moves on, where gaps are hardly larger than motions.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -50,19 +51,23 @@ def range_rate(distance: Values, previous: Values, noise: Values) -> Values:
     change = np.where(is_known, 1.0, np.nan)
     change[is_known] *= distance[is_known] - previous[is_known]
 
+    # Where an object meets the surface behind it the gap falls to zero, and a strip runs into the rest: part octaves.
+    with np.errstate(divide="ignore"):
+        octave = np.maximum(np.floor(np.log2(np.abs(change) / (_STEP * np.where(is_known, distance, 1.0)))), 0.0)
+
     # Edges between neighbours: joined in both images, or in one only and with a jump of the difference.
     number = np.arange(distance.size).reshape(distance.shape)
     pairs, joined, torn = [], [], []
     for turned in (False, True):
-        new, old, spread, difference = (
-            a.T if turned else a for a in (_inverse(distance), _inverse(previous), noise, change)
+        new, old, spread, difference, part = (
+            a.T if turned else a for a in (_inverse(distance), _inverse(previous), noise, change, octave)
         )
         ids = number.T if turned else number
         in_new, in_old = _is_continuous(new, spread), _is_continuous(old, spread)
         known = np.isfinite(difference[:, 1:]) & np.isfinite(difference[:, :-1])
         pairs.append(np.stack([ids[:, :-1][known], ids[:, 1:][known]]))
         jump = np.abs(np.diff(difference, axis=1)) * np.fmin(new[:, 1:], new[:, :-1])
-        joined.append((in_new & in_old)[known])
+        joined.append((in_new & in_old & (np.diff(part, axis=1) == 0.0))[known])
         torn.append(((in_new ^ in_old) & (jump > _STEP + 4.0 * spread[:, 1:]))[known])
     (p, q), is_joined, is_torn = np.concatenate(pairs, axis=1), np.concatenate(joined), np.concatenate(torn)
 
