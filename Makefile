@@ -15,7 +15,7 @@ SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 .DELETE_ON_ERROR:
 
 help:
-	@echo "make demo     build and simulate a small room and compare with the truth; results go to out/demo"
+	@echo "make demo     build and simulate the experiment and compare with the truth; results go to out/demo"
 	@echo "make test     format, lint, types, Rust and Python tests, benches once tiny, wheel"
 	@echo "make wheel    build dist/*.whl"
 	@echo "make bench    measure speed"

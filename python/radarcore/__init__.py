@@ -20,6 +20,7 @@ from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
+from radarcore.scenefile import Simulation, load_scene
 from radarcore.simulate import Paths, Simulator
 from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 from radarcore.waveform import Waveform
@@ -46,6 +47,7 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Scene",
+    "Simulation",
     "Simulator",
     "Spectrogram",
     "Trajectory",
@@ -57,6 +59,7 @@ __all__ = [
     "frame_from_depth",
     "load_mesh",
     "load_meshes",
+    "load_scene",
     "materials",
     "models",
     "plot",
