@@ -244,5 +244,7 @@ def _by(shape: Sequence[int]) -> str:
 def _lines(error: BaseException) -> list[str]:
     """The message of an error, a line per fault; for the system's, file and reason without the number."""
     if isinstance(error, OSError) and error.filename is not None:
-        return [f"{error.filename}: {error.strerror}"]
+        # What Python writes as a keyword is an option here.
+        reason = str(error.strerror).replace("overwrite=True", "--overwrite")
+        return [f"{error.filename}: {reason}"]
     return str(error).splitlines() or [type(error).__name__]
