@@ -40,6 +40,18 @@ def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: 
     assert rc.load_scene(tmp_path / "scene.toml").run.stop == 5.0  # the whole experiment, to be changed and run again
 
 
+def test_cylinder_is_tracked_while_the_arm_moves_and_the_person_is_near(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
+    simulation = rc.load_scene(tmp_path / "scene.toml")
+    recording = simulation.simulator().record(2.0, 2.1, 40.0, progress=False)
+    assert recording.truth is not None
+    np.testing.assert_allclose(recording.truth.select(["cylinder"]).velocity, -0.25, atol=1e-3)
+    found = demo.track(recording, "cylinder")
+    c = demo.compare(recording, "cylinder", "cylinder", found)
+    assert c.num_frames == c.num_range_within == c.num_velocity_within == 4
+    assert np.abs(found.velocity + 0.25).max() < 0.1  # of the arm's motion itself, not only of the gate
+
+
 def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cylinder(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
     simulation = rc.load_scene(tmp_path / "scene.toml")
@@ -68,8 +80,8 @@ def test_human_stands_upright_on_the_floor() -> None:
     ("arguments", "message"),
     [
         (["--resolution", "0"], "resolution: expected at least 1, got 0"),
-        (["--duration", "-1"], "stop: expected a time after start"),
-        (["--duration", "nan"], "stop: expected a finite number [s], got nan"),
+        (["--duration", "-1"], "duration: expected a positive number [s], got -1.0"),
+        (["--duration", "nan"], "duration: expected a finite number [s], got nan"),
         (["-o", "/dev/null/demo"], "/dev/null/demo"),
     ],
 )

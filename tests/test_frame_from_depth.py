@@ -196,7 +196,7 @@ def test_silhouettes_left_in_are_velocities_that_nothing_has(speed: float, monke
 
     # With them in, a gap of 1 m in 25 ms is 40 m/s (aliased), and the wall behind echoes there.
     monkeypatch.setattr(surfaces, "range_rate", lambda new, old, noise: new - old)
-    false = frame_of(image, previous=before, interval=interval)
+    false = frame_of(image, previous=before, interval=interval, max_speed=1e6)
     assert false.stats["silhouettes_excluded"] == 0
     assert moving_power(false) > 10.0 * moving_power(frame)
 
@@ -371,3 +371,30 @@ def test_bad_input_is_named(options: dict[str, Any], kind: type[Exception], mess
 def test_camera_refuses_what_is_no_camera(values: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match=r"f[xy]|c[xy]"):
         rc.Camera(*values)
+
+
+@pytest.mark.parametrize("name", ["sphere", "cylinder", "person"])
+def test_millimetres_are_warned_of_whatever_the_shape(name: str) -> None:
+    bodies = {
+        "sphere": [rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.8, 0.0, 0.0]))],
+        "cylinder": [rc.Body(rc.shapes.cylinder(0.1, 0.6), motion=rc.Pose([2.0, 0.0, 0.0]))],
+        "person": rc.models.Human(speed=0.0, path=[[2.5, 0.0], [0.0, 0.0]]).bodies(),
+    }[name]
+    waveform = rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=32)
+    radar = rc.Radar(waveform)
+    simulator = rc.Simulator(
+        rc.Scene(bodies), radar, radar_motion=rc.Pose([0.0, 0.0, 1.0 if name == "person" else 0.0]), resolution=128
+    )
+    image = simulator.depth_image()
+    planar = image.distance * image.directions[..., 0]
+    view = image.field_of_view_deg
+
+    def frame(depth: np.ndarray) -> rc.Frame:
+        return rc.frame_from_depth(depth, 0.5, radar, camera=view, planar=True)
+
+    with pytest.warns(UserWarning, match=r"quantised in steps of up to 1e\+03 um"):
+        coarse = frame(np.round(planar, 3))
+    # 1 mm is 0.29 mm rms, 42 degrees of phase there and back at 60.5 GHz.
+    assert coarse.stats["quantisation_phase_deg"] == pytest.approx(42.0, rel=0.03)
+    for exact in (planar, planar.astype(np.float32)):
+        assert frame(exact).stats["quantisation_phase_deg"] < 1.0  # and no warning, which would be an error

@@ -454,6 +454,11 @@ FAULTS = {
         shaped('{ kind = "sphere", radius = 2.0 }'),
         "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
     ),
+    "sensor in a body": (
+        '[[body]]\nname = "ball"\nshape = { kind = "sphere", radius = 0.3 }',
+        "sensor: pose: expected the antennas outside of every body smaller than 2 m when the run begins, got them "
+        "inside 'ball'",
+    ),
     "point at the sensor": (
         '[[point]]\nname = "p"\nposition = [0, 0, 0]',
         "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got 0 mm to 'p'",

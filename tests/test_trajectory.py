@@ -62,12 +62,13 @@ def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None
         np.testing.assert_allclose(motion.rate_at(time - 1e-9), motion.rate_at(time + 1e-9), atol=1e-5)
 
 
-def test_trajectory_rests_before_and_after() -> None:
+def test_trajectory_goes_on_before_and_after_without_a_step_of_velocity() -> None:
     motion = wandering(4)
-    assert motion.at(-1.0) == motion.at(0.0)
-    assert motion.at(9.0) == motion.at(2.0)
-    assert not motion.rate_at(-1.0).any()
-    assert not motion.rate_at(9.0).any()
+    for end in (0.0, 2.0):
+        np.testing.assert_allclose(motion.rate_at(end - 1e-9), motion.rate_at(end + 1e-9), atol=1e-5)
+        outside = end + (end - 1.0)
+        np.testing.assert_allclose(motion.rate_at(outside), finite_difference(motion, outside), atol=1e-6)
+        np.testing.assert_allclose(motion.rate_at(outside)[:, 3], motion.rate_at(end)[:, 3], atol=1e-12)
 
 
 def test_two_poses_are_a_straight_uniform_motion() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
@@ -105,7 +106,7 @@ def _demo(options: argparse.Namespace) -> int:
         say=_silent if options.json else print,
     )
     if options.json:
-        print(json.dumps(result, indent=2))
+        print(json.dumps(_finite(result), indent=2, allow_nan=False))
     return 0
 
 
@@ -227,6 +228,15 @@ def _schema(options: argparse.Namespace) -> int:
 
     print(json.dumps(schema.json_schema(), indent=2) if options.json else schema.text())
     return 0
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _finite(entry) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _silent(_: str) -> None:

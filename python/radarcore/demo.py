@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import plot
+from radarcore import check, plot
 from radarcore.models import robots
 from radarcore.process import strongest_peak
 from radarcore.recording import Recording
@@ -107,8 +107,8 @@ def compare(recording: Recording, name: str, body: str, found: Track) -> Compari
         num_velocity_within=int((velocity_errors < 1.0).sum()),
         median_range_error=float(np.median(range_errors)) if is_visible.any() else np.nan,
         median_velocity_error=float(np.median(velocity_errors)) if is_visible.any() else np.nan,
-        max_range_error=float(range_errors.max(initial=0.0)),
-        max_velocity_error=float(velocity_errors.max(initial=0.0)),
+        max_range_error=float(range_errors.max()) if is_visible.any() else np.nan,
+        max_velocity_error=float(velocity_errors.max()) if is_visible.any() else np.nan,
     )
 
 
@@ -148,6 +148,11 @@ def run(
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """
+    plot.require()
+    if duration is not None:
+        check.positive("duration", duration, "s")
+    if resolution is not None:
+        check.count("resolution", resolution)
     if with_robots is None:
         with_robots = robots.is_available()
     directory.mkdir(parents=True, exist_ok=True)

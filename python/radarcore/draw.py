@@ -54,6 +54,7 @@ def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | No
     frame : int, optional
         Number of the frame, from the end when negative; default: the one in the middle.
     """
+    plot.require()
     check.choice("kind", kind, KINDS)
     suffixes = (".png", ".pdf", ".svg", ".jpg")
     if picture.suffix.lower() not in suffixes:

@@ -63,6 +63,7 @@ def frame_from_depth(
     planar: bool = False,
     previous: ArrayLike | None = None,
     interval: float | None = None,
+    max_speed: float = 10.0,
     normals: ArrayLike | None = None,
     albedo: ArrayLike = 0.0,
     body: ArrayLike | None = None,
@@ -80,8 +81,9 @@ def frame_from_depth(
 
     Without `previous` and `twists` nothing moves. With `previous` every pixel gets the range rate of the difference of
     the two images and keeps it through the frame (Stetco et al., eq. (13)); that is the truth where a surface moves
-    along the ray or along itself. Pixels that show another object than before have no range rate: their difference is a
-    jump, not a motion, and they are left out. With `body` and `twists` everything moves exactly.
+    along the ray and, for mirror-like surfaces, along itself; the diffuse part of a surface that moves along itself has
+    a velocity that no difference of depths shows. Pixels that show another object than before have no range rate: their
+    difference is a jump, not a motion, and they are left out. With `body` and `twists` everything moves exactly.
 
     Parameters
     ----------
@@ -100,6 +102,8 @@ def frame_from_depth(
         The distance `interval` seconds before.
     interval : float, optional
         Time between the images [s].
+    max_speed : float
+        Differences faster than this are jumps between objects, whatever the surroundings look like [m/s].
     normals : (rows, columns, 3) array_like, optional
         Of the surface, in sensor axes, of any length and sign. Default: from the differences of neighbouring depths,
         exact on planes; pixels without neighbours on the same surface are left out.
@@ -163,6 +167,7 @@ def frame_from_depth(
     if motion.interval is not None:
         before = _returns(_depths("previous", np.asarray(previous), shape), limit) * to_ray
         range_rate = surfaces.range_rate(ray, before, noise) / motion.interval
+        range_rate[np.abs(range_rate) > check.positive("max_speed", max_speed, "m/s")] = np.nan
     silhouette = np.isfinite(ray) & np.isnan(range_rate)
     _warn_of_quantisation(steps, radar, motion.interval)
 

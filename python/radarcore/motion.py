@@ -166,8 +166,8 @@ class Trajectory:
     """A smooth motion through poses at given times: C2 splines of position and rotation.
 
     Positions follow a natural-ended cubic spline, rotations a `scipy.spatial.transform.RotationSpline`, so velocity and
-    angular velocity are continuous and known in closed form. Before the first and after the last time the body rests
-    there.
+    angular velocity are continuous and known in closed form. Before the first and after the last time the body goes
+    on as it was moving there.
 
     Parameters
     ----------
@@ -204,15 +204,20 @@ class Trajectory:
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
         inside = float(np.clip(time, self.times[0], self.times[-1]))
-        return Pose(self._position(inside), self._rotation(inside).as_matrix())
+        rotation, position = self._rotation(inside).as_matrix(), self._position(inside)
+        if inside == time:
+            return Pose._unchecked(position, rotation)
+        # The spline's angular velocity is in body axes.
+        beyond = time - inside
+        turned = rotation @ _rotation(self._rotation(inside, 1) * beyond)
+        return Pose._unchecked(position + self._position(inside, 1) * beyond, turned)
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        if not self.times[0] <= time <= self.times[-1]:
-            return np.zeros((3, 4))
+        inside = float(np.clip(time, self.times[0], self.times[-1]))
         # The spline's angular velocity is in body axes: d/dt R = R (omega x).
-        turning = self._rotation(time).as_matrix() @ _cross_matrix(self._rotation(time, 1))
-        return np.column_stack([turning, self._position(time, 1)])
+        turning = self.at(time).rotation @ _cross_matrix(self._rotation(inside, 1))
+        return np.column_stack([turning, self._position(inside, 1)])
 
 
 class Function:

@@ -23,6 +23,11 @@ _LEAST_SHARE, _LEAST = 0.003, 50
 # ... and so many of those that are not zero be within this of whole ones (0.4 of them would be by chance).
 _LEAST_WHOLE, _WHOLE = 0.95, 0.2
 
+# Steps that sensors write integers of [m]; how close to multiples of them how many different values have to be (by
+# chance a fiftieth of them is).
+_DECIMAL_STEPS = (1e-2, 1e-3, 1e-4)
+_DECIMAL_SLACK, _LEAST_DISTINCT = 0.01, 5
+
 
 @dataclass(frozen=True)
 class Quantisation:
@@ -48,7 +53,7 @@ class Quantisation:
 
 def find(depth: Values, slant: Values) -> Quantisation:
     """Steps of an image of depths, NaN where nothing returns; depth / slant is the planar depth."""
-    step = _uniform_step(depth)
+    step = _decimal_step(depth) or _uniform_step(depth)
     inverse_step = 0.0 if step > 0.0 else _uniform_step(slant / depth)
     is_known = np.isfinite(depth)
     return Quantisation(step, inverse_step, float(depth.max(initial=0.0, where=is_known)))
@@ -59,6 +64,18 @@ def relative_noise(given: NDArray[Any], depth: Values, steps: Quantisation) -> V
     rounding = 4.0 * np.finfo(given.dtype).eps if given.dtype.kind == "f" else 0.0
     known = np.where(np.isfinite(depth), depth, 1.0)
     return np.maximum(max(rounding, 1e-12), steps.at(known) / known)
+
+
+def _decimal_step(depth: Values) -> float:
+    """The step of an image in whole millimetres or the like, on surfaces of any shape; zero where there is none."""
+    distinct = np.unique(depth[np.isfinite(depth)])
+    if len(distinct) < _LEAST_DISTINCT:
+        return 0.0
+    for step in _DECIMAL_STEPS:
+        count = distinct / step
+        if (np.abs(count - np.round(count)) < _DECIMAL_SLACK).mean() >= 1.0 - _DECIMAL_SLACK:
+            return step
+    return 0.0
 
 
 def _uniform_step(values: Values) -> float:

@@ -20,6 +20,9 @@ from radarcore.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Placement, Scene
 
+_MAX_FRAMES = 10_000_000
+"""More frames than a recording can be meant to have: a day at 100 Hz."""
+
 SAMPLINGS = ("footprint", "point")
 """How a pixel stands for the patch it covers."""
 
@@ -348,8 +351,10 @@ def frame_times(start: float, stop: float, rate: float) -> list[float]:
     if last <= first:
         raise ValueError(f"stop: expected a time after start {first:g} s, got {last:g} s")
     # A stop that is a whole number of frames away, but for rounding, is not the start of one more.
-    num_frames = int(np.ceil((last - first) * per_second - 1e-6))
-    return [first + i / per_second for i in range(num_frames)]
+    num_frames = max(1.0, float(np.ceil((last - first) * per_second - 1e-6)))
+    if num_frames > _MAX_FRAMES:
+        raise ValueError(f"rate, stop: expected at most {_MAX_FRAMES} frames, got {num_frames:.3g}")
+    return [first + i / per_second for i in range(int(num_frames))]
 
 
 def _progress(times: list[float], progress: bool) -> Any:

@@ -5,6 +5,7 @@ Figures are made without pyplot, so no window opens and no backend changes: save
 """
 
 from radarcore.plot.above import scene_from_above
+from radarcore.plot.canvas import require
 from radarcore.plot.figures import experiment, overview
 from radarcore.plot.frame import Image, chirp, depth_image, range_doppler_map, range_profile, reflectance_image
 from radarcore.plot.history import range_time, spectrogram, tracks
@@ -19,6 +20,7 @@ __all__ = [
     "range_profile",
     "range_time",
     "reflectance_image",
+    "require",
     "scene_from_above",
     "spectrogram",
     "tracks",

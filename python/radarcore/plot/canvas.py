@@ -45,13 +45,20 @@ def new_axes() -> Axes:
     return new_figure(6.4, 4.8).add_subplot()
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Figure of a size in inches, not known to pyplot."""
+def require() -> None:
+    """Refuse to go on without matplotlib, before work is done whose picture cannot be drawn."""
     try:
-        from matplotlib.figure import Figure
-        from matplotlib.layout_engine import ConstrainedLayoutEngine
+        import matplotlib.figure  # noqa: F401  # only whether it is there
     except ImportError as error:
         raise ImportError("pictures need matplotlib: pip install radarcore[plot]") from error
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Figure of a size in inches, not known to pyplot."""
+    require()
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     return Figure(figsize=(width, height), dpi=100, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -147,7 +148,12 @@ class _Parts:
         with _located("path: "):
             if not path.is_file():
                 raise FileNotFoundError(f"expected a mesh file, got none at {path}")
-        return load_mesh(path, **sizes)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what they say is an error here
+                mesh = load_mesh(path, **sizes)
+            if len(mesh.triangles) == 0:
+                raise ValueError(f"expected a mesh with faces, got none in {path}")
+        return mesh
 
     def _human(self, table: HumanTable) -> list[Body]:
         human = Human(**table.model_dump(exclude={"name", "material", "meshes"}))

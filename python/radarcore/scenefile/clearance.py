@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from radarcore.body import Body
 from radarcore.scenefile import Simulation
 
+# A body whose bounds have a longer diagonal may be a room around the sensor [m].
+_ROOM = 2.0
 # Nothing may be closer to an antenna than this when the run begins [m].
 _CLEARANCE = 1e-3
 
@@ -15,7 +17,7 @@ _CLEARANCE = 1e-3
 def check_antennas(simulation: Simulation) -> None:
     """Refuse a surface or a point at an antenna when the run begins.
 
-    A closed body around the sensor, such as a room or a housing, is legitimate: only surfaces count.
+    Nor may the antennas be inside a body, unless it is large enough to be a room around them.
     """
     scene = simulation.scene
     antennas = np.concatenate([simulation.radar.tx, simulation.radar.rx])
@@ -25,6 +27,12 @@ def check_antennas(simulation: Simulation) -> None:
         assert isinstance(body, Body)  # the scene says so
         corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
         _check_gap(min(_distance_to_triangles(antenna, corners) for antenna in antennas), scene.names[number])
+        size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) if len(corners) > 0 else 0.0
+        if size < _ROOM and any(_is_inside(antenna, corners) for antenna in antennas):
+            raise ValueError(
+                f"pose: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
+                f"got them inside {scene.names[number]!r}"
+            )
     for point, number in zip(place.points[0], scene._point_numbers, strict=True):
         _check_gap(float(np.linalg.norm(point - antennas, axis=1).min()), scene.names[number])
 
@@ -35,6 +43,18 @@ def _check_gap(gap: float, name: str) -> None:
             f"pose: expected all antennas at least {1e3 * _CLEARANCE:g} mm from every surface when the run begins, "
             f"got {1e3 * gap:.2g} mm to {name!r}"
         )
+
+
+def _is_inside(point: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
+    """Whether closed triangles (n, 3, 3) enclose a point: their solid angles add up to a whole sphere, not to nothing.
+
+    Van Oosterom, Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30 (1983).
+    """
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(-1)
+    cosines = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    return bool(abs(np.arctan2(volume, cosines).sum()) > np.pi)
 
 
 def _distance_to_triangles(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:

@@ -23,6 +23,8 @@ def table(file: Path) -> SceneTable:
         values = tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{file}: not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{file}: not TOML: nested too deeply") from None
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: not TOML: expected UTF-8, got byte {error.object[error.start]:#04x}") from None
     try:

@@ -41,7 +41,7 @@ class LinearTable(Table):
 
 
 class TrajectoryTable(Table):
-    """A smooth motion through poses, at rest before and after."""
+    """A smooth motion through poses; before and after it the body goes on as it was moving."""
 
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
