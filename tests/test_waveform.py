@@ -329,3 +329,10 @@ def test_default_frame_interval_follows_the_chirps() -> None:
     given = wf.replace(frame_interval=0.1)
     assert given.replace(num_chirps=8).frame_interval == 0.1
     assert rc.bgt60tr13c(num_chirps=512).waveform.frame_interval >= 512 * 591e-6
+
+
+@pytest.mark.parametrize("name", ["num_samples", "num_chirps"])
+def test_counts_that_cannot_be_meant_are_refused_before_memory_is(name: str) -> None:
+    settings = {"start_frequency": 60e9, "slope": 1e6, "sample_rate": 2e6, "num_samples": 128} | {name: 10**9}
+    with pytest.raises(ValueError, match=f"{name}: expected at most 16777216, got 1000000000"):
+        rc.Waveform(**settings)

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.units import SPEED_OF_LIGHT
 
+_MAX_COUNT = 2**24
+"""More samples or chirps than a frame can be meant to have: axes of them still fit into memory."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waveform:
@@ -66,6 +69,9 @@ class Waveform:
         put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
         put(self, "num_samples", check.count("num_samples", self.num_samples))
         put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
+        for name in ("num_samples", "num_chirps"):
+            if getattr(self, name) > _MAX_COUNT:
+                raise ValueError(f"{name}: expected at most {_MAX_COUNT}, got {getattr(self, name)}")
         put(self, "adc_delay", check.non_negative("adc_delay", self.adc_delay, "s"))
         sweep = self.adc_delay + self.num_samples / self.sample_rate
         stop = self.start_frequency + self.slope * sweep
