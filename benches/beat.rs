@@ -1,115 +1,158 @@
-//! The sum over paths: paths x chirps x samples per second.
+//! The sum over paths: the range-velocity grid, chirp lanes and the direct sums.
 //!
-//! `constant`: one delay and one amplitude per path, a scene at rest. `nodal`: both at 8 Chebyshev times, a scene
-//! that moves.
+//! Paths lie between 0.5 and 8 m at up to 3 m/s, in random order or in the order of an image. Names of benches are
+//! `beat/<what varies>/<method>/<value>`; everything else is 65 536 paths, 64 chirps of 128 samples over 1 GHz, one thread
+//! and the best instruction set.
 
 mod common;
 
-use criterion::{BenchmarkId, Criterion, Throughput};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Throughput};
 use num_complex::Complex64;
+use radarcore::beat::{self, Options};
 use radarcore::chirp::Waveform;
 use radarcore::delay::{Basis, PathSeries};
-use radarcore::direct;
+use radarcore::plan::Method;
 use radarcore::simd::Level;
 
-const NUM_SAMPLES: usize = 128;
-const NUM_NODES: usize = 8;
+const C: f64 = 299_792_458.0;
 
-/// Delays and amplitudes of paths between 0.5 and 8 m, `(node, path)`.
-struct Paths {
-    delay: Vec<f64>,
-    amplitude: Vec<Complex64>,
-    num_nodes: usize,
+/// One job and how it is done.
+#[derive(Clone, Copy)]
+struct Case {
+    num_paths: usize,
+    num_chirps: usize,
+    num_samples: usize,
+    is_image: bool,
+    method: Method,
+    tolerance: f64,
+    level: Level,
+    threads: usize,
 }
 
-impl Paths {
-    fn new(num_paths: usize, num_nodes: usize) -> Self {
-        let (mut delay, mut amplitude) = (Vec::new(), Vec::new());
-        for node in 0..num_nodes {
-            // Half the paths recede and half approach by up to 5 cm; not linearly, so that no term is zero.
-            let moved = 0.05 * (node as f64 / num_nodes as f64).powf(1.3);
-            for path in 0..num_paths {
-                let place = (0.618_034 * path as f64).fract();
-                let range = 0.5 + 7.5 * place + if path % 2 == 0 { moved } else { -moved };
-                delay.push(2.0 * range / 299_792_458.0);
-                amplitude.push(Complex64::from_polar(1e-4 / (range * range), 50.0 * place));
-            }
-        }
+impl Case {
+    fn new(method: Method, tolerance: f64) -> Self {
+        let [num_paths, num_chirps, num_samples] = if common::is_once_through() {
+            [300, 4, 16]
+        } else {
+            [65_536, 64, 128]
+        };
         Self {
-            delay,
-            amplitude,
-            num_nodes,
+            num_paths,
+            num_chirps,
+            num_samples,
+            is_image: false,
+            method,
+            tolerance,
+            level: Level::best(),
+            threads: 1,
         }
     }
 
-    fn series(&self) -> PathSeries<'_> {
-        PathSeries {
-            basis: Basis::Chebyshev,
-            delay: &self.delay,
-            num_delay_terms: self.num_nodes,
-            amplitude: &self.amplitude,
-            num_amplitude_terms: self.num_nodes,
+    fn run(&self, group: &mut BenchmarkGroup<WallTime>, id: BenchmarkId) {
+        let waveform = Waveform {
+            start_frequency: 58e9,
+            slope: 1e9 * 2e6 / self.num_samples as f64,
+            sample_rate: 2e6,
+            adc_delay: 3.1e-6,
+            num_samples: self.num_samples,
+            chirp_times: (0..self.num_chirps).map(|chirp| 400e-6 * chirp as f64).collect(),
+        };
+        // Neighbours in an image differ little; the golden ratio scatters them.
+        let place = |path: usize| {
+            let steps = if self.is_image {
+                path as f64 / self.num_paths as f64
+            } else {
+                0.618_034 * path as f64
+            };
+            steps.fract()
+        };
+        let delay: Vec<f64> = (0..self.num_paths).map(|p| 2.0 / C * (0.5 + 7.5 * place(p))).collect();
+        let rate: Vec<f64> = (0..self.num_paths)
+            .map(|p| 2.0 / C * 3.0 * (2.0 * (7.3 * place(p)).fract() - 1.0))
+            .collect();
+        let amplitude: Vec<Complex64> = (0..self.num_paths)
+            .map(|p| Complex64::from_polar(1.0, 5e4 * (0.754_877 * p as f64).fract()))
+            .collect();
+        let rows = [&delay[..], &rate];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &rows,
+            amplitude: &[&amplitude],
             num_channels: 1,
-            num_paths: self.delay.len() / self.num_nodes,
-        }
-    }
-}
-
-fn waveform(num_chirps: usize) -> Waveform {
-    Waveform {
-        start_frequency: 60e9,
-        slope: 1.5e9 / 64e-6,
-        sample_rate: 2e6,
-        adc_delay: 3.1e-6,
-        num_samples: NUM_SAMPLES,
-        chirp_times: (0..num_chirps).map(|chirp| 300e-6 * chirp as f64).collect(),
-    }
-}
-
-/// How the number of paths and chirps, the motion, the instruction set and the number of threads change the rate.
-fn direct_sum(criterion: &mut Criterion) {
-    let motions = [("constant", 1), ("nodal", NUM_NODES)];
-    let mut group = criterion.benchmark_group("beat/direct");
-    let mut measure = |level: Level, threads: usize, (motion, num_nodes), num_paths, num_chirps: usize| {
-        let (paths, waveform) = (Paths::new(num_paths, num_nodes), waveform(num_chirps));
-        let pool = common::pool(threads);
-        // `Level(Avx2)` to `avx2`
-        let set = format!("{level:?}")
-            .to_lowercase()
-            .replace("level(", "")
-            .replace(')', "");
-        let name = format!("{motion}/{num_chirps}_chirps/{set}/{}", common::threads_id(threads));
-        group.throughput(Throughput::Elements((num_paths * num_chirps * NUM_SAMPLES) as u64));
-        group.bench_function(BenchmarkId::new(name, format!("{num_paths}_paths")), |bencher| {
-            bencher.iter(|| pool.install(|| direct::beat_signal(&waveform, &paths.series(), level)));
+            num_paths: self.num_paths,
+        };
+        let options = Options {
+            tolerance: self.tolerance,
+            method: self.method,
+            level: self.level,
+            is_parallel: self.threads > 1,
+            ..Options::default()
+        };
+        let pool = common::pool(self.threads);
+        group.throughput(Throughput::Elements(self.num_paths as u64));
+        group.bench_function(id, |bencher| {
+            bencher.iter(|| pool.install(|| beat::beat_signal(&waveform, &series, &options).unwrap()));
         });
-    };
-
-    for motion in motions {
-        // The best level, by size and threads.
-        for num_chirps in common::sizes([1, 64], 2) {
-            for num_paths in common::sizes([100, 1000, 10_000], 10) {
-                for threads in [1, 2] {
-                    measure(Level::best(), threads, motion, num_paths, num_chirps);
-                }
-            }
-        }
-        // The other levels, at one size.
-        for level in Level::available().into_iter().filter(|level| *level != Level::best()) {
-            measure(
-                level,
-                1,
-                motion,
-                common::sizes([1000], 10)[0],
-                common::sizes([64], 2)[0],
-            );
-        }
     }
-    group.finish();
+}
+
+/// The methods that are compared everywhere: the grid at a tolerance, and the direct sums in f32 and f64.
+fn methods() -> [(&'static str, Case); 4] {
+    [
+        ("grid_1e-5", Case::new(Method::Grid, 1e-5)),
+        ("grid_1e-10", Case::new(Method::Grid, 1e-10)),
+        ("direct_f32", Case::new(Method::Recurrence, 1e-3)),
+        ("direct_f64", Case::new(Method::Recurrence, 1e-9)),
+    ]
 }
 
 fn main() {
     let mut criterion = common::criterion();
-    direct_sum(&mut criterion);
+
+    // Every width of the kernel, in both orders.
+    let mut group = criterion.benchmark_group("beat/tolerance");
+    for digits in common::sizes([2, 3, 4, 5, 6, 7, 8, 10, 12], 4) {
+        for (order, is_image) in [("random", false), ("image", true)] {
+            let case = Case {
+                is_image,
+                ..Case::new(Method::Grid, 0.1_f64.powf(digits as f64))
+            };
+            case.run(&mut group, BenchmarkId::new(order, format!("1e-{digits}")));
+        }
+    }
+    group.finish();
+
+    let mut vary = |what: &str, values: Vec<usize>, change: &dyn Fn(&mut Case, usize)| {
+        let mut group = criterion.benchmark_group(format!("beat/{what}"));
+        for value in values {
+            for (name, mut case) in methods() {
+                change(&mut case, value);
+                // A direct sum of a second and more says nothing new.
+                if case.num_paths * case.num_chirps * case.num_samples < 1 << 31 || name.starts_with("grid") {
+                    case.run(&mut group, BenchmarkId::new(name, value));
+                }
+            }
+        }
+        group.finish();
+    };
+    vary(
+        "paths",
+        common::sizes([10, 100, 1000, 10_000, 100_000, 1_000_000], 10),
+        &|case, n| case.num_paths = n,
+    );
+    vary("chirps", common::sizes([1, 16, 64, 128, 256, 1024], 2), &|case, n| {
+        case.num_chirps = n;
+    });
+    vary("samples", common::sizes([64, 128, 256, 1024], 8), &|case, n| {
+        case.num_samples = n;
+    });
+    vary("threads", common::sizes([1, 2], 2), &|case, n| case.threads = n);
+    let levels = Level::available();
+    vary("level", (0..levels.len()).collect(), &|case, n| case.level = levels[n]);
+
+    let mut group = criterion.benchmark_group("beat/lanes");
+    Case::new(Method::Lanes, 1e-3).run(&mut group, BenchmarkId::new("lanes", "1e-3"));
+    group.finish();
     criterion.final_summary();
 }

@@ -1,21 +1,573 @@
-//! The beat signal of a set of paths: checks the input and chooses the method.
+//! The beat signal of a set of paths: checks the input, plans, runs the plan and sees to the tolerance.
 
-use num_complex::Complex64;
+use num_complex::{Complex, Complex32, Complex64};
 
+use crate::block::{Block, CHUNK, Class};
 use crate::chirp::Waveform;
-use crate::delay::PathSeries;
+use crate::delay::{Basis, PathSeries};
 use crate::direct;
-use crate::error::{Result, fits_memory};
-use crate::simd::Level;
+use crate::error::{Error, Result, fits_memory};
+use crate::expansion::Expansion;
+use crate::grid::{self, Widths};
+use crate::lanes::{self, LaneGrid};
+use crate::parallel;
+use crate::plan::{MAX_PLANNED_TERMS, Method, Part, Plan, Request, Step};
+use crate::simd::{Level, Real};
+use crate::survey::Survey;
+
+/// How a sum is to be formed.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel).
+    pub tolerance: f64,
+    /// Allowed steps.
+    pub method: Method,
+    /// Instruction set.
+    pub level: Level,
+    /// Use the threads of the pool that this runs in.
+    pub is_parallel: bool,
+    /// Sum paths that stand still apart from those that move.
+    pub split_still: bool,
+    /// Leave out velocity rows that no path touches.
+    pub skip_rows: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-4,
+            method: Method::Auto,
+            level: Level::best(),
+            is_parallel: true,
+            split_still: true,
+            skip_rows: true,
+        }
+    }
+}
+
+/// Beat samples `(channel, chirp, sample)`, row-major.
+pub enum Samples {
+    /// For tolerances from [`SINGLE_TOLERANCE`] on.
+    Single(Vec<Complex32>),
+    /// For smaller ones.
+    Double(Vec<Complex64>),
+}
+
+/// Smallest tolerance whose samples are in single precision.
+pub const SINGLE_TOLERANCE: f64 = 1e-6;
+
+/// What was done.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The plan that was run.
+    pub plan: Plan,
+    /// Velocity rows that were transformed, and that no path had touched.
+    pub rows: usize,
+    /// See `rows`.
+    pub rows_skipped: usize,
+    /// How many times a plan was run: once more where paths add up in phase.
+    pub runs: usize,
+    /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
+    pub gain: f64,
+}
 
 /// Complex beat samples `(channel, chirp, sample)`, row-major, eq. (1): the sum over all paths of
 /// `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
-pub fn beat_signal(waveform: &Waveform, series: &PathSeries) -> Result<Vec<Complex64>> {
+pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<(Samples, Report)> {
     waveform.check()?;
-    series.check()?;
-    // The sums of all blocks and, copied from them, the samples.
+    series.check_shapes()?;
+    // Samples, and half as much again for tiles on their way.
     let num_samples = waveform.num_samples.saturating_add(direct::BLOCK);
     let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
     fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
-    Ok(direct::beat_signal(waveform, series, Level::best()))
+    let is_single = options.tolerance >= SINGLE_TOLERANCE;
+    let job = Job::new(waveform, series, options)?;
+    let mut known_gain: f64 = 1.0;
+    let mut runs = 0;
+    loop {
+        let plan = job.plan(known_gain)?;
+        fits_memory("grids", &[plan.memory()], 1)?;
+        let run = Run {
+            waveform,
+            series,
+            options,
+            scale: job.scale(),
+        };
+        let (samples, (rows, rows_skipped)) = run.all(&plan, is_single);
+        runs += 1;
+        let gain = gain(&samples, &job.survey.power, waveform);
+        if !gain.is_finite() {
+            let got = format!("{:.1e} as the largest", job.survey.largest);
+            return Err(Error::value(
+                "amplitude",
+                "sums that samples can hold, below 3e38 in single precision",
+                got,
+            ));
+        }
+        if plan.error() * gain.max(1.0) <= options.tolerance {
+            let report = Report {
+                plan,
+                rows,
+                rows_skipped,
+                runs,
+                gain,
+            };
+            return Ok((samples, report));
+        }
+        // Paths add up in phase, and so do their errors.
+        known_gain = gain.max(1.01 * known_gain);
+    }
+}
+
+/// What [`beat_signal`] would do at first.
+pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<Plan> {
+    waveform.check()?;
+    series.check_shapes()?;
+    Job::new(waveform, series, options)?.plan(1.0)
+}
+
+/// The paths and what is known of them.
+struct Job<'a> {
+    waveform: &'a Waveform,
+    series: &'a PathSeries<'a>,
+    options: &'a Options,
+    /// Paths that stand still are summed apart from those that move.
+    is_split: bool,
+    survey: Survey,
+}
+
+impl<'a> Job<'a> {
+    fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
+        // The direct sum takes any motion, and needs to know nothing of it.
+        let is_direct = options.method == Method::Direct || series.num_delay_terms() > MAX_PLANNED_TERMS;
+        let survey = if is_direct {
+            series.check_numbers()?;
+            let longest = longest_delay(waveform, series);
+            check_turns(waveform, longest)?;
+            Survey::count(series)
+        } else {
+            let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
+            let survey = Survey::new(series, &[frame], options.level, options.is_parallel);
+            if !survey.is_finite {
+                series.check_numbers()?;
+            }
+            check_phases(waveform, &survey)?;
+            survey
+        };
+        let mut job = Self {
+            waveform,
+            series,
+            options,
+            // A second pass over all paths is not worth its while for a few that stand still.
+            is_split: options.split_still && 16 * survey.still.num_paths > survey.moving.num_paths,
+            survey,
+        };
+        if !job.is_split && !is_direct {
+            job.survey.merge();
+        }
+        Ok(job)
+    }
+
+    /// Survey the paths in some blocks.
+    fn look(&self, blocks: &[Block]) -> Survey {
+        let mut survey = Survey::new(self.series, blocks, self.options.level, self.options.is_parallel);
+        if !self.is_split {
+            survey.merge();
+        }
+        survey
+    }
+
+    /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
+    fn plan(&self, gain: f64) -> Result<Plan> {
+        let is_direct = self.series.num_delay_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
+        let method = if is_direct { Method::Direct } else { self.options.method };
+        let plan = self.try_plan(self.options.tolerance, gain, method);
+        plan.ok_or_else(|| self.refusal(gain))
+    }
+
+    fn try_plan(&self, tolerance: f64, gain: f64, method: Method) -> Option<Plan> {
+        let request = Request {
+            waveform: self.waveform,
+            series: self.series,
+            tolerance: tolerance / gain,
+            method,
+            gain,
+        };
+        request.plan(&self.survey, |blocks| self.look(blocks))
+    }
+
+    /// Names a tolerance that can be reached.
+    fn refusal(&self, gain: f64) -> Error {
+        // 1, 2, 5, 10, ...: numbers that are exact in print.
+        let decades = (1..=12)
+            .rev()
+            .flat_map(|digit| [1.0, 2.0, 5.0].map(|first| (first, digit)));
+        let reachable = decades
+            .map(|(first, digit)| first * 10f64.powi(-digit))
+            .filter(|tolerance| *tolerance > self.options.tolerance && *tolerance < 0.15)
+            .find(|tolerance| {
+                let Some(plan) = self.try_plan(*tolerance, gain, self.options.method) else {
+                    return false;
+                };
+                // Where the gain is not known yet, a run says.
+                let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
+                self.try_plan(*tolerance, gain.max(1.0), self.options.method).is_some()
+            });
+        let expected = match reachable {
+            Some(reachable) => format!("at least {reachable:.0e} with this method for these paths"),
+            None => "the method \"auto\" for these paths: this one cannot follow them".to_owned(),
+        };
+        Error::value("tolerance", expected, format!("{:e}", self.options.tolerance))
+    }
+
+    /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
+    fn gain_of(&self, plan: &Plan) -> f64 {
+        let run = Run {
+            waveform: self.waveform,
+            series: self.series,
+            options: self.options,
+            scale: self.scale(),
+        };
+        gain(&run.all(plan, false).0, &self.survey.power, self.waveform)
+    }
+
+    /// A power of two near the inverse of the largest amplitude: it keeps the numbers of single precision in range.
+    fn scale(&self) -> f64 {
+        let largest = self.survey.largest;
+        if largest > 0.0 {
+            // Both it and its inverse are numbers.
+            (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
+        } else {
+            1.0
+        }
+    }
+}
+
+/// Refuses delays whose phase has no digit left.
+fn check_phases(waveform: &Waveform, survey: &Survey) -> Result<()> {
+    let longest: f64 = [&survey.still, &survey.moving]
+        .iter()
+        .filter(|group| group.num_paths > 0)
+        .map(|group| group.delay[0].iter().map(|range| range.magnitude()).sum::<f64>())
+        .fold(0.0, f64::max);
+    check_turns(waveform, longest)?;
+    if survey.power.iter().any(|power| !power.is_finite()) {
+        return Err(Error::value(
+            "amplitude",
+            "squares that are finite numbers",
+            format!("{:e}", survey.largest),
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses phases of paths up to a delay [s] if they have no digit left.
+fn check_turns(waveform: &Waveform, longest: f64) -> Result<()> {
+    const MAX_TURNS: f64 = 1e12;
+    let fast = waveform.sample_time(waveform.num_samples - 1).abs();
+    let turns = longest * (waveform.start_frequency.abs() + waveform.slope.abs() * (fast + longest));
+    if turns > MAX_TURNS || !turns.is_finite() {
+        return Err(Error::value(
+            "delay",
+            format!("phases of at most {MAX_TURNS:e} turns"),
+            format!("{turns:.1e} (a delay of {longest:.3e} s)"),
+        ));
+    }
+    Ok(())
+}
+
+/// Bound on all delays in a frame [s], without a survey.
+fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
+    let largest = |row: &[f64]| row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+    let rows = series.delay.iter().map(|row| largest(row));
+    match series.basis {
+        Basis::Taylor => {
+            let time = waveform.duration();
+            rows.zip([1.0, time, 0.5 * time * time])
+                .map(|(row, power)| row * power)
+                .sum()
+        }
+        Basis::Chebyshev => rows.fold(0.0, f64::max),
+    }
+}
+
+struct Run<'a> {
+    waveform: &'a Waveform,
+    series: &'a PathSeries<'a>,
+    options: &'a Options,
+    scale: f64,
+}
+
+impl Run<'_> {
+    /// All parts of a plan, and the numbers of rows that were transformed and skipped.
+    fn all(&self, plan: &Plan, is_single: bool) -> (Samples, (usize, usize)) {
+        let size = self.series.num_channels * self.waveform.chirp_times.len() * self.waveform.num_samples;
+        // Where there is one class only, no path has to be looked at.
+        let class = |part: &Part| if plan.parts.len() == 1 { Class::All } else { part.class };
+        let needs_double = |part: &Part| !part.step.is_single();
+        let mut rows = (0, 0);
+        let mut add = |counts: (usize, usize)| rows = (rows.0 + counts.0, rows.1 + counts.1);
+        if plan.parts.iter().any(needs_double) || !is_single {
+            let mut sum = vec![Complex64::ZERO; size];
+            for part in &plan.parts {
+                if needs_double(part) {
+                    add(self.part(part, class(part), &mut sum));
+                } else {
+                    let mut single = vec![Complex32::ZERO; size];
+                    add(self.single(part, class(part), &mut single));
+                    for (a, b) in sum.iter_mut().zip(&single) {
+                        *a += Complex64::new(f64::from(b.re), f64::from(b.im));
+                    }
+                }
+            }
+            let back = self.scale.recip();
+            for sample in &mut sum {
+                *sample *= back;
+            }
+            (narrow(sum, is_single), rows)
+        } else {
+            let mut sum = vec![Complex32::ZERO; size];
+            for part in &plan.parts {
+                add(self.single(part, class(part), &mut sum));
+            }
+            if self.scale != 1.0 {
+                // In double: the scale may be beyond single precision where the samples are not.
+                let back = self.scale.recip();
+                for sample in &mut sum {
+                    *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
+                }
+            }
+            (Samples::Single(sum), rows)
+        }
+    }
+
+    /// Add the paths of one part. Returns the numbers of rows that were transformed and skipped.
+    fn part<T: Widths>(&self, part: &Part, class: Class, out: &mut [Complex<T>]) -> (usize, usize) {
+        match &part.step {
+            Step::Direct => {
+                let (level, is_parallel) = (self.options.level, self.options.is_parallel);
+                let samples = direct::beat_signal(self.waveform, self.series, class, level, is_parallel);
+                for (sum, sample) in out.iter_mut().zip(samples) {
+                    *sum = *sum + Complex::new(T::of(sample.re * self.scale), T::of(sample.im * self.scale));
+                }
+                (0, 0)
+            }
+            Step::Recurrence { .. } => {
+                self.lanes(class, out, |job, samples| {
+                    lanes::add_recurrence(self.options.level, job, samples);
+                });
+                (0, 0)
+            }
+            // Only in single precision, see `single`.
+            Step::Lanes { .. } => (0, 0),
+            Step::Grid { width, expansions, .. } => self.grid(class, *width, expansions, out),
+        }
+    }
+
+    /// Add the paths of one part whose sums are in single precision.
+    fn single(&self, part: &Part, class: Class, out: &mut [Complex32]) -> (usize, usize) {
+        if let Step::Lanes { width, follows_sweep } = part.step {
+            let grid = LaneGrid::new(self.waveform, width, follows_sweep);
+            self.lanes(class, out, |job, samples| grid.add(self.options.level, job, samples));
+            return (0, 0);
+        }
+        self.part(part, class, out)
+    }
+
+    /// Every channel in groups of chirps.
+    fn lanes<T: Widths>(
+        &self,
+        class: Class,
+        out: &mut [Complex<T>],
+        add: impl Fn(&lanes::Job, &mut [Complex<T>]) + Sync + Send,
+    ) {
+        const GROUP: usize = 16;
+        let (num_chirps, num_samples) = (self.waveform.chirp_times.len(), self.waveform.num_samples);
+        let tasks: Vec<_> = out
+            .chunks_mut(num_chirps * num_samples)
+            .enumerate()
+            .flat_map(|(channel, samples)| {
+                let groups = samples.chunks_mut(GROUP * num_samples).enumerate();
+                groups.map(move |(group, samples)| (channel, group * GROUP, samples))
+            })
+            .collect();
+        parallel::map(self.options.is_parallel, tasks, |(channel, first, samples)| {
+            let job = lanes::Job {
+                waveform: self.waveform,
+                series: self.series,
+                channel,
+                class,
+                paths: 0..self.series.num_paths,
+                chirps: first..(first + GROUP).min(num_chirps),
+                scale: self.scale,
+            };
+            add(&job, samples);
+        });
+    }
+
+    /// Every channel and block of chirps on its grid.
+    fn grid<T: Widths>(
+        &self,
+        class: Class,
+        width: usize,
+        expansions: &[Expansion],
+        out: &mut [Complex<T>],
+    ) -> (usize, usize) {
+        let num_samples = self.waveform.num_samples;
+        // One task per channel and block, in the order of the samples.
+        let mut tasks = Vec::new();
+        let mut rest = out;
+        for channel in 0..self.series.num_channels {
+            for expansion in expansions {
+                let (samples, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
+                tasks.push((channel, expansion, samples));
+                rest = behind;
+            }
+        }
+        let num_chunks = self.series.num_paths.div_ceil(CHUNK);
+        let num_parts = if tasks.len() >= 4 {
+            1
+        } else {
+            (num_chunks / 256).clamp(1, grid::MAX_PARTS)
+        };
+        let counts = parallel::map(self.options.is_parallel, tasks, |(channel, expansion, samples)| {
+            let job = grid::Job {
+                waveform: self.waveform,
+                series: self.series,
+                channel,
+                class,
+                scale: self.scale,
+                expansion,
+                width,
+                level: self.options.level,
+                num_parts,
+                is_parallel: self.options.is_parallel,
+                keep_empty_rows: !self.options.skip_rows,
+            };
+            let used = job.add_to(samples);
+            (used, expansion.rows - used)
+        });
+        counts.into_iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
+    }
+}
+
+/// Samples in the precision that is asked for.
+fn narrow(samples: Vec<Complex64>, is_single: bool) -> Samples {
+    if is_single {
+        Samples::Single(
+            samples
+                .iter()
+                .map(|s| Complex32::new(s.re as f32, s.im as f32))
+                .collect(),
+        )
+    } else {
+        Samples::Double(samples)
+    }
+}
+
+/// Largest rms over the samples of a channel, relative to l2(amplitudes).
+fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
+    let per_channel = waveform.chirp_times.len() * waveform.num_samples;
+    let mean: Vec<f64> = match samples {
+        Samples::Single(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| {
+                channel
+                    .iter()
+                    .map(|s| s.re.wide().powi(2) + s.im.wide().powi(2))
+                    .sum::<f64>()
+            })
+            .collect(),
+        Samples::Double(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| channel.iter().map(num_complex::Complex::norm_sqr).sum::<f64>())
+            .collect(),
+    };
+    mean.iter()
+        .zip(power)
+        .map(|(sum, power)| {
+            if *power > 0.0 {
+                (sum / per_channel as f64 / power).sqrt()
+            } else {
+                0.0
+            }
+        })
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::delay::Basis;
+    use crate::hash::mix;
+
+    const C: f64 = 299_792_458.0;
+
+    fn waveform(num_chirps: usize, num_samples: usize, bandwidth: f64) -> Waveform {
+        let sample_rate = 2e6;
+        Waveform {
+            start_frequency: 58e9,
+            slope: bandwidth * sample_rate / num_samples as f64,
+            sample_rate,
+            adc_delay: 3.1e-6,
+            num_samples,
+            chirp_times: (0..num_chirps).map(|c| 400e-6 * c as f64).collect(),
+        }
+    }
+
+    /// Relative to l2(amplitudes).
+    fn error(got: &Samples, expected: &[Complex64], amplitude: &[Complex64]) -> f64 {
+        let got: Vec<Complex64> = match got {
+            Samples::Single(samples) => samples
+                .iter()
+                .map(|s| Complex64::new(s.re.wide(), s.im.wide()))
+                .collect(),
+            Samples::Double(samples) => samples.clone(),
+        };
+        let power: f64 = amplitude.iter().map(Complex64::norm_sqr).sum();
+        let sum: f64 = got.iter().zip(expected).map(|(a, b)| (a - b).norm_sqr()).sum();
+        (sum / got.len() as f64 / power).sqrt()
+    }
+
+    #[test]
+    fn grid_keeps_to_every_tolerance_at_every_level() {
+        let mut state = 7;
+        let mut unit = || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let n = 500;
+        for (num_chirps, num_samples, bandwidth) in [(33, 64, 1e9), (1, 16, -1e9), (16, 1, 1e9), (17, 100, 5e9)] {
+            let wf = waveform(num_chirps, num_samples, bandwidth);
+            let delay: Vec<f64> = (0..n).map(|_| 2.0 / C * (0.5 + 7.5 * unit())).collect();
+            let rate: Vec<f64> = (0..n).map(|_| 2.0 / C * (6.0 * unit() - 3.0)).collect();
+            let acceleration: Vec<f64> = (0..n).map(|_| 2.0 / C * (40.0 * unit() - 10.0)).collect();
+            let amplitude: Vec<Complex64> = (0..n).map(|_| Complex64::from_polar(unit(), 6.3 * unit())).collect();
+            for num_terms in 1..=3 {
+                let rows = [&delay[..], &rate, &acceleration];
+                let series = PathSeries {
+                    basis: Basis::Taylor,
+                    delay: &rows[..num_terms],
+                    amplitude: &[&amplitude],
+                    num_channels: 1,
+                    num_paths: n,
+                };
+                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), false);
+                for tolerance in [1e-2, 1e-4, 1e-6, 1e-9, 1e-11] {
+                    for level in Level::available() {
+                        let options = Options {
+                            tolerance,
+                            method: Method::Grid,
+                            is_parallel: false,
+                            level,
+                            ..Options::default()
+                        };
+                        let (samples, report) = beat_signal(&wf, &series, &options).unwrap();
+                        let error = error(&samples, &exact, &amplitude);
+                        assert!(error <= tolerance, "{error:e} {level:?} {}", report.plan);
+                    }
+                }
+            }
+        }
+    }
 }

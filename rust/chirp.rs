@@ -45,4 +45,14 @@ impl Waveform {
     pub fn duration(&self) -> f64 {
         self.chirp_times.last().copied().unwrap_or(0.0) + self.sample_time(self.num_samples - 1)
     }
+
+    /// Time of the middle sample, number `num_samples / 2`, after the start of its ramp [s].
+    pub fn middle_time(&self) -> f64 {
+        self.sample_time(self.num_samples / 2)
+    }
+
+    /// From the middle sample to the farthest one [s]; half a sampling interval if there is only one sample.
+    pub fn half_sweep(&self) -> f64 {
+        (self.num_samples as f64 / 2.0).floor().max(0.5) / self.sample_rate
+    }
 }

@@ -24,14 +24,10 @@ pub enum Basis {
 pub struct PathSeries<'a> {
     /// Meaning of the first axis of `delay`.
     pub basis: Basis,
-    /// `(num_delay_terms, num_channels, num_paths)` [s].
-    pub delay: &'a [f64],
-    /// Length of the first axis of `delay`.
-    pub num_delay_terms: usize,
-    /// `(num_amplitude_terms, num_channels, num_paths)`; one term: constant.
-    pub amplitude: &'a [Complex64],
-    /// Length of the first axis of `amplitude`: 1, or that of Chebyshev delays.
-    pub num_amplitude_terms: usize,
+    /// One row `(num_channels, num_paths)` per term [s].
+    pub delay: &'a [&'a [f64]],
+    /// One row `(num_channels, num_paths)`: constant; or as many as there are Chebyshev delays.
+    pub amplitude: &'a [&'a [Complex64]],
     /// Number of channels.
     pub num_channels: usize,
     /// Paths per channel.
@@ -39,15 +35,23 @@ pub struct PathSeries<'a> {
 }
 
 impl PathSeries<'_> {
-    /// Refuses shapes that do not fit together and numbers that are not finite.
-    pub fn check(&self) -> Result<()> {
+    /// Rows of `delay`.
+    pub fn num_delay_terms(&self) -> usize {
+        self.delay.len()
+    }
+
+    /// Rows of `amplitude`.
+    pub fn num_amplitude_terms(&self) -> usize {
+        self.amplitude.len()
+    }
+
+    /// Refuses shapes that do not fit together.
+    pub fn check_shapes(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;
-        for (name, length, terms) in [
-            ("delay", self.delay.len(), self.num_delay_terms),
-            ("amplitude", self.amplitude.len(), self.num_amplitude_terms),
-        ] {
-            if length != terms * plane {
-                let expected = format!("{terms} x {} x {} numbers", self.num_channels, self.num_paths);
+        let lengths = self.delay.iter().map(|row| ("delay", row.len()));
+        for (name, length) in lengths.chain(self.amplitude.iter().map(|row| ("amplitude", row.len()))) {
+            if length != plane {
+                let expected = format!("{} x {} numbers", self.num_channels, self.num_paths);
                 return Err(Error::value(name, expected, length));
             }
         }
@@ -55,33 +59,50 @@ impl PathSeries<'_> {
             Basis::Taylor => (3, "terms"),
             Basis::Chebyshev => (MAX_NODES, "nodes"),
         };
-        if self.num_delay_terms == 0 || self.num_delay_terms > max_terms {
+        if self.delay.is_empty() || self.delay.len() > max_terms {
             let expected = format!("1 to {max_terms} {terms}");
-            return Err(Error::value("delay", expected, self.num_delay_terms));
+            return Err(Error::value("delay", expected, self.delay.len()));
         }
-        let follows = self.basis == Basis::Chebyshev && self.num_amplitude_terms == self.num_delay_terms;
-        if self.num_amplitude_terms != 1 && !follows {
+        let follows = self.basis == Basis::Chebyshev && self.amplitude.len() == self.delay.len();
+        if self.amplitude.len() != 1 && !follows {
             let expected = "one amplitude per path, or one per node together with delays at the same nodes";
-            return Err(Error::value(
-                "amplitude",
-                expected,
-                format!("{} terms", self.num_amplitude_terms),
-            ));
-        }
-        if let Some(bad) = self.delay.iter().position(|tau| !tau.is_finite()) {
-            let (name, index) = match self.basis {
-                Basis::Taylor => (["delay", "delay_rate", "delay_acceleration"][bad / plane], bad % plane),
-                Basis::Chebyshev => ("delay", bad),
-            };
-            let got = format!("{} at flat index {index}", self.delay[bad]);
-            return Err(Error::value(name, "finite numbers", got));
-        }
-        if let Some(bad) = self.amplitude.iter().position(|a| !a.is_finite()) {
-            let got = format!("{} at flat index {bad}", self.amplitude[bad]);
-            return Err(Error::value("amplitude", "finite numbers", got));
+            let got = format!("{} terms", self.amplitude.len());
+            return Err(Error::value("amplitude", expected, got));
         }
         Ok(())
     }
+
+    /// Refuses numbers that are not finite.
+    pub fn check_numbers(&self) -> Result<()> {
+        let plane = self.num_channels * self.num_paths;
+        for (j, row) in self.delay.iter().enumerate() {
+            if let Some(bad) = first_bad(row, |x| !x.is_finite()) {
+                let (name, index) = match self.basis {
+                    Basis::Taylor => (["delay", "delay_rate", "delay_acceleration"][j], bad),
+                    Basis::Chebyshev => ("delay", j * plane + bad),
+                };
+                let got = format!("{} at flat index {index}", row[bad]);
+                return Err(Error::value(name, "finite numbers", got));
+            }
+        }
+        for (j, row) in self.amplitude.iter().enumerate() {
+            if let Some(bad) = first_bad(row, |a| !a.re.is_finite() | !a.im.is_finite()) {
+                let got = format!("{} at flat index {}", row[bad], j * plane + bad);
+                return Err(Error::value("amplitude", "finite numbers", got));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Index of the first bad number. Good ones are passed at the speed of memory: no branch per number.
+fn first_bad<T>(numbers: &[T], is_bad: impl Fn(&T) -> bool) -> Option<usize> {
+    const RUN: usize = 256;
+    let run = numbers
+        .chunks(RUN)
+        .position(|run| run.iter().fold(false, |bad, x| bad | is_bad(x)))?;
+    let inside = numbers[run * RUN..].iter().position(is_bad)?;
+    Some(run * RUN + inside)
 }
 
 /// Values of the basis functions at time `t` [s] after the start of the frame, `terms` of them into `out`.

@@ -7,24 +7,32 @@
 //! change during the frame are added once, for all chirps.
 
 use num_complex::Complex64;
-use rayon::prelude::*;
 
+use crate::block::Class;
 use crate::chirp::Waveform;
 use crate::delay::{Basis, PathSeries, basis_values, chebyshev_matrix};
-use crate::simd::{Kernel, Level};
+use crate::parallel;
+use crate::simd::{Isa, Kernel, Level};
+use crate::trig::{cos_sin_turns, turns};
 
 /// Samples per block: their phases stay in registers and L1.
 pub const BLOCK: usize = 64;
 
 type Lanes = [f64; BLOCK];
 
-/// Complex beat samples `(channel, chirp, sample)`, row-major; input as [`PathSeries::check`] accepts it.
-pub fn beat_signal(waveform: &Waveform, series: &PathSeries, level: Level) -> Vec<Complex64> {
+/// Complex beat samples `(channel, chirp, sample)` of the paths of a class, row-major; input as [`PathSeries::check`]
+/// accepts it.
+pub fn beat_signal(
+    waveform: &Waveform,
+    series: &PathSeries,
+    class: Class,
+    level: Level,
+    is_parallel: bool,
+) -> Vec<Complex64> {
     // Per channel: constants of every path, one record after the other. What stands still is the same in every chirp.
-    let channels: Vec<[Records; 2]> = (0..series.num_channels)
-        .into_par_iter()
-        .map(|channel| Records::still_and_moving(waveform, series, channel))
-        .collect();
+    let channels: Vec<[Records; 2]> = parallel::map(is_parallel, (0..series.num_channels).collect(), |channel| {
+        Records::still_and_moving(waveform, series, channel)
+    });
     let num_chirps = waveform.chirp_times.len();
     let add_paths = |records: &Records, chirp: usize, block: usize| {
         let times = Times::new(waveform, series.basis, records, chirp, block * BLOCK);
@@ -34,27 +42,40 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, level: Level) -> Ve
             times: &times,
         })
     };
+    let zero = || Sums {
+        re: [0.0; BLOCK],
+        im: [0.0; BLOCK],
+    };
 
     // Per channel and block of samples: add all paths that stand still.
     let blocks_per_chirp = waveform.num_samples.div_ceil(BLOCK);
-    let still: Vec<Sums> = (0..series.num_channels * blocks_per_chirp)
-        .into_par_iter()
-        .map(|i| add_paths(&channels[i / blocks_per_chirp][0], 0, i % blocks_per_chirp))
-        .collect();
+    let still: Vec<Sums> = parallel::map(
+        is_parallel,
+        (0..series.num_channels * blocks_per_chirp).collect(),
+        |i| {
+            if class == Class::Moving {
+                zero()
+            } else {
+                add_paths(&channels[i / blocks_per_chirp][0], 0, i % blocks_per_chirp)
+            }
+        },
+    );
 
     // Per channel, chirp and block of samples: add all paths that move.
-    let rows: Vec<Vec<Complex64>> = (0..series.num_channels * num_chirps)
-        .into_par_iter()
-        .map(|row| {
+    let rows: Vec<Vec<Complex64>> =
+        parallel::map(is_parallel, (0..series.num_channels * num_chirps).collect(), |row| {
             let (channel, chirp) = (row / num_chirps, row % num_chirps);
             let sum = |block: usize| {
-                let moving = add_paths(&channels[channel][1], chirp, block);
+                let moving = if class == Class::Still {
+                    zero()
+                } else {
+                    add_paths(&channels[channel][1], chirp, block)
+                };
                 let still = &still[channel * blocks_per_chirp + block];
                 (0..BLOCK).map(move |i| Complex64::new(still.re[i] + moving.re[i], still.im[i] + moving.im[i]))
             };
             (0..blocks_per_chirp).flat_map(sum).take(waveform.num_samples).collect()
-        })
-        .collect();
+        });
     rows.into_iter().flatten().collect()
 }
 
@@ -70,9 +91,8 @@ struct Records {
 impl Records {
     /// The paths of a channel whose delay and amplitude never change, and the others.
     fn still_and_moving(waveform: &Waveform, series: &PathSeries, channel: usize) -> [Self; 2] {
-        let plane = series.num_channels * series.num_paths;
-        let at = |term: usize, path: usize| term * plane + channel * series.num_paths + path;
-        let (num_delays, num_amplitudes) = (series.num_delay_terms, series.num_amplitude_terms);
+        let at = |path: usize| channel * series.num_paths + path;
+        let (num_delays, num_amplitudes) = (series.num_delay_terms(), series.num_amplitude_terms());
         let matrix = (series.basis == Basis::Chebyshev).then(|| chebyshev_matrix(num_delays));
 
         // Terms of every path: given, or from values at the nodes. Differences from the first node are exact enough to
@@ -82,18 +102,18 @@ impl Records {
         for path in 0..series.num_paths {
             let delays = &mut delay_terms[path * num_delays..][..num_delays];
             let amplitudes = &mut amplitude_terms[path * num_amplitudes..][..num_amplitudes];
-            let first = (series.delay[at(0, path)], series.amplitude[at(0, path)]);
+            let first = (series.delay[0][at(path)], series.amplitude[0][at(path)]);
             amplitudes[0] = first.1.conj();
             match &matrix {
-                None => (0..num_delays).for_each(|k| delays[k] = series.delay[at(k, path)]),
+                None => (0..num_delays).for_each(|k| delays[k] = series.delay[k][at(path)]),
                 Some(matrix) => {
                     for (k, row) in matrix.chunks(num_delays).enumerate() {
                         delays[k] = (0..num_delays)
-                            .map(|j| row[j] * (series.delay[at(j, path)] - first.0))
+                            .map(|j| row[j] * (series.delay[j][at(path)] - first.0))
                             .sum();
                         if num_amplitudes > 1 {
                             let change: Complex64 = (0..num_amplitudes)
-                                .map(|j| (series.amplitude[at(j, path)] - first.1).conj() * row[j])
+                                .map(|j| (series.amplitude[j][at(path)] - first.1).conj() * row[j])
                                 .sum();
                             amplitudes[k] = if k == 0 { amplitudes[0] + change } else { change };
                         }
@@ -149,13 +169,6 @@ fn used<T>(terms: &[T], is_used: impl Fn(&T) -> bool) -> usize {
     terms.iter().rposition(is_used).map_or(1, |k| k + 1)
 }
 
-/// `frequency * delay` modulo one turn, in (-1, 1): the rounding of the product is put back with a fused multiply.
-fn turns(frequency: f64, delay: f64) -> f64 {
-    let product = frequency * delay;
-    let rounding = frequency.mul_add(delay, -product);
-    product.fract() + rounding
-}
-
 /// What all paths share at the samples of one block.
 struct Times {
     /// After the start of the chirp's ramp [s].
@@ -200,7 +213,7 @@ impl Kernel for AddPaths<'_> {
     type Output = Sums;
 
     #[inline(always)] // see `Kernel`
-    fn run(self) -> Sums {
+    fn run<I: Isa>(self) -> Sums {
         let (f0, slope) = (self.waveform.start_frequency, self.waveform.slope);
         let num_delays = self.records.num_delay_terms;
         let fast = self.times.fast;
@@ -226,7 +239,7 @@ impl Kernel for AddPaths<'_> {
                 let tau = tau_0 + delta[i];
                 phase[i] = turns_0 + f0 * delta[i] + slope * tau * (fast[i] - 0.5 * tau);
             }
-            let (cos, sin) = cos_sin_turns(&phase);
+            let (cos, sin) = cos_sin_turns::<f64, BLOCK>(&phase);
 
             // Amplitude of every sample.
             let (mut re, mut im) = ([amplitudes[0]; BLOCK], [amplitudes[1]; BLOCK]);
@@ -246,84 +259,10 @@ impl Kernel for AddPaths<'_> {
     }
 }
 
-/// Cosine and sine of phases in turns, to 2e-16 for phases below 2^50 turns.
-#[inline(always)]
-fn cos_sin_turns(phase: &Lanes) -> (Lanes, Lanes) {
-    /// Adding and subtracting this rounds to the nearest integer; unlike `round`, it vectorises everywhere.
-    const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
-
-    // Taylor series on an eighth of a turn to either side, |x| <= pi/4: the first term left out is below 1e-17.
-    const S: [f64; 7] = [
-        -1.0 / 6.0,
-        1.0 / 120.0,
-        -1.0 / 5_040.0,
-        1.0 / 362_880.0,
-        -1.0 / 39_916_800.0,
-        1.0 / 6_227_020_800.0,
-        -1.0 / 1_307_674_368_000.0,
-    ];
-    const C: [f64; 7] = [
-        1.0 / 24.0,
-        -1.0 / 720.0,
-        1.0 / 40_320.0,
-        -1.0 / 3_628_800.0,
-        1.0 / 479_001_600.0,
-        -1.0 / 87_178_291_200.0,
-        1.0 / 20_922_789_888_000.0,
-    ];
-
-    let (mut cos, mut sin) = ([0.0; BLOCK], [0.0; BLOCK]);
-    for i in 0..BLOCK {
-        let quarters = (4.0 * phase[i] + ROUND) - ROUND;
-        let x = std::f64::consts::TAU * (phase[i] - 0.25 * quarters);
-        let z = x * x;
-        let s = x + x * z * (S[0] + z * (S[1] + z * (S[2] + z * (S[3] + z * (S[4] + z * (S[5] + z * S[6]))))));
-        let c =
-            1.0 - 0.5 * z + z * z * (C[0] + z * (C[1] + z * (C[2] + z * (C[3] + z * (C[4] + z * (C[5] + z * C[6]))))));
-        // Turn back by the quarters, -2 ..= 2 of them: multiply by (1, j, -1, -j).
-        let turn = quarters - 4.0 * ((0.25 * quarters + ROUND) - ROUND);
-        let (cos_q, sin_q) = (1.0 - turn.abs(), turn * (2.0 - turn.abs()));
-        cos[i] = c * cos_q - s * sin_q;
-        sin[i] = s * cos_q + c * sin_q;
-    }
-    (cos, sin)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
-
-    #[test]
-    fn cosine_and_sine_agree_with_the_library_to_rounding() {
-        let mut phase = [0.0; BLOCK];
-        for trial in 0..1000 {
-            for (i, p) in phase.iter_mut().enumerate() {
-                *p = (f64::from(trial) * 64.0 + i as f64 - 32_000.0) / 512.0;
-            }
-            let (cos, sin) = cos_sin_turns(&phase);
-            for i in 0..BLOCK {
-                let (s, c) = (TAU * phase[i].fract()).sin_cos();
-                assert!(
-                    (cos[i] - c).abs() < 1e-15 && (sin[i] - s).abs() < 1e-15,
-                    "{} {} {}",
-                    phase[i],
-                    cos[i],
-                    sin[i]
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn quarter_turns_are_exact() {
-        let phase: Lanes = std::array::from_fn(|i| (i as f64 - 32.0) / 4.0);
-        let (cos, sin) = cos_sin_turns(&phase);
-        for i in 0..BLOCK {
-            let expected = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][i % 4];
-            assert_eq!((cos[i], sin[i]), expected, "{} turns", phase[i]);
-        }
-    }
 
     #[test]
     fn every_level_gives_the_same_bits() {
@@ -332,16 +271,14 @@ mod tests {
         let amplitude = vec![Complex64::new(1.0, 0.5); 10];
         let series = PathSeries {
             basis: Basis::Taylor,
-            delay: &delay,
-            num_delay_terms: 3,
-            amplitude: &amplitude,
-            num_amplitude_terms: 1,
+            delay: &delay.chunks(10).collect::<Vec<_>>(),
+            amplitude: &[&amplitude],
             num_channels: 1,
             num_paths: 10,
         };
         let results: Vec<_> = Level::available()
             .into_iter()
-            .map(|level| beat_signal(&wf, &series, level))
+            .map(|level| beat_signal(&wf, &series, Class::All, level, false))
             .collect();
         assert!(results.iter().all(|r| r == &results[0]));
         assert_eq!(results[0].len(), 300);
@@ -359,14 +296,14 @@ mod tests {
                 &wf,
                 &PathSeries {
                     basis: Basis::Chebyshev,
-                    delay,
-                    num_delay_terms: 4,
-                    amplitude,
-                    num_amplitude_terms: 1,
+                    delay: &delay.chunks(num_paths).collect::<Vec<_>>(),
+                    amplitude: &[amplitude],
                     num_channels: 1,
                     num_paths,
                 },
+                Class::All,
                 Level::best(),
+                false,
             )
         };
         let of = |path: usize| series(&[0, 2, 4, 6].map(|k| delay[k + path]), &amplitude[path..=path]);
@@ -384,14 +321,12 @@ mod tests {
         let tau = 41.3e-9; // 6.2 m
         let series = PathSeries {
             basis: Basis::Taylor,
-            delay: &[tau],
-            num_delay_terms: 1,
-            amplitude: &[Complex64::new(2.0, 0.0)],
-            num_amplitude_terms: 1,
+            delay: &[&[tau]],
+            amplitude: &[&[Complex64::new(2.0, 0.0)]],
             num_channels: 1,
             num_paths: 1,
         };
-        let got = beat_signal(&wf, &series, Level::best());
+        let got = beat_signal(&wf, &series, Class::All, Level::best(), false);
         // The tone by exact steps: its phase is linear in the sample, so double-double is not needed per sample.
         let start = turns(wf.start_frequency, tau) - 0.5 * wf.slope * tau * tau + wf.slope * tau * wf.adc_delay;
         let step = wf.slope * tau / wf.sample_rate;

@@ -5,6 +5,11 @@
 //! poses ─────────┴─ Scene ── image tiles ── Hits ── scattering ── Paths ── beat signal
 //! ```
 //!
+//! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
+//! on all paths), `plan` (what is done with them, by which `expansion`), then `grid` (places, spreading with the `kernel`,
+//! transforms), `lanes` (chirps side by side) or `direct`; `beat` runs it and sees to the tolerance. Kernels are written
+//! once, with `simd` and `wide`, and compiled for every instruction set.
+//!
 //! Conventions, stated once and used everywhere:
 //!
 //! - SI units and radians; a name says so when it means something else (`gain_db`).
@@ -17,15 +22,22 @@
 
 pub mod antenna;
 pub mod beat;
+pub mod block;
 pub mod bvh;
 pub mod chirp;
 pub mod delay;
 pub mod direct;
 pub mod error;
+pub mod expansion;
+pub mod grid;
 pub mod hash;
+pub mod kernel;
+pub mod lanes;
 pub mod material;
 pub mod mesh;
 pub mod motion;
+pub mod parallel;
+pub mod plan;
 #[cfg(feature = "python")]
 mod python;
 pub mod rays;
@@ -33,6 +45,9 @@ pub mod scatter;
 pub mod shading;
 pub mod simd;
 pub mod surface;
+pub mod survey;
 pub mod trace;
+pub mod trig;
+pub mod wide;
 
 pub use error::{Error, Result};

@@ -12,7 +12,7 @@ use num_complex::Complex64;
 use numpy::ndarray::Dimension;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
-    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
+    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -20,14 +20,16 @@ use rayon::ThreadPool;
 
 use crate::antenna::{Array, Pattern};
 use crate::beat;
-use crate::chirp::Waveform;
+use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
+use crate::plan::{Method, Step};
 use crate::rays::ImagePlane;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
+use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, NO_BODY, Snapshot};
 
@@ -36,7 +38,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(load_obj, module)?)?;
     module.add_function(wrap_pyfunction!(beat_signal, module)?)?;
+    module.add_function(wrap_pyfunction!(plan_beat_signal, module)?)?;
+    module.add_function(wrap_pyfunction!(levels, module)?)?;
     module.add_function(wrap_pyfunction!(image_scatterers, module)?)?;
+    module.add_class::<Waveform>()?;
+    module.add_class::<Report>()?;
     module.add_class::<Surface>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
@@ -74,12 +80,20 @@ fn compute<T: Send>(py: Python<'_>, threads: Option<usize>, work: impl FnOnce() 
     py.detach(|| pool(num)?.install(work).map_err(PyErr::from))
 }
 
+/// Refuses numbers of threads that no pool has.
+fn check_threads(threads: Option<usize>) -> Result<()> {
+    match threads {
+        Some(number) if number == 0 || number > MAX_THREADS => {
+            Err(Error::value("threads", format!("1 to {MAX_THREADS}"), number))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The pool with this number of threads; the last few are kept.
 fn pool(num_threads: usize) -> PyResult<Arc<ThreadPool>> {
     const MAX_KEPT: usize = 4;
-    if num_threads == 0 || num_threads > MAX_THREADS {
-        return Err(Error::value("threads", format!("1 to {MAX_THREADS}"), num_threads).into());
-    }
+    check_threads(Some(num_threads))?;
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if pools.0 != process {
@@ -128,50 +142,329 @@ fn load_obj(py: Python<'_>, path: PathBuf) -> PyResult<ObjArrays<'_>> {
     Ok((matrix(py, vertices)?, matrix(py, triangles)?, parts))
 }
 
-/// Beat samples `(channel, chirp, sample)` of paths given as `(term, channel, path)`.
+/// Times and frequencies of a frame.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Waveform(chirp::Waveform);
+
+#[pymethods]
+impl Waveform {
+    #[new]
+    #[pyo3(signature = (*, start_frequency, slope, sample_rate, adc_delay, num_samples, chirp_times))]
+    fn new(
+        start_frequency: f64,
+        slope: f64,
+        sample_rate: f64,
+        adc_delay: f64,
+        num_samples: usize,
+        chirp_times: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        let waveform = chirp::Waveform {
+            start_frequency,
+            slope,
+            sample_rate,
+            adc_delay,
+            num_samples,
+            chirp_times: numbers("chirp_times", &chirp_times, [None])?.to_vec(),
+        };
+        waveform.check()?;
+        Ok(Self(waveform))
+    }
+}
+
+/// Paths as arrays (path,), (channel, path) or, at nodes, (node, channel, path).
+struct PathArrays<'py> {
+    basis: Basis,
+    delay: Vec<PyReadonlyArrayDyn<'py, f64>>,
+    amplitude: PyReadonlyArrayDyn<'py, Complex64>,
+    num_channels: usize,
+    num_paths: usize,
+}
+
+impl<'py> PathArrays<'py> {
+    /// Refuses shapes that do not fit together.
+    fn new(
+        delay: PyReadonlyArrayDyn<'py, f64>,
+        amplitude: PyReadonlyArrayDyn<'py, Complex64>,
+        delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
+        delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
+    ) -> Result<Self> {
+        let shape = delay.shape().to_vec();
+        let (num_channels, num_paths) = match shape[..] {
+            [paths] => (1, paths),
+            [channels, paths] | [_, channels, paths] => (channels, paths),
+            _ => return Err(Error::value("delay", "one to three axes", format!("{shape:?}"))),
+        };
+        let is_nodal = shape.len() == 3;
+        if is_nodal && shape[0] == 0 {
+            return Err(Error::value("delay", "1 to 4096 nodes", 0));
+        }
+        let expected = if is_nodal && amplitude.shape().len() < 3 {
+            &shape[1..]
+        } else {
+            &shape[..]
+        };
+        if amplitude.shape() != expected {
+            let got = format!("{:?}", amplitude.shape());
+            return Err(Error::value("amplitude", format!("shape {expected:?}"), got));
+        }
+        let mut rows = vec![delay];
+        for (name, row) in [("delay_rate", &delay_rate), ("delay_acceleration", &delay_acceleration)] {
+            if let Some(row) = row
+                && (is_nodal || row.shape() != shape)
+            {
+                let got = format!("{:?}", row.shape());
+                return Err(Error::value(
+                    name,
+                    format!("shape {shape:?} of delays without nodes"),
+                    got,
+                ));
+            }
+        }
+        if delay_acceleration.is_some() && delay_rate.is_none() {
+            return Err(Error::value(
+                "delay_rate",
+                "one together with delay_acceleration",
+                "none",
+            ));
+        }
+        rows.extend(delay_rate);
+        rows.extend(delay_acceleration);
+        Ok(Self {
+            basis: if is_nodal { Basis::Chebyshev } else { Basis::Taylor },
+            delay: rows,
+            amplitude,
+            num_channels,
+            num_paths,
+        })
+    }
+
+    /// Run something with the series of these paths.
+    fn with_series<T>(&self, run: impl FnOnce(&PathSeries) -> PyResult<T>) -> PyResult<T> {
+        let plane = (self.num_channels * self.num_paths).max(1);
+        let mut delay: Vec<&[f64]> = Vec::new();
+        for row in &self.delay {
+            delay.extend(contiguous("delay", row)?.chunks(plane));
+        }
+        let mut amplitude: Vec<&[Complex64]> = contiguous("amplitude", &self.amplitude)?.chunks(plane).collect();
+        // No paths leave no rows.
+        if delay.is_empty() || amplitude.is_empty() {
+            (delay, amplitude) = (vec![&[][..]], vec![&[][..]]);
+        }
+        run(&PathSeries {
+            basis: self.basis,
+            delay: &delay,
+            amplitude: &amplitude,
+            num_channels: self.num_channels,
+            num_paths: self.num_paths,
+        })
+    }
+}
+
+/// The numbers of an array of any number of axes.
+fn contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
+    match array.as_slice() {
+        Ok(numbers) if array.is_c_contiguous() => Ok(numbers),
+        _ => Err(PyTypeError::new_err(format!("{name}: expected a C-contiguous array"))),
+    }
+}
+
+/// How to sum, from Python's words.
+fn options(
+    tolerance: f64,
+    method: &str,
+    level: Option<&str>,
+    split_still: bool,
+    skip_rows: bool,
+    is_parallel: bool,
+) -> Result<beat::Options> {
+    let method = match method {
+        "auto" => Method::Auto,
+        "direct" => Method::Direct,
+        "grid" => Method::Grid,
+        "recurrence" => Method::Recurrence,
+        "lanes" => Method::Lanes,
+        _ => {
+            let expected = "'auto', 'direct', 'grid', 'recurrence' or 'lanes'";
+            return Err(Error::value("method", expected, format!("{method:?}")));
+        }
+    };
+    let levels = Level::available();
+    let level = match level {
+        None => Level::best(),
+        Some(name) => *levels.iter().find(|level| level.name() == name).ok_or_else(|| {
+            let names: Vec<&str> = levels.iter().map(|level| level.name()).collect();
+            Error::value("level", format!("one of {names:?}"), name)
+        })?,
+    };
+    Ok(beat::Options {
+        tolerance,
+        method,
+        level,
+        is_parallel,
+        split_still,
+        skip_rows,
+    })
+}
+
+/// Path-samples that are summed before a thread of a pool would have woken up.
+const SMALL_SUM: usize = 1 << 21;
+
+/// Beat samples (channel, chirp, sample) of paths, and what was done.
 #[pyfunction(signature = (
-    delay, amplitude, *, is_chebyshev, start_frequency, slope, sample_rate, adc_delay, num_samples, chirp_times,
-    threads=None
+    delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
+    split_still=true, skip_rows=true
 ))]
 fn beat_signal<'py>(
     py: Python<'py>,
-    delay: PyReadonlyArray3<'py, f64>,
-    amplitude: PyReadonlyArray3<'py, Complex64>,
-    is_chebyshev: bool,
-    start_frequency: f64,
-    slope: f64,
-    sample_rate: f64,
-    adc_delay: f64,
-    num_samples: usize,
-    chirp_times: PyReadonlyArray1<'py, f64>,
+    delay: PyReadonlyArrayDyn<'py, f64>,
+    amplitude: PyReadonlyArrayDyn<'py, Complex64>,
+    delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
+    delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
+    waveform: PyRef<'py, Waveform>,
+    tolerance: f64,
+    method: &str,
     threads: Option<usize>,
-) -> PyResult<Bound<'py, PyArray3<Complex64>>> {
-    let chirp_times = numbers("chirp_times", &chirp_times, [None])?.to_vec();
-    let num_chirps = chirp_times.len();
-    let waveform = Waveform {
-        start_frequency,
-        slope,
-        sample_rate,
-        adc_delay,
-        num_samples,
-        chirp_times,
+    level: Option<&str>,
+    split_still: bool,
+    skip_rows: bool,
+) -> PyResult<(Bound<'py, PyAny>, Report)> {
+    check_threads(threads)?;
+    let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
+    let waveform = &waveform.0;
+    let (num_chirps, num_samples) = (waveform.chirp_times.len(), waveform.num_samples);
+    let work = [paths.num_channels, paths.num_paths, num_chirps, num_samples];
+    let is_small = work
+        .iter()
+        .try_fold(1_usize, |product, n| product.checked_mul(*n))
+        .is_some_and(|n| n < SMALL_SUM);
+    let is_parallel = threads != Some(1) && !is_small;
+    let options = options(tolerance, method, level, split_still, skip_rows, is_parallel)?;
+    let (samples, report) = paths.with_series(|series| {
+        let sum = || beat::beat_signal(waveform, series, &options);
+        if is_parallel {
+            compute(py, threads, sum)
+        } else {
+            py.detach(|| sum().map_err(PyErr::from))
+        }
+    })?;
+    let shape = [paths.num_channels, num_chirps, num_samples];
+    let samples = match samples {
+        beat::Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+        beat::Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
     };
-    let [num_delay_terms, num_channels, num_paths] = *delay.shape() else {
-        unreachable!("three axes")
-    };
-    let series = PathSeries {
-        basis: if is_chebyshev { Basis::Chebyshev } else { Basis::Taylor },
-        delay: numbers("delay", &delay, [None; 3])?,
-        num_delay_terms,
-        amplitude: numbers("amplitude", &amplitude, [None, Some(num_channels), Some(num_paths)])?,
-        num_amplitude_terms: amplitude.shape()[0],
-        num_channels,
-        num_paths,
-    };
-    let samples = compute(py, threads, || beat::beat_signal(&waveform, &series))?;
-    samples
-        .into_pyarray(py)
-        .reshape([num_channels, num_chirps, num_samples])
+    Ok((samples, Report(report)))
+}
+
+/// What `beat_signal` would do.
+#[pyfunction(signature = (
+    delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
+    split_still=true, skip_rows=true
+))]
+fn plan_beat_signal<'py>(
+    py: Python<'py>,
+    delay: PyReadonlyArrayDyn<'py, f64>,
+    amplitude: PyReadonlyArrayDyn<'py, Complex64>,
+    delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
+    delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
+    waveform: PyRef<'py, Waveform>,
+    tolerance: f64,
+    method: &str,
+    threads: Option<usize>,
+    level: Option<&str>,
+    split_still: bool,
+    skip_rows: bool,
+) -> PyResult<Report> {
+    let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
+    let options = options(tolerance, method, level, split_still, skip_rows, true)?;
+    let waveform = &waveform.0;
+    let plan = paths.with_series(|series| compute(py, threads, || beat::plan(waveform, series, &options)))?;
+    Ok(Report(beat::Report {
+        plan,
+        ..beat::Report::default()
+    }))
+}
+
+/// See `Report::parts`.
+type PlanPart = (String, usize, String, String, usize, Vec<usize>, Vec<usize>, f64, usize);
+
+/// What is done with which paths.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Report(beat::Report);
+
+#[pymethods]
+impl Report {
+    /// One line per class of paths.
+    fn __str__(&self) -> String {
+        self.0.plan.to_string()
+    }
+
+    /// Predicted error of the plan, relative to l2(amplitudes).
+    #[getter]
+    fn error(&self) -> f64 {
+        self.0.plan.error()
+    }
+
+    /// Memory beside input and result [bytes].
+    #[getter]
+    fn memory(&self) -> usize {
+        self.0.plan.memory()
+    }
+
+    /// Velocity rows that were transformed.
+    #[getter]
+    fn rows(&self) -> usize {
+        self.0.rows
+    }
+
+    /// Velocity rows that no path had touched.
+    #[getter]
+    fn rows_skipped(&self) -> usize {
+        self.0.rows_skipped
+    }
+
+    /// How many plans were run: more than one where paths add up in phase.
+    #[getter]
+    fn runs(&self) -> usize {
+        self.0.runs
+    }
+
+    /// Largest rms of the samples of a channel relative to its l2(amplitudes).
+    #[getter]
+    fn gain(&self) -> f64 {
+        self.0.gain
+    }
+
+    /// Per class of paths: its name, number of paths, method, precision, width of the kernel (0: none), velocity rows per
+    /// block, terms per block, predicted error, and memory [bytes].
+    fn parts(&self) -> Vec<PlanPart> {
+        let parts = self.0.plan.parts.iter().map(|part| {
+            let (rows, terms) = match &part.step {
+                Step::Grid { expansions, .. } => (
+                    expansions.iter().map(|e| e.rows).collect(),
+                    expansions.iter().map(|e| e.terms.len()).collect(),
+                ),
+                _ => (Vec::new(), Vec::new()),
+            };
+            (
+                part.class.name().to_owned(),
+                part.num_paths,
+                part.step.name().to_owned(),
+                if part.step.is_single() { "single" } else { "double" }.to_owned(),
+                part.step.width().unwrap_or(0),
+                rows,
+                terms,
+                part.error,
+                part.memory,
+            )
+        });
+        parts.collect()
+    }
+}
+
+/// Names of the instruction sets that this processor has, slowest first.
+#[pyfunction]
+fn levels() -> Vec<&'static str> {
+    Level::available().into_iter().map(Level::name).collect()
 }
 
 /// Triangles, tree and shading of one body.
@@ -445,7 +738,7 @@ struct Scatterers {
     num_bodies: usize,
 }
 
-type PathArrays<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<Complex64>>);
+type DelaysAndAmplitudes<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<Complex64>>);
 
 #[pymethods]
 impl Scatterers {
@@ -463,6 +756,15 @@ impl Scatterers {
         PyArray1::from_slice(py, self.scatterers.pixels())
     }
 
+    /// The material points of the bodies for which `wanted` (body,) is true, in the same order.
+    fn select(&self, wanted: PyReadonlyArray1<'_, bool>) -> PyResult<Self> {
+        let wanted = numbers("wanted", &wanted, [Some(self.num_bodies)])?;
+        Ok(Self {
+            scatterers: self.scatterers.select(|body| wanted[body as usize]),
+            num_bodies: self.num_bodies,
+        })
+    }
+
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
     /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
     /// (node, point, 3).
@@ -477,7 +779,7 @@ impl Scatterers {
         last: Option<usize>,
         step: usize,
         threads: Option<usize>,
-    ) -> PyResult<PathArrays<'py>> {
+    ) -> PyResult<DelaysAndAmplitudes<'py>> {
         let num_nodes = poses.shape()[0];
         let poses = self::poses(numbers(
             "poses",

@@ -256,6 +256,31 @@ impl Scatterers {
         }))
     }
 
+    /// Those of some bodies, in the same order.
+    pub fn select(&self, is_wanted: impl Fn(u32) -> bool) -> Self {
+        let channels = self.array.num_channels();
+        let rows: Vec<usize> = (0..self.len()).filter(|i| is_wanted(self.body[*i])).collect();
+        let per_channel = |numbers: &[Complex64]| -> Vec<Complex64> {
+            rows.iter()
+                .flat_map(|i| &numbers[channels * i..channels * (i + 1)])
+                .copied()
+                .collect()
+        };
+        Self {
+            array: self.array.clone(),
+            pixel: rows.iter().map(|i| self.pixel[*i]).collect(),
+            body: rows.iter().map(|i| self.body[*i]).collect(),
+            position: rows.iter().map(|i| self.position[*i]).collect(),
+            normal: rows.iter().map(|i| self.normal[*i]).collect(),
+            mirror: if self.mirror.is_empty() {
+                Vec::new()
+            } else {
+                per_channel(&self.mirror)
+            },
+            diffuse: rows.iter().map(|i| self.diffuse[*i]).collect(),
+        }
+    }
+
     /// The material points of the pixels that have one.
     fn gather(
         plane: &ImagePlane,

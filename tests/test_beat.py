@@ -13,8 +13,8 @@ from reference import beat_signal_reference
 
 C = 299_792_458.0  # [m/s]
 EPS = np.finfo(float).eps
-STRICT: dict[str, Any] = {"tolerance": 1e-9}
-"""Double precision."""
+STRICT: dict[str, Any] = {"tolerance": 1e-9, "method": "direct"}
+"""Every sample of every path in double precision."""
 
 
 def waveform(**changes: Any) -> rc.Waveform:

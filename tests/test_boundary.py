@@ -22,8 +22,8 @@ WAVEFORM: dict[str, Any] = {
     "num_samples": 8,
     "chirp_times": np.array([0.0, 1e-4]),
 }
-DELAY = np.full((1, 2, 3), 1e-8)
-AMPLITUDE = np.ones((1, 2, 3), complex)
+DELAY = np.full((2, 3), 1e-8)
+AMPLITUDE = np.ones((2, 3), complex)
 
 # Two squares that face the sensor, one body at x = 2 m.
 VERTICES = np.array([[0.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (-0.5, 0.5)])
@@ -57,8 +57,15 @@ HITS = SCENE.cast(POSES, **IMAGE)
 SCATTERERS = HITS.scatterers(**ANTENNAS)
 
 
-def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *, is_chebyshev: Any = False, **changes: Any) -> Any:
-    return _core.beat_signal(delay, amplitude, is_chebyshev=is_chebyshev, **(WAVEFORM | changes))
+def waveform(**changes: Any) -> Any:
+    return _core.Waveform(**(WAVEFORM | changes))
+
+
+def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *rates: Any, **changes: Any) -> Any:
+    options = {"tolerance": 1e-9, "method": "direct"}
+    options |= {name: changes.pop(name) for name in list(changes) if name not in WAVEFORM}
+    samples, _ = _core.beat_signal(delay, amplitude, *rates, waveform=waveform(**changes), **options)
+    return samples
 
 
 def cast(poses: Any = POSES, **changes: Any) -> Any:
@@ -193,6 +200,8 @@ def test_read_only_array_is_taken_and_left_alone(argument: str) -> None:
 @each_argument
 def test_wrong_number_of_axes_is_a_type_error(argument: str) -> None:
     call, good = ARGUMENTS[argument]
+    if argument in ("beat delay", "beat amplitude"):  # any of one to three axes, which have to fit together
+        return
     refuses(lambda: call(good[None]), TypeError)
     refuses(lambda: call(good[0]), TypeError)
     refuses(lambda: call(good.reshape(-1)[:1].reshape(())), TypeError)
@@ -209,17 +218,23 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
     ("call", "message"),
     [
         # Shapes that hold as many numbers, but others.
+        (lambda: beat(amplitude=np.ones((3, 2), complex)), r"amplitude: expected shape \[2, 3\], got \[3, 2\]"),
+        (lambda: beat(amplitude=np.ones((2, 2, 3), complex)), r"amplitude: expected shape \[2, 3\], got \[2, 2, 3\]"),
+        (lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2, 3), complex)), r"amplitude: expected shape \[4, 2, 3\]"),
         (
-            lambda: beat(amplitude=np.ones((1, 3, 2), complex)),
-            r"amplitude: expected shape \(n, 2, 3\), got \(1, 3, 2\)",
+            lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2), complex)),
+            r"amplitude: expected shape \[2, 3\], got \[3, 2\]",
         ),
-        (lambda: beat(amplitude=np.ones((2, 2, 3), complex)), "amplitude: expected one amplitude per path"),
-        (lambda: beat(amplitude=np.ones((0, 2, 3), complex)), "amplitude: expected one amplitude per path"),
-        (lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2, 3), complex), is_chebyshev=True), "amplitude: expected one"),
-        (lambda: beat(np.zeros((4, 2, 3))), "delay: expected 1 to 3 terms, got 4"),
-        (lambda: beat(np.zeros((0, 2, 3))), "delay: expected 1 to 3 terms, got 0"),
-        (lambda: beat(np.zeros((0, 2, 3)), is_chebyshev=True), "delay: expected 1 to 4096 nodes, got 0"),
-        (lambda: beat(np.zeros((4097, 2, 3)), is_chebyshev=True), "delay: expected 1 to 4096 nodes, got 4097"),
+        (lambda: beat(DELAY, AMPLITUDE, DELAY[0]), r"delay_rate: expected shape \[2, 3\]"),
+        (lambda: beat(DELAY, AMPLITUDE, DELAY, DELAY.T.copy()), r"delay_acceleration: expected shape \[2, 3\]"),
+        (lambda: beat(DELAY, AMPLITUDE, None, DELAY), "delay_rate: expected one together with delay_acceleration"),
+        (lambda: beat(DELAY[None], AMPLITUDE, DELAY), "delay_rate: expected .* without nodes"),
+        (lambda: beat(np.ones(()), np.ones((), complex)), "delay: expected one to three axes"),
+        (lambda: beat(np.ones((1, 1, 2, 3)), np.ones((1, 1, 2, 3), complex)), "delay: expected one to three axes"),
+        (lambda: beat(np.zeros((0, 2, 3))), "delay: expected 1 to 4096 nodes, got 0"),
+        (lambda: beat(np.zeros((4097, 2, 3))), "delay: expected 1 to 4096 nodes, got 4097"),
+        (lambda: beat(method="fast"), "method: expected 'auto'"),
+        (lambda: beat(level="avx9"), "level: expected one of"),
         (lambda: surface(VERTICES.reshape(3, 6)), r"vertices: expected shape \(n, 3\), got \(3, 6\)"),
         (lambda: surface(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
         (lambda: surface(np.zeros((6, 0))), r"vertices: expected shape \(n, 3\), got \(6, 0\)"),
@@ -252,8 +267,8 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
         (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
         (lambda: surfels(focal_length=(1.0, NAN)), "field_of_view: expected angles"),
         (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
-        (lambda: beat(np.full((1, 2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
-        (lambda: beat(amplitude=np.full((1, 2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
+        (lambda: beat(np.full((2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
+        (lambda: beat(amplitude=np.full((2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
         (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
         (lambda: beat(chirp_times=np.array([0.0, INF])), "waveform: expected finite numbers"),
         (lambda: beat(sample_rate=0.0), "waveform: expected samples, chirps and a positive sample rate"),
@@ -292,8 +307,9 @@ def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
         lambda: beat(num_samples=2**40),
         lambda: beat(num_samples=2**62),
         lambda: beat(num_samples=HUGE),
-        lambda: beat(np.zeros((1, 2**40, 0)), np.zeros((1, 2**40, 0), complex)),
-        lambda: beat(np.zeros((1, 2**58, 0)), np.zeros((1, 2**58, 0), complex)),
+        lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex)),
+        lambda: beat(np.zeros((2**58, 0)), np.zeros((2**58, 0), complex)),
+        lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex), method="auto"),
     ],
 )
 def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
@@ -307,7 +323,8 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: beat(num_samples=2**64), OverflowError),
         (lambda: beat(num_samples=8.0), TypeError),
         (lambda: beat(slope="1e13"), TypeError),
-        (lambda: beat(is_chebyshev=1), TypeError),
+        (lambda: beat(tolerance="1e-3"), TypeError),
+        (lambda: beat(split_still=1), TypeError),
         (lambda: beat(threads=-1), OverflowError),
         (lambda: beat(threads=1.0), TypeError),
         (lambda: cast(rows=-1), OverflowError),
@@ -339,9 +356,11 @@ def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any
 @pytest.mark.parametrize(
     ("call", "shape"),
     [
-        (lambda: beat(np.zeros((1, 0, 3)), np.zeros((1, 0, 3), complex)), (0, 2, 8)),
-        (lambda: beat(np.zeros((3, 2, 0)), np.zeros((1, 2, 0), complex)), (2, 2, 8)),
-        (lambda: beat(np.zeros((4, 2, 0)), np.zeros((4, 2, 0), complex), is_chebyshev=True), (2, 2, 8)),
+        (lambda: beat(np.zeros((0, 3)), np.zeros((0, 3), complex)), (0, 2, 8)),
+        (lambda: beat(np.zeros((2, 0)), np.zeros((2, 0), complex), np.zeros((2, 0))), (2, 2, 8)),
+        (lambda: beat(np.zeros((2, 0)), np.zeros((2, 0), complex), method="auto"), (2, 2, 8)),
+        (lambda: beat(np.zeros((4, 2, 0)), np.zeros((4, 2, 0), complex)), (2, 2, 8)),
+        (lambda: beat(np.zeros((4, 0, 3)), np.zeros((4, 0, 3), complex), method="auto"), (0, 2, 8)),
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
         (lambda: surface(np.zeros((0, 3)), np.zeros((0, 3), np.uint32)).kept(), (0,)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
@@ -386,7 +405,13 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
     scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
     if np.isfinite(value):
-        beat(np.full((3, 2, 3), value), np.full((1, 2, 3), value + 0j), slope=value, start_frequency=value)
+        wild, rates_of = np.full((2, 3), value), np.full((2, 3), value)
+        for method in ("direct", "auto", "grid", "recurrence", "lanes"):
+            try:
+                samples = beat(wild, wild + 0j, rates_of, rates_of, slope=value, start_frequency=value, method=method)
+            except (ValueError, MemoryError):
+                continue
+            assert np.isfinite(samples).all()
 
 
 def test_wild_surfaces_neither_panic_nor_hang() -> None:
@@ -424,7 +449,10 @@ def test_threads_do_not_change_a_bit() -> None:
             delay,
             amplitude,
             found.delay_rates(poses, poses, points[0], points[1], threads=threads),
-            beat(delay, amplitude, is_chebyshev=True, num_samples=130, threads=threads),
+            *(
+                beat(delay, amplitude, num_samples=130, threads=threads, method=method, tolerance=1e-5)
+                for method in ("direct", "auto")
+            ),
         ]
 
     first = everything(1)
@@ -461,7 +489,7 @@ def runs_beside(call: Call) -> bool:
 
 
 def test_interpreter_is_free_while_the_core_computes() -> None:
-    delay, amplitude = np.full((1, 1, 20_000), 1e-8), np.ones((1, 1, 20_000), complex)
+    delay, amplitude = np.full((1, 20_000), 1e-8), np.ones((1, 20_000), complex)
     chirps = 1e-4 * np.arange(16)
     calls: list[Call] = [
         lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),

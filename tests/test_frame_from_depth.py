@@ -153,7 +153,7 @@ def test_twists_give_the_simulators_frame_of_moving_bodies() -> None:
         body(rc.shapes.plate(6.0, 6.0), rc.Pose([4.0, 0.0, 0.0])),
     ]
     twists = [[*np.cross(pivot, spin), *spin], [*(away + np.cross(place, roll)), *roll], [0.0] * 6]
-    sim = simulator(bodies)
+    sim = simulator(bodies, tolerance=1e-7)
     image, reference = sim.depth_image(0.1 + MIDDLE), sim.frame(0.1)
     frame = frame_of(
         image.surface_distance,
@@ -162,6 +162,7 @@ def test_twists_give_the_simulators_frame_of_moving_bodies() -> None:
         twists=twists,
         time=0.1,
         image_time=0.1 + MIDDLE,
+        tolerance=1e-7,
     )
     assert error(frame, reference) < 1e-6
     assert frame.truth is not None

@@ -7,7 +7,7 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 from radarcore import models, plot, shapes
 from radarcore._core import __version__
 from radarcore.antenna import GaussianPattern, IsotropicPattern
-from radarcore.beat import beat_signal
+from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.camera import Camera
 from radarcore.depth import DepthImage
@@ -39,6 +39,8 @@ __all__ = [
     "Mesh",
     "Paths",
     "Peak",
+    "Plan",
+    "PlanPart",
     "PointTarget",
     "Pose",
     "Radar",
@@ -62,6 +64,7 @@ __all__ = [
     "load_scene",
     "materials",
     "models",
+    "plan_beat_signal",
     "plot",
     "range_doppler",
     "range_profile",

@@ -1,12 +1,25 @@
 """The compiled core. Arrays are C-contiguous and of the exact dtype; Python checks and casts before calling."""
 
 from collections.abc import Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hits", "Scatterers", "Scene", "Surface", "__version__", "beat_signal", "image_scatterers", "load_obj"]
+__all__ = [
+    "Hits",
+    "Report",
+    "Scatterers",
+    "Scene",
+    "Surface",
+    "Waveform",
+    "__version__",
+    "beat_signal",
+    "image_scatterers",
+    "levels",
+    "load_obj",
+    "plan_beat_signal",
+]
 
 __version__: str
 
@@ -18,17 +31,40 @@ def load_obj(
 def beat_signal(
     delay: NDArray[np.float64],
     amplitude: NDArray[np.complex128],
+    delay_rate: NDArray[np.float64] | None = None,
+    delay_acceleration: NDArray[np.float64] | None = None,
     *,
-    is_chebyshev: bool,
-    start_frequency: float,
-    slope: float,
-    sample_rate: float,
-    adc_delay: float,
-    num_samples: int,
-    chirp_times: NDArray[np.float64],
+    waveform: Waveform,
+    tolerance: float,
+    method: str,
     threads: int | None = None,
-) -> NDArray[np.complex128]:
-    """Samples (channel, chirp, sample) of paths (term, channel, path): derivatives, or values at Chebyshev times."""
+    level: str | None = None,
+    split_still: bool = True,
+    skip_rows: bool = True,
+) -> tuple[Any, Report]:
+    """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and what was done.
+
+    complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid", "recurrence", "lanes".
+    """
+
+def plan_beat_signal(
+    delay: NDArray[np.float64],
+    amplitude: NDArray[np.complex128],
+    delay_rate: NDArray[np.float64] | None = None,
+    delay_acceleration: NDArray[np.float64] | None = None,
+    *,
+    waveform: Waveform,
+    tolerance: float,
+    method: str,
+    threads: int | None = None,
+    level: str | None = None,
+    split_still: bool = True,
+    skip_rows: bool = True,
+) -> Report:
+    """What `beat_signal` would do."""
+
+def levels() -> list[str]:
+    """Names of the instruction sets that this processor has, slowest first."""
 
 def image_scatterers(
     distance: NDArray[np.float64],
@@ -54,6 +90,46 @@ def image_scatterers(
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
     unit vectors towards the sensor; focal lengths and principal point are in pixels.
     """
+
+@final
+class Waveform:
+    """Times and frequencies of a frame."""
+
+    def __new__(
+        cls,
+        *,
+        start_frequency: float,
+        slope: float,
+        sample_rate: float,
+        adc_delay: float,
+        num_samples: int,
+        chirp_times: NDArray[np.float64],
+    ) -> Waveform: ...
+
+@final
+class Report:
+    """What is, or was, done with which paths; `str` has one line per class of paths."""
+
+    @property
+    def error(self) -> float:
+        """Predicted error of the plan, relative to l2(amplitudes)."""
+    @property
+    def memory(self) -> int:
+        """Memory beside input and result [bytes]."""
+    @property
+    def rows(self) -> int:
+        """Velocity rows that were transformed."""
+    @property
+    def rows_skipped(self) -> int:
+        """Velocity rows that no path had touched."""
+    @property
+    def runs(self) -> int:
+        """How many plans were run: more than one where paths add up in phase."""
+    @property
+    def gain(self) -> float:
+        """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
+    def parts(self) -> list[tuple[str, int, str, str, int, list[int], list[int], float, int]]:
+        """Per class of paths what `PlanPart` has."""
 
 @final
 class Surface:
@@ -126,6 +202,8 @@ class Scatterers:
         """Number of the body of every material point, (scatterer,)."""
     def pixel(self) -> NDArray[np.uint32]:
         """Number of the pixel of every material point, row by row, (scatterer,)."""
+    def select(self, wanted: NDArray[np.bool_]) -> Scatterers:
+        """The material points of the bodies for which `wanted` (body,) is true, in the same order."""
     def paths(
         self,
         poses: NDArray[np.float64],

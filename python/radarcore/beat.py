@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TypedDict, TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from radarcore.waveform import Waveform
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
-METHODS = ("auto", "direct")
+METHODS = ("auto", "direct", "grid")
 """Ways to form the sum over paths."""
 
 SINGLE_PRECISION_TOLERANCE = 1e-6
@@ -22,15 +23,69 @@ MAX_THREADS = 1024
 """More than this the core does not start."""
 
 
-class WaveformNumbers(TypedDict):
-    """The numbers of a waveform, as keywords of the core."""
+@dataclass(frozen=True)
+class PlanPart:
+    """What is done with one class of paths.
 
-    start_frequency: float
-    slope: float
-    sample_rate: float
-    adc_delay: float
-    num_samples: int
-    chirp_times: NDArray[np.float64]
+    Attributes
+    ----------
+    paths : "still", "moving" or "all"
+    num_paths : int
+        Over all channels.
+    method : "direct", "recurrence", "lanes" or "grid"
+        Eq. (1) sample by sample; a direct sum by phasor recurrences; range grids of many chirps side by side; the
+        range-velocity grid.
+    precision : "single" or "double"
+    width : int
+        Cells of the kernel that spreads a path on the grid; 0 for direct sums.
+    rows, terms : tuple of int
+        Velocity rows and sets of strengths of the grid, one number per block of chirps; empty for other methods.
+    error : float
+        Predicted rms error relative to l2(amplitudes).
+    memory : int
+        Beside input and result [bytes].
+    """
+
+    paths: str
+    num_paths: int
+    method: str
+    precision: str
+    width: int
+    rows: tuple[int, ...]
+    terms: tuple[int, ...]
+    error: float
+    memory: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What `beat_signal` does with which paths; `print` shows it.
+
+    Attributes
+    ----------
+    parts : tuple of PlanPart
+    error : float
+        Predicted rms error relative to l2(amplitudes), for paths that do not add up in phase. Where they do,
+        `beat_signal` finds out and runs a finer plan.
+    memory : int
+        Beside input and result [bytes].
+    """
+
+    parts: tuple[PlanPart, ...]
+    error: float
+    memory: int
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+    @classmethod
+    def _from_report(cls, report: _core.Report) -> Plan:
+        parts = tuple(
+            PlanPart(paths, count, method, precision, width, tuple(rows), tuple(terms), error, memory)
+            for paths, count, method, precision, width, rows, terms, error, memory in report.parts()
+        )
+        return cls(parts, report.error, report.memory, str(report))
 
 
 def beat_signal(
@@ -61,9 +116,11 @@ def beat_signal(
     delay_rate, delay_acceleration : like `delay`, optional
         First and second derivative of the delay [s/s], [s/s^2]; not with nodal delays.
     tolerance : float
-        Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel).
-    method : "auto" or "direct"
-        Direct: every sample of every path in double precision.
+        Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel), 1e-12 to 1e-1; amplitudes at
+        nodes count with their mean power. The rounding of the delays given, and of complex64, is beyond it.
+    method : "auto", "direct" or "grid"
+        Auto: the cheapest that keeps to the tolerance. Direct: every sample of every path in double precision.
+        Grid: the range-velocity grid, however few the paths.
     threads : int, optional
         Threads to use; default: all cores. The result does not depend on it.
 
@@ -74,64 +131,57 @@ def beat_signal(
     Raises
     ------
     ValueError
-        For shapes that do not fit together and numbers that are not finite.
+        For shapes that do not fit together, numbers that are not finite, phases beyond 1e12 turns, and a tolerance that
+        the grid cannot reach.
     TypeError
         For complex delays and things that are no numbers.
+    MemoryError
+        For samples that do not fit into memory.
     """
-    if not isinstance(waveform, Waveform):
-        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
-    check.choice("method", method, METHODS)
-    dtype = sample_dtype(tolerance)
-    delays = _numbers("delay", delay, np.float64)
-    amplitudes = _numbers("amplitude", amplitude, np.complex128)
-    is_nodal = delays.ndim == 3
-
-    # Delays to (term, channel, path).
-    derivatives = [("delay_rate", delay_rate), ("delay_acceleration", delay_acceleration)]
-    if is_nodal:
-        for name, value in derivatives:
-            if value is not None:
-                raise ValueError(f"{name}: expected none together with delays at nodes {delays.shape}")
-        terms = delays
-    else:
-        rows = [delays] + [
-            np.zeros_like(delays) if value is None else _like(name, _numbers(name, value, np.float64), delays.shape)
-            for name, value in derivatives
-        ]
-        terms = np.stack([np.atleast_2d(row) for row in rows])
-
-    # Amplitudes to (term, channel, path).
-    shape = terms.shape if is_nodal and amplitudes.ndim == 3 else (1, *terms.shape[1:])
-    weights = _like("amplitude", amplitudes, shape)
-
-    samples: NDArray[np.complex128] = _core.beat_signal(
-        np.ascontiguousarray(terms),
-        np.ascontiguousarray(weights),
-        is_chebyshev=is_nodal,
+    samples: NDArray[np.complex64] | NDArray[np.complex128]
+    samples, _ = _core.beat_signal(
+        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
+        waveform=waveform._core,
+        tolerance=check_tolerance(tolerance),
+        method=check.choice("method", method, METHODS),
         threads=check_threads(threads),
-        **core_waveform(waveform),
     )
-    return samples.astype(np.complex64) if dtype is np.complex64 else samples
+    return samples
+
+
+def plan_beat_signal(
+    delay: ArrayLike,
+    amplitude: ArrayLike,
+    waveform: Waveform,
+    *,
+    delay_rate: ArrayLike | None = None,
+    delay_acceleration: ArrayLike | None = None,
+    tolerance: float = 1e-4,
+    method: str = "auto",
+    threads: int | None = None,
+) -> Plan:
+    """What `beat_signal` would do with these arguments, with its error and its memory, without doing it."""
+    report = _core.plan_beat_signal(
+        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
+        waveform=waveform._core,
+        tolerance=check_tolerance(tolerance),
+        method=check.choice("method", method, METHODS),
+        threads=check_threads(threads),
+    )
+    return Plan._from_report(report)
+
+
+def check_tolerance(tolerance: float) -> float:
+    """A tolerance that can be asked for."""
+    bound = check.positive("tolerance", tolerance)
+    if not 1e-12 <= bound <= 1e-1:
+        raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
+    return bound
 
 
 def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
     """The type of samples that honours a tolerance."""
-    bound = check.positive("tolerance", tolerance)
-    if not 1e-12 <= bound <= 1e-1:
-        raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
-    return np.complex128 if bound < SINGLE_PRECISION_TOLERANCE else np.complex64
-
-
-def core_waveform(waveform: Waveform) -> WaveformNumbers:
-    """The numbers of a waveform as the core takes them."""
-    return {
-        "start_frequency": waveform.start_frequency,
-        "slope": waveform.slope,
-        "sample_rate": waveform.sample_rate,
-        "adc_delay": waveform.adc_delay,
-        "num_samples": waveform.num_samples,
-        "chirp_times": waveform.chirp_times,
-    }
+    return np.complex128 if check_tolerance(tolerance) < SINGLE_PRECISION_TOLERANCE else np.complex64
 
 
 def check_threads(threads: int | None) -> int | None:
@@ -144,7 +194,40 @@ def check_threads(threads: int | None) -> int | None:
     return num_threads
 
 
+def _paths(
+    delay: ArrayLike,
+    amplitude: ArrayLike,
+    waveform: Waveform,
+    delay_rate: ArrayLike | None,
+    delay_acceleration: ArrayLike | None,
+) -> tuple[Any, Any, Any, Any]:
+    """Delays, amplitudes, rates and accelerations as the core takes them: of one shape, or amplitudes without nodes."""
+    if not isinstance(waveform, Waveform):
+        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
+    delays = _numbers("delay", delay, np.float64)
+    amplitudes = _numbers("amplitude", amplitude, np.complex128)
+    is_nodal = delays.ndim == 3
+    if not (amplitudes.shape == delays.shape or (is_nodal and amplitudes.shape == delays.shape[1:])):
+        shape = delays.shape if not is_nodal or amplitudes.ndim == 3 else delays.shape[1:]
+        amplitudes = _like("amplitude", amplitudes, shape)
+    derivatives: list[NDArray[np.float64] | None] = []
+    for name, value in (("delay_rate", delay_rate), ("delay_acceleration", delay_acceleration)):
+        if value is None:
+            derivatives.append(None)
+            continue
+        if is_nodal:
+            raise ValueError(f"{name}: expected none together with delays at nodes {delays.shape}")
+        array = _numbers(name, value, np.float64)
+        derivatives.append(array if array.shape == delays.shape else _like(name, array, delays.shape))
+    rate, acceleration = derivatives
+    if acceleration is not None and rate is None:
+        rate = np.zeros_like(delays)
+    return delays, amplitudes, rate, acceleration
+
+
 def _numbers(name: str, value: ArrayLike, dtype: type[Number]) -> NDArray[Number]:
+    if type(value) is np.ndarray and value.dtype == dtype and value.flags.c_contiguous and 1 <= value.ndim <= 3:
+        return value
     kind = "complex numbers" if dtype is np.complex128 else "real numbers"
     try:
         array = np.asarray(value)
@@ -154,11 +237,11 @@ def _numbers(name: str, value: ArrayLike, dtype: type[Number]) -> NDArray[Number
         raise TypeError(f"{name}: expected {kind}, got {array.dtype}")
     if array.ndim > 3:
         raise ValueError(f"{name}: expected (path,), (channel, path) or (node, channel, path), got {array.shape}")
-    return np.atleast_1d(array.astype(dtype))
+    return np.ascontiguousarray(np.atleast_1d(array), dtype=dtype)
 
 
 def _like(name: str, array: NDArray[Number], shape: tuple[int, ...]) -> NDArray[Number]:
     try:
-        return np.broadcast_to(array, shape)
+        return np.ascontiguousarray(np.broadcast_to(array, shape))
     except ValueError:
         raise ValueError(f"{name}: expected shape {shape} or one that broadcasts to it, got {array.shape}") from None

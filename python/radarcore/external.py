@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, quantisation, surfaces
-from radarcore.beat import check_threads, sample_dtype
+from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.camera import Camera
-from radarcore.follow import Course, follow_nodes, receive, sum_paths, warn_beyond_range
+from radarcore.follow import Course, receive, synthesise, warn_beyond_range
 from radarcore.quantisation import Quantisation
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Truth
@@ -74,6 +74,7 @@ def frame_from_depth(
     time: float = 0.0,
     image_time: float | None = None,
     tolerance: float = 1e-4,
+    method: str = "auto",
     seed: int = 0,
     threads: int | None = None,
 ) -> Frame:
@@ -125,7 +126,7 @@ def frame_from_depth(
         Start of the frame [s].
     image_time : float, optional
         Time of the image [s]; default: the start of the frame. The truth holds for it.
-    tolerance, seed, threads
+    tolerance, method, seed, threads
         As in `Simulator`.
 
     Returns
@@ -143,7 +144,8 @@ def frame_from_depth(
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
     check.choice("sampling", sampling, SAMPLINGS)
-    sample_dtype(tolerance)
+    check.choice("method", method, METHODS)
+    check_tolerance(tolerance)
     num_threads, seed = check_threads(threads), check.count("seed", seed, minimum=0)
     start = check.number("time", time, "s")
     at = start if image_time is None else check.number("image_time", image_time, "s")
@@ -201,11 +203,10 @@ def frame_from_depth(
         threads=num_threads,
     )
     course = motion.course(scatterers, image, at, num_threads)
-    nodes = follow_nodes(course, radar.waveform, start, tolerance)
-    ideal, farthest = sum_paths(course, nodes.times, radar, num_threads)
-    cube = receive(ideal, radar, start, seed=seed, tolerance=tolerance)
-    nodes.warn_beyond(tolerance, stacklevel=2)
-    warn_beyond_range(farthest, radar, stacklevel=2)
+    synthesis = synthesise([course], radar, start, tolerance=tolerance, method=method, threads=num_threads)
+    cube = receive(synthesis.cube, radar, start, seed=seed, tolerance=tolerance)
+    synthesis.nodes.warn_beyond(tolerance, stacklevel=2)
+    warn_beyond_range(synthesis.farthest, radar, stacklevel=2)
 
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
     stats: dict[str, Any] = {
@@ -215,13 +216,10 @@ def frame_from_depth(
         "tiles_reused": 0,
         "paths": len(scatterers),
         "paths_skipped": num_hit - len(scatterers),
-        "delay_nodes": len(nodes.times),
-        "series_residual": nodes.residual,
         "silhouettes_excluded": int(silhouette.sum()),
         "normals_missing": int(missing.sum()),
         "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
-        "plan": f"direct sum in double precision: {radar.num_channels} channels, {len(scatterers)} paths, delays at "
-        f"{len(nodes.times)} times",
+        **synthesis.stats,
     }
     truth = None if body is None else motion.truth(image, num_bodies)
     return Frame(cube, start, radar, truth, stats)

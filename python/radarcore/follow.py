@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.beat import core_waveform, sample_dtype
+from radarcore.beat import sample_dtype
 from radarcore.radar import Radar
 from radarcore.receiver import Receiver
 from radarcore.units import SPEED_OF_LIGHT
@@ -104,23 +104,79 @@ def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: fl
     return Nodes(times, phase, weight)
 
 
-def sum_paths(
-    course: Course, times: NDArray[np.float64], radar: Radar, threads: int | None
-) -> tuple[NDArray[np.complex128], float]:
-    """Ideal beat signal (channel, chirp, sample) of paths taken at the Chebyshev `times` of a frame.
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """The ideal beat signal of some courses and how it came about.
 
-    Also returns half the length of the longest path that carries power [m]. Piece by piece: bounded memory, and Ctrl-C
-    is heard between pieces.
+    Attributes
+    ----------
+    cube : (channel, chirp, sample) complex
+    farthest : float
+        Half the length of the longest path that carries power [m].
+    nodes : Nodes
+        Of the course whose series is the worst.
+    stats : dict
+        For `Frame.stats`.
     """
-    waveform, num_paths = radar.waveform, course.num_paths
-    cube = np.zeros((radar.num_channels, waveform.num_chirps, waveform.num_samples), dtype=np.complex128)
-    longest = 0.0
-    size = max(1, min(_PIECE_PATH_SAMPLES // cube.size, _PIECE_NUMBERS // (radar.num_channels * len(times))))
-    for first in range(0, num_paths, size):
-        delay, amplitude = course.follow(times, slice(first, min(first + size, num_paths), 1))
-        longest = max(longest, float(delay.max(initial=0.0, where=amplitude != 0.0 if delay.size else True)))
-        cube += _core.beat_signal(delay, amplitude, is_chebyshev=True, threads=threads, **core_waveform(waveform))
-    return cube, 0.5 * SPEED_OF_LIGHT * longest
+
+    cube: NDArray[Any]
+    farthest: float
+    nodes: Nodes
+    stats: dict[str, Any]
+
+
+def synthesise(
+    courses: Sequence[Course], radar: Radar, start: float, *, tolerance: float, method: str, threads: int | None
+) -> Synthesis:
+    """Ideal beat signal of a frame that begins at `start` [s]."""
+    waveform = radar.waveform
+    cube = np.zeros((radar.num_channels, waveform.num_chirps, waveform.num_samples), sample_dtype(tolerance))
+    worst, farthest = Nodes(np.array([start])), 0.0
+    plans: list[str] = []
+    rows = rows_skipped = num_still = 0
+    for course in courses:
+        if course.num_paths == 0:
+            continue
+        nodes = follow_nodes(course, waveform, start, tolerance)
+        for samples, longest, report in _sum_pieces(course, nodes.times, radar, tolerance, method, threads):
+            cube = samples if not plans else cube + samples
+            farthest = max(farthest, longest)
+            rows += report.rows
+            rows_skipped += report.rows_skipped
+            num_still += sum(part[1] for part in report.parts() if part[0] == "still") // radar.num_channels
+            plans.append(f"delays at {len(nodes.times)} time{'s' * (len(nodes.times) > 1)}; {report}")
+        if nodes.residual >= worst.residual:
+            worst = nodes
+    stats = {
+        "delay_nodes": len(worst.times),
+        "series_residual": worst.residual,
+        "still_paths": num_still,
+        "velocity_rows": rows,
+        "velocity_rows_skipped": rows_skipped,
+        "plan": "\n".join(plans) or "no paths",
+    }
+    return Synthesis(cube, farthest, worst, stats)
+
+
+def _sum_pieces(
+    course: Course, times: NDArray[np.float64], radar: Radar, tolerance: float, method: str, threads: int | None
+) -> Iterator[tuple[NDArray[Any], float, _core.Report]]:
+    """Samples of some paths after others, taken at the Chebyshev `times` of a frame, and the longest of them [m].
+
+    Piece by piece: bounded memory, and Ctrl-C is heard between pieces.
+    """
+    waveform, num_channels = radar.waveform, radar.num_channels
+    size = max(1, _PIECE_NUMBERS // (num_channels * len(times)))
+    if method == "direct":
+        cube_size = num_channels * waveform.num_chirps * waveform.num_samples
+        size = max(1, min(size, _PIECE_PATH_SAMPLES // cube_size))
+    for first in range(0, course.num_paths, size):
+        delay, amplitude = course.follow(times, slice(first, min(first + size, course.num_paths), 1))
+        longest = float(delay.max(initial=0.0, where=amplitude != 0.0 if delay.size else True))
+        samples, report = _core.beat_signal(
+            delay, amplitude, waveform=waveform._core, tolerance=tolerance, method=method, threads=threads
+        )
+        yield samples, 0.5 * SPEED_OF_LIGHT * longest, report
 
 
 def warn_beyond_range(farthest: float, radar: Radar, stacklevel: int) -> bool:
@@ -135,7 +191,7 @@ def warn_beyond_range(farthest: float, radar: Radar, stacklevel: int) -> bool:
     return True
 
 
-def receive(ideal: NDArray[np.complex128], radar: Radar, start: float, *, seed: int, tolerance: float) -> NDArray[Any]:
+def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int, tolerance: float) -> NDArray[Any]:
     """The cube as the radar's receiver delivers it; the noise belongs to the seed and the frame's start."""
     receiver = radar.receiver or Receiver()
     time_bits = int(np.float64(start + 0.0).view(np.uint64))

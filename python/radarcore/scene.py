@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,12 @@ class Scene:
     @property
     def is_static(self) -> bool:
         """True when nothing ever moves."""
-        return all(is_static(body.motion) for _, body in self._meshed) and not self._velocities.any()
+        return bool(self._are_still.all()) and not self._velocities.any()
+
+    @cached_property
+    def _are_still(self) -> NDArray[np.bool_]:
+        """Bodies with meshes that never move, (body,)."""
+        return np.array([is_static(body.motion) for _, body in self._meshed], dtype=np.bool_)
 
     def _place(self, times: NDArray[np.float64], sensor_motion: Motion, center: NDArray[np.float64]) -> Placement:
         """Bodies and points at `times` (n,) [s], in sensor axes about the array's centre."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check
-from radarcore.beat import METHODS, check_threads, sample_dtype
+from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
-from radarcore.follow import Course, follow_nodes, receive, sum_paths, warn_beyond_range
+from radarcore.follow import Course, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
@@ -68,7 +68,7 @@ class Simulator:
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
         the samples are in double precision.
-    method : "auto" or "direct"
+    method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
     seed : int
         Changes speckle and noise, nothing else.
@@ -101,8 +101,7 @@ class Simulator:
         self.field_of_view_deg = _field_of_view(field_of_view_deg)
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
         self.method = check.choice("method", method, METHODS)
-        sample_dtype(tolerance)
-        self.tolerance = float(tolerance)
+        self.tolerance = check_tolerance(tolerance)
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
@@ -139,14 +138,19 @@ class Simulator:
         start = check.number("time", time, "s")
         hits = self._cast(start + self._middle)
         scatterers = self._scatterers(hits)
-        course = self._course(scatterers)
-        nodes = follow_nodes(course, self.radar.waveform, start, self.tolerance)
-        ideal, farthest = sum_paths(course, nodes.times, self.radar, self.threads)
-        cube = receive(ideal, self.radar, start, seed=self.seed, tolerance=self.tolerance)
+        synthesis = synthesise(
+            self._courses(scatterers),
+            self.radar,
+            start,
+            tolerance=self.tolerance,
+            method=self.method,
+            threads=self.threads,
+        )
+        cube = receive(synthesis.cube, self.radar, start, seed=self.seed, tolerance=self.tolerance)
         if not self._has_warned_of_series:
-            self._has_warned_of_series = nodes.warn_beyond(self.tolerance, stacklevel=2)
+            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=2)
         if not self._has_warned_of_range:
-            self._has_warned_of_range = warn_beyond_range(farthest, self.radar, stacklevel=2)
+            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=2)
         image = self._image(hits, start + self._middle)
         num_hit = int((image.body >= 0).sum())
         stats = {
@@ -154,12 +158,9 @@ class Simulator:
             "rays_hit": num_hit,
             "tiles_skipped": 0,
             "tiles_reused": 0,
-            "paths": course.num_paths,
+            "paths": len(scatterers) + len(self.scene._rcs),
             "paths_skipped": num_hit - len(scatterers),
-            "delay_nodes": len(nodes.times),
-            "series_residual": nodes.residual,
-            "plan": f"direct sum in double precision: {self.radar.num_channels} channels, {course.num_paths} paths, "
-            f"delays at {len(nodes.times)} times",
+            **synthesis.stats,
         }
         return Frame(cube, start, self.radar, self._truth(image, start + self._middle), stats)
 
@@ -258,13 +259,18 @@ class Simulator:
         )
 
     def _follow(
-        self, scatterers: _core.Scatterers, place: Placement, part: slice = slice(0, None, 1)
+        self,
+        scatterers: _core.Scatterers,
+        place: Placement,
+        part: slice = slice(0, None, 1),
+        *,
+        has_points: bool = True,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delays and amplitudes (time, channel, path) of some paths with bodies and points at their places."""
         delay, amplitude = scatterers.paths(
             place.poses,
-            place.points,
-            self.scene._rcs,
+            place.points if has_points else place.points[:, :0],
+            self.scene._rcs if has_points else self.scene._rcs[:0],
             first=part.start,
             last=part.stop,
             step=part.step,
@@ -274,13 +280,25 @@ class Simulator:
             raise ValueError("scene: expected nothing at the place of an antenna, got a path of length zero")
         return delay, amplitude
 
-    def _course(self, scatterers: _core.Scatterers) -> Course:
-        """How the paths run through time."""
-        return Course(
-            num_paths=len(scatterers) + len(self.scene._rcs),
-            is_static=self.scene.is_static and is_static(self.radar_motion),
-            follow=lambda times, part: self._follow(scatterers, self._place(times), part),
-        )
+    def _courses(self, scatterers: _core.Scatterers) -> list[Course]:
+        """How the paths run through time: those of bodies that stand still need no more than one time."""
+
+        def course(chosen: _core.Scatterers, is_still: bool, has_points: bool) -> Course:
+            return Course(
+                num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
+                is_static=is_still,
+                follow=lambda times, part: self._follow(chosen, self._place(times), part, has_points=has_points),
+            )
+
+        if not is_static(self.radar_motion):
+            return [course(scatterers, False, has_points=True)]
+        are_still = self.scene._are_still
+        if self.scene.is_static or not are_still.any():
+            return [course(scatterers, self.scene.is_static, has_points=True)]
+        return [
+            course(scatterers.select(are_still), True, has_points=False),
+            course(scatterers.select(~are_still), False, has_points=True),
+        ]
 
     def _truth(self, image: DepthImage, time: float) -> Truth:
         """Range, velocity and direction of the nearest visible point of every body at `time`."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import _core, check
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
@@ -235,6 +236,21 @@ class Waveform:
         """
         n = self.num_chirps if num_bins is None else check.count("num_bins", num_bins)
         return (np.arange(n, dtype=np.float64) - n // 2) * (self.wavelength / (2.0 * n * self.chirp_interval))
+
+    @cached_property
+    def _core(self) -> _core.Waveform:
+        """The numbers that the core needs."""
+        return _core.Waveform(
+            start_frequency=self.start_frequency,
+            slope=self.slope,
+            sample_rate=self.sample_rate,
+            adc_delay=self.adc_delay,
+            num_samples=self.num_samples,
+            chirp_times=self.chirp_times,
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_core"}
 
     def to_dict(self) -> dict[str, Any]:
         """Parameters as plain numbers and lists, for JSON; `Waveform(**dict)` restores them."""

@@ -1,0 +1,458 @@
+//! Blocks of chirps, and the Chebyshev series of delays and amplitudes of a chunk of paths in one of them.
+//!
+//! Within a block, time runs as `x = (T - center) / half` from -1 to 1; delay and amplitude of a path are
+//! `sum_k c_k T_k(x)`. The coefficients follow from what the caller gave, values at the nodes of the frame or
+//! derivatives at its start, by one small matrix per block: exactly, as both are polynomials.
+
+use std::ops::Range;
+
+use num_complex::Complex64;
+
+use crate::chirp::Waveform;
+use crate::delay::{Basis, PathSeries, basis_values, chebyshev_matrix};
+use crate::simd::Isa;
+use crate::wide::{self, Wide};
+
+/// Paths that go through all steps together: their numbers stay in L1.
+pub const CHUNK: usize = 128;
+
+/// One number per path of a chunk.
+pub type Lane = [f64; CHUNK];
+
+/// Consecutive chirps, and the interval of time about its centre in which their samples lie.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Numbers of the chirps.
+    pub chirps: Range<usize>,
+    /// Centre of the interval, after the start of the frame [s].
+    pub center: f64,
+    /// Half of its length [s], positive.
+    pub half: f64,
+    /// From the rows of a series to coefficients of the delay, (degree, row), see [`coefficient`].
+    pub delay: Vec<Vec<f64>>,
+    /// The same for the amplitude.
+    pub amplitude: Vec<Vec<f64>>,
+}
+
+impl Block {
+    /// The block of some chirps for series of this form.
+    pub fn new(waveform: &Waveform, series: &PathSeries, chirps: Range<usize>) -> Self {
+        let times = &waveform.chirp_times[chirps.clone()];
+        let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let last = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let center = 0.5 * (first + last) + waveform.middle_time();
+        let half = 0.5 * (last - first) + waveform.half_sweep();
+        let matrix = |terms: usize| block_matrix(waveform, series.basis, terms, center, half);
+        Self {
+            chirps,
+            center,
+            half,
+            delay: matrix(series.num_delay_terms()),
+            amplitude: matrix(series.num_amplitude_terms()),
+        }
+    }
+
+    /// The frame in `count` blocks of nearly equal numbers of chirps.
+    pub fn split(waveform: &Waveform, series: &PathSeries, count: usize) -> Vec<Self> {
+        let num_chirps = waveform.chirp_times.len();
+        let bound = |i: usize| i * num_chirps / count;
+        (0..count)
+            .map(|i| Self::new(waveform, series, bound(i)..bound(i + 1)))
+            .collect()
+    }
+
+    /// Time of a sample in units of the block, -1 to 1.
+    pub fn x(&self, time: f64) -> f64 {
+        (time - self.center) / self.half
+    }
+}
+
+/// Matrix (degree, row) from the rows of a series to its Chebyshev coefficients on `center - half ..= center + half`.
+///
+/// Rows after the first act on differences from the first row where rows are values, see [`Rows`].
+fn block_matrix(waveform: &Waveform, basis: Basis, terms: usize, center: f64, half: f64) -> Vec<Vec<f64>> {
+    let to_block = chebyshev_matrix(terms);
+    let to_frame = match basis {
+        Basis::Taylor => None,
+        Basis::Chebyshev => Some(chebyshev_matrix(terms)),
+    };
+    // Values of the frame's basis functions at the nodes of the block.
+    let mut values = vec![vec![0.0; terms]; terms];
+    for (j, row) in values.iter_mut().enumerate() {
+        let x = -(std::f64::consts::PI * (2 * j + 1) as f64 / (2 * terms) as f64).cos();
+        basis_values(basis, waveform, center + half * x, row);
+    }
+    (0..terms)
+        .map(|k| {
+            let per_function: Vec<f64> = (0..terms)
+                .map(|n| (0..terms).map(|j| to_block[k * terms + j] * values[j][n]).sum())
+                .collect();
+            match &to_frame {
+                None => per_function,
+                Some(to_frame) => (0..terms)
+                    .map(|row| (0..terms).map(|n| per_function[n] * to_frame[n * terms + row]).sum())
+                    .collect(),
+            }
+        })
+        .collect()
+}
+
+/// Which paths of a chunk are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Delay and amplitude never change.
+    Still,
+    /// All others.
+    Moving,
+    /// Both.
+    All,
+}
+
+impl Class {
+    /// `still`, `moving` or `all`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Still => "still",
+            Self::Moving => "moving",
+            Self::All => "all",
+        }
+    }
+}
+
+/// Up to [`CHUNK`] paths of one channel as the series has them.
+pub struct Rows {
+    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    pub len: usize,
+    /// Delays: the first row, and the others; where rows are values, their differences from the first.
+    pub delay: Vec<Lane>,
+    /// Real part of the amplitudes, in the same way.
+    pub re: Vec<Lane>,
+    /// Imaginary part.
+    pub im: Vec<Lane>,
+    /// Zero for the paths that never change, of all paths that were gathered.
+    pub change: Lane,
+}
+
+impl Rows {
+    /// Room for the rows of a series.
+    pub fn new(series: &PathSeries) -> Self {
+        let lanes = |n: usize| vec![[0.0; CHUNK]; n];
+        Self {
+            len: 0,
+            delay: lanes(series.num_delay_terms()),
+            re: lanes(series.num_amplitude_terms()),
+            im: lanes(series.num_amplitude_terms()),
+            change: [0.0; CHUNK],
+        }
+    }
+
+    /// The paths of a class among the [`CHUNK`] from `first` on, in their order.
+    #[inline(always)] // part of kernels, see simd.rs
+    pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, class: Class) {
+        let len = CHUNK.min(series.num_paths - first);
+        let at = channel * series.num_paths + first;
+        self.len = len;
+        for j in 0..self.delay.len() {
+            copy(&series.delay[j][at..at + len], &mut self.delay[j]);
+        }
+        if series.basis == Basis::Chebyshev {
+            subtract_first(&mut self.delay);
+        }
+        for j in 0..self.re.len() {
+            copy_parts(&series.amplitude[j][at..at + len], &mut self.re[j], &mut self.im[j]);
+        }
+        subtract_first(&mut self.re);
+        subtract_first(&mut self.im);
+        if class != Class::All {
+            self.find_change();
+            self.select(class);
+        }
+    }
+
+    /// Sum of the absolute values of all that changes.
+    #[inline(always)]
+    pub fn find_change(&mut self) {
+        self.change = [0.0; CHUNK];
+        for lanes in [&self.delay, &self.re, &self.im] {
+            for j in 1..lanes.len() {
+                for i in 0..CHUNK {
+                    self.change[i] += lanes[j][i].abs();
+                }
+            }
+        }
+    }
+
+    /// Paths of the chunk that change; after [`Self::find_change`].
+    #[inline(always)]
+    pub fn num_moving(&self) -> usize {
+        let mut count: u64 = 0;
+        for i in 0..CHUNK {
+            count += u64::from((self.change[i] != 0.0) && (i < self.len));
+        }
+        count as usize
+    }
+
+    /// Keep the paths of a class.
+    #[inline(always)]
+    fn select(&mut self, class: Class) {
+        let change = &self.change;
+        let num_moving = self.num_moving();
+        let wanted = if class == Class::Moving {
+            num_moving
+        } else {
+            self.len - num_moving
+        };
+        if wanted == self.len {
+            return;
+        }
+        let mut places = [0; CHUNK];
+        let mut count = 0;
+        for i in 0..self.len {
+            places[count] = i;
+            count += usize::from((change[i] != 0.0) == (class == Class::Moving));
+            count = count.min(CHUNK - 1);
+        }
+        // `count` stops one short of a full chunk, which was returned above.
+        for lane in self.delay.iter_mut().chain(&mut self.re).chain(&mut self.im) {
+            for i in 0..wanted {
+                lane[i] = lane[places[i]];
+            }
+        }
+        if wanted > 0 {
+            for lane in &mut self.delay {
+                let last = lane[wanted - 1];
+                lane[wanted..].fill(last);
+            }
+        }
+        for lane in self.re.iter_mut().chain(&mut self.im) {
+            lane[wanted..].fill(0.0);
+        }
+        self.len = wanted;
+    }
+}
+
+/// Coefficient k of the paths from `at` on, the first row of the constant one left out.
+#[inline(always)]
+pub fn coefficient<I: Isa, const P: usize>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I, P> {
+    let mut sum = wide::splat::<I, P>(0.0);
+    if let Some(factors) = matrix.get(k) {
+        for j in 1..rows.len() {
+            let row = wide::load::<I, P>(&rows[j][at..]);
+            sum = wide::mul_add(row, wide::splat::<I, P>(factors[j]), sum);
+        }
+    }
+    sum
+}
+
+/// Up to [`CHUNK`] paths of one channel: coefficients of delay and amplitude in a block.
+pub struct Chunk {
+    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    pub len: usize,
+    /// Coefficients of the delay by degree [s].
+    pub delay: Vec<Lane>,
+    /// Real part of the coefficients of the amplitude by degree [sqrt(W)].
+    pub re: Vec<Lane>,
+    /// Imaginary part.
+    pub im: Vec<Lane>,
+    rows: Rows,
+}
+
+impl Chunk {
+    /// Room for all degrees of a series.
+    pub fn new(series: &PathSeries) -> Self {
+        let rows = Rows::new(series);
+        Self {
+            len: 0,
+            delay: rows.delay.clone(),
+            re: rows.re.clone(),
+            im: rows.im.clone(),
+            rows,
+        }
+    }
+
+    /// The paths of a class among the [`CHUNK`] from `first` on, in their order.
+    ///
+    /// Coefficients are formed from differences to the first row, which keeps what is small and vanishes where nothing
+    /// changes.
+    #[inline(always)] // part of kernels, see simd.rs
+    pub fn load<I: Isa>(&mut self, series: &PathSeries, channel: usize, first: usize, block: &Block, class: Class) {
+        self.rows.gather(series, channel, first, class);
+        self.len = self.rows.len;
+        expand::<I>(&block.delay, &self.rows.delay, &mut self.delay);
+        expand::<I>(&block.amplitude, &self.rows.re, &mut self.re);
+        expand::<I>(&block.amplitude, &self.rows.im, &mut self.im);
+    }
+}
+
+/// Coefficients of all degrees.
+#[inline(always)]
+fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
+    for k in 0..coefficients.len() {
+        for at in (0..CHUNK).step_by(8) {
+            let mut sum = coefficient::<I, 1>(matrix, rows, k, at);
+            if k == 0 {
+                sum = wide::add(sum, wide::load::<I, 1>(&rows[0][at..]));
+            }
+            wide::store(sum, &mut coefficients[k][at..]);
+        }
+    }
+}
+
+/// Differences from the first lane.
+#[inline(always)]
+fn subtract_first(lanes: &mut [Lane]) {
+    let (first, others) = lanes.split_at_mut(1);
+    let first = &first[0];
+    for lane in others {
+        for i in 0..CHUNK {
+            lane[i] -= first[i];
+        }
+    }
+}
+
+/// A row into a lane; after its end, its last number.
+#[inline(always)]
+fn copy(row: &[f64], lane: &mut Lane) {
+    if let Ok(row) = <&Lane>::try_from(row) {
+        for i in 0..CHUNK {
+            lane[i] = row[i];
+        }
+        return;
+    }
+    lane[..row.len()].copy_from_slice(row);
+    let last = row[row.len() - 1];
+    lane[row.len()..].fill(last);
+}
+
+/// Real and imaginary parts of a row; zero after its end.
+#[inline(always)]
+fn copy_parts(row: &[Complex64], re: &mut Lane, im: &mut Lane) {
+    if let Ok(row) = <&[Complex64; CHUNK]>::try_from(row) {
+        for i in 0..CHUNK {
+            re[i] = row[i].re;
+            im[i] = row[i].im;
+        }
+        return;
+    }
+    (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
+    for (i, a) in row.iter().enumerate() {
+        re[i] = a.re;
+        im[i] = a.im;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{Kernel, Level};
+
+    struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Class);
+
+    impl Kernel for Load<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            self.0.load::<I>(self.1, 0, self.2, self.3, self.4);
+        }
+    }
+
+    fn load(chunk: &mut Chunk, series: &PathSeries, _channel: usize, first: usize, block: &Block, class: Class) {
+        Level::best().run(Load(chunk, series, first, block, class));
+    }
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..10).map(|c| f64::from(c) * 1e-4).collect(),
+        }
+    }
+
+    #[test]
+    fn series_in_every_block_is_the_polynomial_of_the_frame() {
+        let wf = waveform();
+        // Two paths, delay d + r T + a T^2 / 2.
+        let (d, r, a) = ([1e-8, 2e-8], [3e-8, 0.0], [4e-6, 0.0]);
+        let amplitude = [Complex64::new(1.0, 2.0), Complex64::new(3.0, 0.0)];
+        let rows: [&[f64]; 3] = [&d, &r, &a];
+        let taylor = PathSeries {
+            basis: Basis::Taylor,
+            delay: &rows,
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: 2,
+        };
+        let tau = |path: usize, t: f64| d[path] + r[path] * t + 0.5 * a[path] * t * t;
+        let nodes: Vec<Vec<f64>> = (0..4)
+            .map(|j| {
+                let x = -(std::f64::consts::PI * f64::from(2 * j + 1) / 8.0).cos();
+                let t = 0.5 * wf.duration() * (1.0 + x);
+                vec![tau(0, t), tau(1, t)]
+            })
+            .collect();
+        let nodes: Vec<&[f64]> = nodes.iter().map(Vec::as_slice).collect();
+        let nodal = PathSeries {
+            basis: Basis::Chebyshev,
+            delay: &nodes,
+            ..taylor
+        };
+        for series in [taylor, nodal] {
+            for block in Block::split(&wf, &series, 3) {
+                let mut chunk = Chunk::new(&series);
+                load(&mut chunk, &series, 0, 0, &block, Class::All);
+                assert_eq!(chunk.len, 2);
+                for time in [block.center - block.half, block.center, block.center + 0.7 * block.half] {
+                    let x = block.x(time);
+                    for path in 0..2 {
+                        let c = |k: usize| chunk.delay[k][path];
+                        let got = c(0) + c(1) * x + c(2) * (2.0 * x * x - 1.0);
+                        assert!((got - tau(path, time)).abs() < 1e-22, "{got} {}", tau(path, time));
+                    }
+                }
+                for (class, path) in [(Class::Moving, 0), (Class::Still, 1)] {
+                    load(&mut chunk, &series, 0, 0, &block, class);
+                    assert_eq!(chunk.len, 1);
+                    // T_0(0) = 1, T_2(0) = -1
+                    let middle = chunk.delay[0][0] - chunk.delay[2][0];
+                    assert!((middle - tau(path, block.center)).abs() < 1e-22);
+                    assert_eq!(chunk.re[0][0], amplitude[path].re);
+                    assert_eq!(chunk.re[0][1], 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn classes_of_every_size_keep_their_order() {
+        let wf = waveform();
+        let delay: Vec<f64> = (0..300).map(|i| 1e-8 + 1e-11 * f64::from(i)).collect();
+        let amplitude: Vec<Complex64> = (0..300).map(|i| Complex64::new(f64::from(i), 0.0)).collect();
+        for rule in [2, 3, 299, 1000] {
+            let rate: Vec<f64> = (0..300).map(|i| if i % rule == 1 { 1e-9 } else { 0.0 }).collect();
+            let rows: [&[f64]; 2] = [&delay, &rate];
+            let series = PathSeries {
+                basis: Basis::Taylor,
+                delay: &rows,
+                amplitude: &[&amplitude],
+                num_channels: 1,
+                num_paths: 300,
+            };
+            let block = Block::new(&wf, &series, 0..10);
+            let mut chunk = Chunk::new(&series);
+            for class in [Class::Still, Class::Moving] {
+                let mut got = Vec::new();
+                for first in (0..300).step_by(CHUNK) {
+                    load(&mut chunk, &series, 0, first, &block, class);
+                    got.extend(chunk.re[0][..chunk.len].iter().map(|re| *re as usize));
+                }
+                let expected: Vec<usize> = (0..300)
+                    .filter(|i| (i % rule as usize == 1) == (class == Class::Moving))
+                    .collect();
+                assert_eq!(got, expected);
+            }
+        }
+    }
+}

@@ -1,0 +1,318 @@
+//! The range-velocity grid: paths spread once, one FFT per velocity row, and a dense transform over slow time.
+//!
+//! How phases become places on the grid, strengths and factors is said in `expansion.rs`. Every term of an expansion has
+//! a grid of its own and shares the kernel's weights with the others.
+
+mod place;
+mod slow_time;
+mod spread;
+
+pub use place::MAX_DEGREES;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use num_complex::Complex;
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+
+use self::place::{Map, Points};
+
+use crate::block::{CHUNK, Class, Rows};
+use crate::chirp::Waveform;
+use crate::delay::PathSeries;
+use crate::expansion::Expansion;
+use crate::kernel::{KaiserBessel, OVERSAMPLING};
+use crate::parallel;
+use crate::simd::{Level, Precision, Real};
+
+/// Cells of a row that no output needs, in whole vectors of either precision.
+const PAD: usize = 16;
+
+/// Numbers of a grid's layout.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// Length of the range transform.
+    pub num_cells: usize,
+    /// Numbers from one row to the next.
+    pub stride: usize,
+    /// Rows of one term.
+    pub rows: usize,
+}
+
+impl Layout {
+    /// The layout for a number of samples and rows.
+    pub fn new(num_samples: usize, width: usize, rows: usize) -> Self {
+        let num_cells = good_size((OVERSAMPLING * num_samples).max(2 * width));
+        let cells = num_cells + 2 * width + PAD;
+        Self {
+            num_cells,
+            stride: 2 * cells.next_multiple_of(PAD),
+            rows,
+        }
+    }
+
+    /// Numbers of one term's grid.
+    pub fn size(&self) -> usize {
+        self.rows * self.stride
+    }
+}
+
+/// Smallest even product of 2, 3 and 5 that is not below `n`.
+fn good_size(n: usize) -> usize {
+    // There is a power of two below.
+    (n.max(2)..=2 * n.max(2))
+        .find(|candidate| {
+            let mut rest = *candidate;
+            for prime in [2, 3, 5] {
+                while rest % prime == 0 {
+                    rest /= prime;
+                }
+            }
+            rest == 1 && candidate % 2 == 0
+        })
+        .unwrap_or(n)
+}
+
+/// Most parts of the paths of a job.
+pub const MAX_PARTS: usize = 8;
+
+/// One class of paths of a channel on the grid of one block.
+pub struct Job<'a> {
+    /// The waveform.
+    pub waveform: &'a Waveform,
+    /// All paths.
+    pub series: &'a PathSeries<'a>,
+    /// Number of the channel.
+    pub channel: usize,
+    /// The paths that take part.
+    pub class: Class,
+    /// Amplitudes are multiplied by this power of two.
+    pub scale: f64,
+    /// How they are expanded.
+    pub expansion: &'a Expansion,
+    /// Width of the kernel.
+    pub width: usize,
+    /// Instruction set.
+    pub level: Level,
+    /// Parts of the paths that are spread on grids of their own, at the same time where there are threads.
+    pub num_parts: usize,
+    /// Run parts and tiles on the threads of the pool.
+    pub is_parallel: bool,
+    /// Transform velocity rows that no path has touched as well, for tests.
+    pub keep_empty_rows: bool,
+}
+
+impl Job<'_> {
+    /// Add the samples `(chirp, sample)` of the block to `out`. Returns the number of rows that were transformed.
+    pub fn add_to<T: Widths>(&self, out: &mut [Complex<T>]) -> usize {
+        let layout = Layout::new(self.waveform.num_samples, self.width, self.expansion.rows);
+        let grid = self.fill::<T>(&layout);
+        let is_touched = |row: usize| {
+            let mut terms = grid.chunks_exact(layout.size());
+            terms.any(|term| is_any(&term[row * layout.stride..][..layout.stride]))
+        };
+        let rows: Vec<usize> = (0..layout.rows)
+            .filter(|row| self.keep_empty_rows || is_touched(*row))
+            .collect();
+        if rows.is_empty() {
+            return 0;
+        }
+        let kernel = KaiserBessel::new(self.width);
+        let spectra = self.transform_rows(&layout, &kernel, &grid, &rows);
+        let num_samples = self.waveform.num_samples;
+        if self.expansion.rows == 1 {
+            for chirp in out.chunks_exact_mut(num_samples) {
+                for (m, sample) in chirp.iter_mut().enumerate() {
+                    *sample = *sample + Complex::new(spectra.re[m], spectra.im[m]);
+                }
+            }
+            return 1;
+        }
+        let num_rows = rows.len();
+        slow_time::add_chirps(self, &layout, &kernel, &spectra, &rows, out);
+        num_rows
+    }
+
+    /// Spread all paths: (term, row, cell).
+    fn fill<T: Widths>(&self, layout: &Layout) -> Vec<T> {
+        let num_chunks = self.series.num_paths.div_ceil(CHUNK);
+        let part = |i: usize| {
+            let bound = |i: usize| i * num_chunks / self.num_parts;
+            let mut grid = vec![T::zero(); self.expansion.terms.len() * layout.size()];
+            spread::spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
+            grid
+        };
+        let parts = parallel::map(self.is_parallel, (0..self.num_parts).collect(), part);
+        let mut parts = parts.into_iter();
+        let Some(mut sum) = parts.next() else {
+            unreachable!("at least one part")
+        };
+        for other in parts {
+            for (a, b) in sum.iter_mut().zip(&other) {
+                *a = *a + *b;
+            }
+        }
+        sum
+    }
+
+    /// FFT over range of some rows of every term, divided by the kernel's transform: (term, row, sample).
+    fn transform_rows<T: Widths>(
+        &self,
+        layout: &Layout,
+        kernel: &KaiserBessel,
+        grid: &[T],
+        rows: &[usize],
+    ) -> Spectra<T> {
+        let (n, num_samples) = (layout.num_cells, self.waveform.num_samples);
+        let padded = num_samples.next_multiple_of(PAD);
+        let fft = T::fft(n);
+        // The grid's origin is shifted by half a period: a sign per output.
+        let middle = num_samples / 2;
+        let scale: Vec<T> = (0..num_samples)
+            .map(|m| {
+                let frequency = (m as f64 - middle as f64) / n as f64;
+                let sign = if (m + middle) % 2 == 0 { 1.0 } else { -1.0 };
+                T::of(sign / kernel.transform(frequency))
+            })
+            .collect();
+        let first = (m_index(0, middle, n), num_samples.min(middle));
+        let mut spectra = Spectra {
+            re: vec![T::zero(); self.expansion.terms.len() * rows.len() * padded],
+            im: vec![T::zero(); self.expansion.terms.len() * rows.len() * padded],
+            padded,
+        };
+        // A buffer for the row and one for the transform.
+        let room = || [n, fft.get_inplace_scratch_len()].map(|len| vec![Complex::new(T::zero(), T::zero()); len]);
+        let transform = |[buffer, scratch]: &mut [Vec<Complex<T>>; 2], index: usize, re: &mut [T], im: &mut [T]| {
+            let (term, row) = (index / rows.len(), rows[index % rows.len()]);
+            let cells = &grid[term * layout.size() + row * layout.stride..][..layout.stride];
+            fold(cells, origin(self.width), buffer);
+            fft.process_with_scratch(buffer, scratch);
+            // Outputs -middle .. 0 are at the end of the buffer, the others at its start.
+            let (negative, num_negative) = first;
+            for (m, value) in buffer[negative..][..num_negative].iter().enumerate() {
+                re[m] = value.re * scale[m];
+                im[m] = value.im * scale[m];
+            }
+            for (i, value) in buffer[..num_samples - middle].iter().enumerate() {
+                let m = middle + i;
+                re[m] = value.re * scale[m];
+                im[m] = value.im * scale[m];
+            }
+        };
+        let (re, im) = (&mut spectra.re, &mut spectra.im);
+        if self.is_parallel {
+            re.par_chunks_mut(padded)
+                .zip(im.par_chunks_mut(padded))
+                .enumerate()
+                .with_min_len(16)
+                .for_each_init(room, |room, (index, (re, im))| transform(room, index, re, im));
+        } else {
+            let mut room = room();
+            for (index, (re, im)) in re.chunks_mut(padded).zip(im.chunks_mut(padded)).enumerate() {
+                transform(&mut room, index, re, im);
+            }
+        }
+        spectra
+    }
+}
+
+/// Index in the FFT's output of output number `m - middle`.
+fn m_index(m: usize, middle: usize, n: usize) -> usize {
+    (m + n - middle) % n
+}
+
+/// Cells in front of the grid's origin.
+fn origin(width: usize) -> usize {
+    width.div_ceil(2)
+}
+
+/// Cells of a row, the pads put back to the other end of the period.
+fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
+    let n = buffer.len();
+    let cells = cells.as_chunks::<2>().0;
+    for (value, [re, im]) in buffer.iter_mut().zip(&cells[origin..origin + n]) {
+        *value = Complex::new(*re, *im);
+    }
+    for i in (0..origin).chain(origin + n..cells.len()) {
+        let at = &mut buffer[(i + n - origin) % n];
+        *at = *at + Complex::new(cells[i][0], cells[i][1]);
+    }
+}
+
+/// Whether any number is not zero. Runs of zeros are passed without a branch per number.
+fn is_any<T: Real>(numbers: &[T]) -> bool {
+    let mut runs = numbers.chunks(64);
+    runs.any(|run| run.iter().fold(false, |any, x| any | !x.is_zero()))
+}
+
+/// Rows after the range transform: (term, row, sample), samples padded to whole vectors.
+struct Spectra<T> {
+    re: Vec<T>,
+    im: Vec<T>,
+    padded: usize,
+}
+
+/// Precisions: the kernel widths that are compiled for each, and its transforms.
+pub trait Widths: Precision {
+    /// Numbers in a vector.
+    const LANES: usize;
+    /// Gather a chunk of paths and put them in their places.
+    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>);
+    /// Spread the points of a chunk of paths.
+    fn add_points(chunk: spread::Patches<Self>);
+    /// The inverse FFT of a length.
+    fn fft(n: usize) -> Arc<dyn Fft<Self>>;
+}
+
+/// Plans of transforms are made once per length.
+macro_rules! planned_fft {
+    ($scalar:ty) => {
+        fn fft(n: usize) -> Arc<dyn Fft<Self>> {
+            static PLANNER: Mutex<Option<FftPlanner<$scalar>>> = Mutex::new(None);
+            let mut planner = PLANNER.lock().unwrap_or_else(PoisonError::into_inner);
+            planner.get_or_insert_with(FftPlanner::new).plan_fft_inverse(n)
+        }
+    };
+}
+
+impl Widths for f32 {
+    const LANES: usize = 16;
+
+    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>) {
+        place::place_chunk::<Self, 2>(job, map, first, rows, points);
+    }
+
+    fn add_points(chunk: spread::Patches<Self>) {
+        match chunk.width {
+            3 => chunk.add::<3, 1, true>(),
+            4 => chunk.add::<4, 1, true>(),
+            5 => chunk.add::<5, 1, true>(),
+            6 => chunk.add::<6, 1, true>(),
+            7 => chunk.add::<7, 1, true>(),
+            _ => chunk.add::<8, 1, true>(),
+        }
+    }
+
+    planned_fft!(f32);
+}
+
+impl Widths for f64 {
+    const LANES: usize = 8;
+
+    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>) {
+        place::place_chunk::<Self, 1>(job, map, first, rows, points);
+    }
+
+    fn add_points(chunk: spread::Patches<Self>) {
+        // Wider patches do not fit into the registers that merging needs.
+        match chunk.width {
+            8 => chunk.add::<8, 2, true>(),
+            10 => chunk.add::<10, 3, true>(),
+            12 => chunk.add::<12, 3, false>(),
+            _ => chunk.add::<14, 4, false>(),
+        }
+    }
+
+    planned_fft!(f64);
+}

@@ -1,0 +1,457 @@
+//! From velocity rows to chirps: a dense transform whose pairs of rows and of chirps share cosines and sines.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex;
+
+use super::{Job, Layout, Spectra, Widths};
+use crate::expansion::{FactorKind, offset};
+use crate::kernel::KaiserBessel;
+use crate::parallel;
+use crate::simd::{Isa, Kernel, Vector};
+use crate::wide::{self, Wide, add, mul, mul_add, sub};
+
+/// Add the samples of all chirps of a block, (chirp, sample).
+pub fn add_chirps<T: Widths>(
+    job: &Job,
+    layout: &Layout,
+    kernel: &KaiserBessel,
+    spectra: &Spectra<T>,
+    rows: &[usize],
+    out: &mut [Complex<T>],
+) {
+    let num_samples = job.waveform.num_samples;
+    let slow = SlowTime::<T>::new(job, layout, kernel, rows);
+    let tile = |i: usize| {
+        job.level.run(Tile {
+            job,
+            slow: &slow,
+            spectra,
+            first: i * T::LANES,
+        })
+    };
+    let num_tiles = num_samples.div_ceil(T::LANES);
+    let tiles: Vec<Vec<T>> = parallel::map(job.is_parallel, (0..num_tiles).collect(), tile);
+    for (i, tile) in tiles.iter().enumerate() {
+        let first = i * T::LANES;
+        let len = T::LANES.min(num_samples - first);
+        for (chirp, values) in tile.chunks_exact(2 * T::LANES).enumerate() {
+            let samples = &mut out[chirp * num_samples + first..][..len];
+            for (sample, [re, im]) in samples.iter_mut().zip(values.as_chunks().0) {
+                *sample = *sample + Complex::new(*re, *im);
+            }
+        }
+    }
+}
+
+/// What all tiles of samples share in slow time.
+struct SlowTime<T> {
+    /// Coefficients of the root of 1 / transform of the kernel in powers of (4 xi h)^2.
+    inverse_root: Vec<T>,
+    /// Series of the Bessel functions, (factor, order).
+    bessel: Vec<Vec<Vec<f64>>>,
+    /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
+    groups: Vec<Group>,
+    num_rows: usize,
+    /// Pairs of chirps at equal times before and after the block's centre [s]; a chirp without partner stands alone.
+    chirps: Vec<(f64, Option<usize>, Option<usize>)>,
+}
+
+/// Pairs of rows that follow each other.
+struct Group {
+    /// Steps from the middle of the axis to the first pair, less one half.
+    first: usize,
+    /// Places of the row above the middle and of the one below in the spectra, if they were touched. Pairs at the end that
+    /// nothing has touched are left out.
+    pairs: Vec<[Option<usize>; 2]>,
+}
+
+impl<T: Widths> SlowTime<T> {
+    fn new(job: &Job, layout: &Layout, kernel: &KaiserBessel, rows: &[usize]) -> Self {
+        let mut place = vec![None; layout.rows];
+        for (i, row) in rows.iter().enumerate() {
+            place[*row] = Some(i);
+        }
+        let half = layout.rows / 2;
+        let groups = (0..half).step_by(GROUP).map(|first| {
+            let last = half.min(first + GROUP);
+            let mut pairs: Vec<_> = (first..last).map(|k| [place[half + k], place[half - 1 - k]]).collect();
+            while pairs.last() == Some(&[None, None]) {
+                pairs.pop();
+            }
+            Group { first, pairs }
+        });
+        let groups = groups.filter(|group| !group.pairs.is_empty()).collect();
+
+        // Chirps by distance from the centre; equal distances on both sides share their cosines and sines.
+        let block = &job.expansion.block;
+        let mut offsets: Vec<(f64, usize)> = (0..block.chirps.len())
+            .map(|c| (offset(job.waveform, block, c), c))
+            .collect();
+        offsets.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        let mut chirps: Vec<(f64, Option<usize>, Option<usize>)> = Vec::new();
+        for (time, c) in offsets {
+            match chirps.last_mut() {
+                // Rounding of absolute times is no difference.
+                Some((at, Some(_), after @ None)) if (time + *at).abs() <= 1e-12 * block.half => *after = Some(c),
+                _ => chirps.push((time, Some(c), None)),
+            }
+        }
+        // Largest of every factor's basis.
+        let top = job.expansion.carrier.abs() + (job.waveform.slope * job.waveform.half_sweep()).abs();
+        let bessel = job.expansion.factors.iter().map(|factor| {
+            let basis = if matches!(factor.kind, FactorKind::Phase(_)) {
+                top
+            } else {
+                1.0
+            };
+            let largest = 1.01 * TAU * factor.half * basis;
+            (0..=factor.max_order).map(|n| bessel_series(n, largest)).collect()
+        });
+        Self {
+            bessel: bessel.collect(),
+            inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
+            groups,
+            num_rows: rows.len(),
+            chirps,
+        }
+    }
+}
+
+/// Consecutive samples of all chirps, as many as a vector has lanes.
+struct Tile<'a, T> {
+    job: &'a Job<'a>,
+    slow: &'a SlowTime<T>,
+    spectra: &'a Spectra<T>,
+    first: usize,
+}
+
+/// Pairs of rows from one directly computed phasor to the next.
+const GROUP: usize = 16;
+
+/// Cosine and sine.
+type Phasor<V> = [V; 2];
+
+impl<T: Widths> Kernel for Tile<'_, T> {
+    type Output = Vec<T>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<T> {
+        if T::LANES == 16 {
+            self.tile::<I, 2>()
+        } else {
+            self.tile::<I, 1>()
+        }
+    }
+}
+
+/// Fast time of the samples of a tile about the middle one, and the frequency that a rate sees then.
+struct Fast<I: Isa, const P: usize> {
+    time: Wide<I, P>,
+    frequency: Wide<I, P>,
+}
+
+impl<T: Widths> Tile<'_, T> {
+    /// All chirps at `8 P` samples, (chirp, lane, [re, im]).
+    #[inline(always)]
+    fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
+        let (job, slow) = (self.job, self.slow);
+        let (waveform, expansion) = (job.waveform, job.expansion);
+        let num_terms = expansion.terms.len();
+        let mut time = [0.0; 16];
+        for i in 0..16 {
+            time[i] = ((self.first + i) as f64 - (waveform.num_samples / 2) as f64) / waveform.sample_rate;
+        }
+        let time = wide::load::<I, P>(&time);
+        let splat = wide::splat::<I, P>;
+        let fast = Fast::<I, P> {
+            time,
+            frequency: mul_add(time, splat(waveform.slope), splat(expansion.carrier)),
+        };
+
+        let sums = self.even_and_odd::<I, P>(&fast);
+        let zero = <T::In<I>>::splat(T::zero());
+        let mut out = vec![T::zero(); expansion.block.chirps.len() * 2 * T::LANES];
+        let mut transformed = vec![[zero; 4]; 2 * num_terms];
+        let mut bessel = Vec::new();
+        let mut number = 0;
+        while number < slow.chirps.len() {
+            let chirps = &slow.chirps[number..slow.chirps.len().min(number + 2)];
+            number += 2;
+            let turns = |i: usize| expansion.step * chirps[i].0;
+            if chirps.len() == 2 {
+                self.transform::<I, P, 2>(&fast, [turns(0), turns(1)], &sums, &mut transformed);
+            } else {
+                self.transform::<I, P, 1>(&fast, [turns(0)], &sums, &mut transformed);
+            }
+            for i in 0..chirps.len() {
+                let (time, one, other) = chirps[i];
+                let transformed = &transformed[i * num_terms..][..num_terms];
+                if let Some(chirp) = one {
+                    let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
+                    self.finish::<I, P>(transformed, 1.0, time, &fast, &mut bessel, samples);
+                }
+                if let Some(chirp) = other {
+                    let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
+                    self.finish::<I, P>(transformed, -1.0, -time, &fast, &mut bessel, samples);
+                }
+            }
+        }
+        out
+    }
+
+    /// Sums and differences of the rows of every pair, (group, term, pair, [sum re, im, difference re, im]).
+    #[inline(always)]
+    fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
+        let (expansion, slow, spectra) = (self.job.expansion, self.slow, self.spectra);
+        let num_terms = expansion.terms.len();
+        let zero = <T::In<I>>::splat(T::zero());
+        let mut sums = vec![[zero; 4]; slow.groups.len() * num_terms * GROUP];
+        let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
+        for g in 0..slow.groups.len() {
+            let group = &slow.groups[g];
+            for p in 0..group.pairs.len() {
+                let rate = expansion.step * ((group.first + p) as f64 + 0.5);
+                let [cos, sin] = wide::cos_sin::<T, I, P>(mul(square, wide::splat::<I, P>(rate)));
+                for term in 0..num_terms {
+                    let [mut a_re, mut a_im, mut b_re, mut b_im] = [zero; 4];
+                    if let Some(place) = group.pairs[p][0] {
+                        let at = (term * slow.num_rows + place) * spectra.padded + self.first;
+                        a_re = <T::In<I>>::load(&spectra.re[at..]);
+                        a_im = <T::In<I>>::load(&spectra.im[at..]);
+                    }
+                    if let Some(place) = group.pairs[p][1] {
+                        let at = (term * slow.num_rows + place) * spectra.padded + self.first;
+                        b_re = <T::In<I>>::load(&spectra.re[at..]);
+                        b_im = <T::In<I>>::load(&spectra.im[at..]);
+                    }
+                    let [a_re, a_im] = product([a_re, a_im], [cos, sin]);
+                    let [b_re, b_im] = product([b_re, b_im], [cos, zero.sub(sin)]);
+                    sums[(g * num_terms + term) * GROUP + p] =
+                        [a_re.add(b_re), a_im.add(b_im), a_re.sub(b_re), a_im.sub(b_im)];
+                }
+            }
+        }
+        sums
+    }
+
+    /// Sums over all pairs of rows for `N` chirps, (chirp, term): real and imaginary part of the even sum, and of the odd
+    /// one turned by a quarter, imaginary first. The rows' step is so many turns per hertz.
+    #[inline(always)]
+    fn transform<I: Isa, const P: usize, const N: usize>(
+        &self,
+        fast: &Fast<I, P>,
+        step: [f64; N],
+        sums: &[[T::In<I>; 4]],
+        transformed: &mut [[T::In<I>; 4]],
+    ) {
+        let num_terms = self.job.expansion.terms.len();
+        let zero = <T::In<I>>::splat(T::zero());
+        transformed.fill([zero; 4]);
+        // Phasors (k + 1/2) steps from the middle, as products of two: within a group, and to its first pair.
+        let mut turns = [fast.frequency; N];
+        let mut fine = [[[zero; 2]; GROUP]; N];
+        for i in 0..N {
+            turns[i] = mul(turns[i], wide::splat::<I, P>(step[i]));
+            fine[i] = powers::<T, I, P>(turns[i]);
+        }
+        let mut phasors = [[[zero; 2]; N]; GROUP];
+        for g in 0..self.slow.groups.len() {
+            let group = &self.slow.groups[g];
+            let len = group.pairs.len().min(GROUP);
+            for i in 0..N {
+                let middle = wide::splat::<I, P>(group.first as f64 + 0.5);
+                let coarse = wide::cos_sin::<T, I, P>(mul(turns[i], middle));
+                for p in 0..len {
+                    phasors[p][i] = product(coarse, fine[i][p]);
+                }
+            }
+            for term in 0..num_terms {
+                let sums = &sums[(g * num_terms + term) * GROUP..][..GROUP];
+                let mut acc = [[zero; 4]; N];
+                for i in 0..N {
+                    acc[i] = transformed[i * num_terms + term];
+                }
+                for p in 0..len {
+                    let [e_re, e_im, o_re, o_im] = sums[p];
+                    for i in 0..N {
+                        let [cos, sin] = phasors[p][i];
+                        acc[i] = [
+                            e_re.mul_add(cos, acc[i][0]),
+                            e_im.mul_add(cos, acc[i][1]),
+                            o_im.mul_add(sin, acc[i][2]),
+                            o_re.mul_add(sin, acc[i][3]),
+                        ];
+                    }
+                }
+                for i in 0..N {
+                    transformed[i * num_terms + term] = acc[i];
+                }
+            }
+        }
+    }
+
+    /// The factors of every term, the phase of the middle and the kernel's transform, for one chirp: `re, im, re, ...`.
+    #[inline(always)]
+    fn finish<I: Isa, const P: usize>(
+        &self,
+        transformed: &[[T::In<I>; 4]],
+        sign: f64,
+        time: f64,
+        fast: &Fast<I, P>,
+        bessel: &mut Vec<T::In<I>>,
+        out: &mut [T],
+    ) {
+        let (waveform, expansion) = (self.job.waveform, self.job.expansion);
+        let splat = wide::splat::<I, P>;
+        let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
+        let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
+        let keystone = mul_add(fast.frequency, splat(time), square);
+        let mut phase = mul(keystone, splat(expansion.middle_rate));
+        let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * expansion.step)));
+        let root = polynomial(&self.slow.inverse_root, angle.mul(angle));
+        let weight = root.mul(root);
+
+        // Bessel functions of every factor, one order after the other.
+        bessel.clear();
+        for number in 0..expansion.factors.len() {
+            let factor = &expansion.factors[number];
+            let basis = match factor.kind {
+                FactorKind::Phase(k) => mul(fast.frequency, chebyshev::<I, P>(x, k)),
+                FactorKind::Sweep(k) => mul(
+                    mul(fast.time, splat(waveform.half_sweep().recip())),
+                    chebyshev::<I, P>(x, k),
+                ),
+            };
+            phase = mul_add(basis, splat(factor.middle), phase);
+            if !factor.is_expanded {
+                bessel.push(<T::In<I>>::splat(T::one()));
+                continue;
+            }
+            let half_z = mul(basis, splat(0.5 * TAU * factor.half));
+            for n in 0..=factor.max_order {
+                bessel.push(bessel_j::<T, I, P>(n, &self.slow.bessel[number][n], half_z));
+            }
+        }
+
+        let zero = <T::In<I>>::splat(T::zero());
+        let sign = <T::In<I>>::splat(T::of(sign));
+        let (mut sum_re, mut sum_im) = (zero, zero);
+        for number in 0..expansion.terms.len() {
+            let term = &expansion.terms[number];
+            let [p_re, p_im, q_im, q_re] = transformed[number];
+            let mut re = sign.neg_mul_add(q_im, p_re);
+            let mut im = sign.mul_add(q_re, p_im);
+            if term.amplitude > 0 {
+                let basis = wide::narrow::<T, I, P>(chebyshev::<I, P>(x, term.amplitude));
+                (re, im) = (re.mul(basis), im.mul(basis));
+            }
+            let (mut order, mut first) = (0, 0);
+            for k in 0..term.orders.len() {
+                let factor = bessel[first + term.orders[k]];
+                (re, im) = (re.mul(factor), im.mul(factor));
+                order += term.orders[k];
+                first += expansion.factors[k].max_order + 1;
+            }
+            // times j^order
+            (re, im) = match order % 4 {
+                0 => (re, im),
+                1 => (zero.sub(im), re),
+                2 => (zero.sub(re), zero.sub(im)),
+                _ => (im, zero.sub(re)),
+            };
+            (sum_re, sum_im) = (sum_re.add(re), sum_im.add(im));
+        }
+        let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
+        let [re, im] = product([sum_re, sum_im], [cos.mul(weight), sin.mul(weight)]);
+        // Side by side.
+        let real = <T::In<I>>::alternate(T::one(), T::zero());
+        let imaginary = <T::In<I>>::alternate(T::zero(), T::one());
+        let (re, im) = (re.pairs(), im.pairs());
+        for i in 0..2 {
+            im[i]
+                .mul_add(imaginary, re[i].mul(real))
+                .store(&mut out[i * T::LANES..]);
+        }
+    }
+}
+
+/// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
+#[inline(always)]
+fn powers<T: Widths, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
+    let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
+    let mut high = 1;
+    while high < GROUP {
+        powers[high] = wide::cos_sin::<T, I, P>(mul(turns, wide::splat::<I, P>(high as f64)));
+        for low in 1..high {
+            powers[high + low] = product(powers[high], powers[low]);
+        }
+        high *= 2;
+    }
+    powers
+}
+
+/// A polynomial of every number.
+#[inline(always)]
+fn polynomial<V: Vector>(coefficients: &[V::Scalar], x: V) -> V {
+    let mut value = V::splat(V::Scalar::default());
+    for i in (0..coefficients.len()).rev() {
+        value = value.mul_add(x, V::splat(coefficients[i]));
+    }
+    value
+}
+
+/// Product of two complex numbers.
+#[inline(always)]
+fn product<V: Vector>(a: Phasor<V>, b: Phasor<V>) -> Phasor<V> {
+    [
+        a[1].neg_mul_add(b[1], a[0].mul(b[0])),
+        a[1].mul_add(b[0], a[0].mul(b[1])),
+    ]
+}
+
+/// Chebyshev polynomials of degree k.
+#[inline(always)]
+fn chebyshev<I: Isa, const P: usize>(x: Wide<I, P>, k: usize) -> Wide<I, P> {
+    let (mut before, mut current) = (wide::splat::<I, P>(1.0), x);
+    if k == 0 {
+        return before;
+    }
+    let twice = add(x, x);
+    for _ in 1..k {
+        (before, current) = (current, sub(mul(twice, current), before));
+    }
+    current
+}
+
+/// Coefficients of `(2 - [n = 0]) J_n(z) / (z/2)^n` in powers of `(z/2)^2`, for |z| up to `largest`.
+fn bessel_series(n: usize, largest: f64) -> Vec<f64> {
+    let mut coefficient = if n == 0 { 1.0 } else { 2.0 };
+    for k in 1..=n {
+        coefficient /= k as f64;
+    }
+    let mut series = vec![coefficient];
+    let mut bound: f64 = 1.0;
+    let mut k = 1;
+    while bound > 1e-17 {
+        coefficient /= -((k * (k + n)) as f64);
+        bound *= 0.25 * largest * largest / (k * (k + n)) as f64;
+        series.push(coefficient);
+        k += 1;
+    }
+    series
+}
+
+/// `(2 - [n = 0]) J_n(z)` by its series.
+#[inline(always)]
+fn bessel_j<T: Widths, I: Isa, const P: usize>(n: usize, series: &[f64], half_z: Wide<I, P>) -> T::In<I> {
+    let square = mul(half_z, half_z);
+    let mut sum = wide::splat::<I, P>(0.0);
+    for i in (0..series.len()).rev() {
+        sum = mul_add(sum, square, wide::splat::<I, P>(series[i]));
+    }
+    for _ in 0..n {
+        sum = mul(sum, half_z);
+    }
+    wide::narrow::<T, I, P>(sum)
+}

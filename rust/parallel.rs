@@ -1,0 +1,12 @@
+//! The same work on one thread or on those of the pool, with the same result.
+
+use rayon::prelude::*;
+
+/// Results in the order of the items.
+pub fn map<T: Send, R: Send>(is_parallel: bool, items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
+    if is_parallel && items.len() > 1 {
+        items.into_par_iter().map(work).collect()
+    } else {
+        items.into_iter().map(work).collect()
+    }
+}
