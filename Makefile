@@ -62,7 +62,7 @@ wheel-check: wheel
 	"$$directory/bin/pip" install --quiet --disable-pip-version-check --constraint requirements/demo.txt dist/*.whl; \
 	"$$directory/bin/python" tests/wheel_smoke.py
 
-bench: $(VENV)/dev $(VENV)/built
+bench: $(VENV)/bench $(VENV)/built
 	cargo bench --locked
 	@for bench in benches/*.py; do \
 		[ ! -e "$$bench" ] || { echo "$$bench"; $(BIN)/python "$$bench"; } || exit 1; \
@@ -94,6 +94,11 @@ $(VENV)/demo: requirements/demo.txt $(VENV)/created | tools
 $(VENV)/dev: requirements/dev.txt $(VENV)/demo
 	@echo "-- packages: requirements/dev.txt"
 	@$(PIP) install -r requirements/dev.txt
+	@touch $@
+
+$(VENV)/bench: requirements/bench.txt $(VENV)/dev
+	@echo "-- packages: requirements/bench.txt"
+	@$(PIP) install -r requirements/bench.txt
 	@touch $@
 
 $(VENV)/robots: requirements/robots.txt $(VENV)/dev

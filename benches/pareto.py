@@ -1,0 +1,580 @@
+"""Error of the beat signal against run time: the grid, direct sums, and a public library of nonuniform FFTs.
+
+    python benches/pareto.py            print the tables
+    python benches/pareto.py --write    also write docs/performance.md and docs/performance.png
+    python benches/pareto.py --tiny     run everything once on few paths
+
+The library, finufft, is optional: `pip install finufft==2.5.1`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+
+# Threads of numpy's BLAS that wait for work would slow everything else down.
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore import _core
+from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
+
+try:
+    import finufft
+except ImportError:
+    finufft = None
+
+PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
+PICTURE = PAGE.with_suffix(".png")
+INSTALL_HINT = "finufft is not installed, its rows are left out: pip install finufft==2.5.1"
+
+PAGE_TEXT = """\
+# Performance
+
+Error of the beat signal against run time; written by `python benches/pareto.py --write`.
+
+{num_paths} paths, one channel, {machine}; one thread where nothing else is said. Times are medians over {repeats}
+rounds in which the methods take turns, of the call from Python with delays and amplitudes at hand. "× f32" and "× f64"
+say how many times faster a row is than the direct sums of radarcore in single and in double precision, measured in the
+same rounds; other machines shift times more than ratios.
+
+Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
+the frame against eq. (1) evaluated there with the exact delays of all paths.
+
+![Error against run time]({picture})
+
+## Linear delays
+
+58 GHz, 64 chirps 400 μs apart; ranges to 8 m, velocities to 3 m/s. Paths come in random order, or as the pixels of a
+depth image, where neighbours have similar ranges and velocities.
+
+{linear}
+
+"finufft 2-D" is one transform over range and velocity for each term of a low-rank expansion of what is left, range
+migration and Doppler inside a chirp; "finufft 1-D" is one transform per chirp. Terms are those of a singular value
+decomposition, as many as the tolerance needs, as many-vector transforms of a kept plan, with the faster of two
+oversampling factors and of points sorted or not. Time and ratios count the library alone (`setpts` and `execute`);
+"with numpy" also counts coordinates, strengths and the sum of the terms in numpy, which C would do faster.
+
+## Real motion
+
+Delays and amplitudes (1/R²) follow the geometry; they are given at the Chebyshev times of the frame, "nodes" of them,
+and errors count what the nodes lose. Limbs of the walker reach 5 m/s, joints of the arm turn at 2 rad/s, blades of
+0.15 m at 20 turns per second.
+
+{moving}
+
+## Growth
+
+Milliseconds at a tolerance of {growth_tolerance:g}, 1 GHz, 128 samples per chirp.
+
+{growth}
+
+## A call from Python
+
+{overhead}
+"""
+
+MOVING_TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-6]
+GROWTH_TOLERANCE = 1e-4
+
+Phasors = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Run:
+    """How much is measured."""
+
+    side: int  # square root of the number of paths
+    samples: int
+    tolerances: list[float]  # of linear delays
+    repeats: int
+    round: float  # seconds that a method's turn lasts, if one call is shorter
+    growth: list[int]
+    calls: int
+
+
+FULL = Run(
+    side=256,
+    samples=200,
+    tolerances=[10.0**-k for k in range(2, 13)],
+    repeats=5,
+    round=5e-3,
+    growth=[16, 32, 64, 128, 256, 512, 1024],
+    calls=5000,
+)
+TINY = Run(side=8, samples=10, tolerances=[1e-3, 1e-10], repeats=1, round=0.0, growth=[16, 32], calls=10)
+
+
+@dataclass
+class Method:
+    """A way to form the sum of a case, and what it took."""
+
+    name: str
+    tolerance: float | None
+    call: Callable[[], Phasors]
+    nodes: int | None = None
+    error: float = math.nan
+    times: list[float] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Median time of the sum itself."""
+        return self.call.library_seconds if isinstance(self.call, LibrarySum) else self.total_seconds
+
+    @property
+    def total_seconds(self) -> float:
+        """Median time of the call from Python."""
+        return float(np.median(self.times))
+
+
+def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phasors:
+    """The samples of a job by "grid" (what the plan chooses), "direct f32" or "direct f64".
+
+    The direct sums are those by phasor recurrences, the fastest there are: any tolerance above their error picks the
+    precision.
+    """
+    sum_method, bound = {"grid": ("auto", tolerance), "direct f32": ("recurrence", 1e-3)}.get(
+        method, ("recurrence", 1e-7)
+    )
+    samples, _ = _core.beat_signal(
+        job.delay,
+        job.amplitude,
+        job.delay_rate,
+        waveform=job.waveform._core,
+        tolerance=bound,
+        method=sum_method,
+        threads=threads,
+    )
+    return samples
+
+
+def has_direct_f64(job: Job) -> bool:
+    """Whether the recurrences can be bounded in double precision: not where a path turns within a chirp."""
+    try:
+        _core.plan_beat_signal(
+            job.delay, job.amplitude, job.delay_rate, waveform=job.waveform._core, tolerance=4e-6, method="recurrence"
+        )
+    except ValueError:
+        return False
+    return True
+
+
+# The library: a good user's sum for linear delays.
+
+
+class LibrarySum:
+    """Type 1 transforms of finufft for linear delays, with everything that can be kept between frames kept.
+
+    About the centre of a block of chirps and of the sweep, where t = t0 + t', T = T0 + T'_c + t' and the delay is
+    tau + r (T'_c + t'), the phase of eq. (1) in cycles with f = f0 + S t0 is
+
+        f tau - S tau² / 2                                                         a strength,
+        + t' (S tau + r f - r S tau) + T'_c r (f - S tau)                          two coordinates
+        + S r (1 - r) t' T'_c + S r (1 - r / 2) t'² - S r² T'_c² / 2               and the rest.
+
+    The rest depends on the rate of a path only. Its exponential is a sum of terms (function of the rate) x (function
+    of the sample), from a singular value decomposition, each term one transform.
+
+    Parameters
+    ----------
+    dims : 1 or 2
+        Transforms over fast time, a block being a chirp, or over slow and fast time, with one block.
+    """
+
+    DEGREE = 48
+    """Of the polynomials in the rate that hold the functions: exact to rounding up to 10 radians."""
+
+    def __init__(self, job: Job, tolerance: float, dtype: type, dims: int) -> None:
+        wf = job.waveform
+        self.job, self.dtype, self.dims = job, dtype, dims
+        self.fast = (np.arange(wf.num_samples) - wf.num_samples // 2) / wf.sample_rate
+        self.center = wf.sample_times[wf.num_samples // 2]
+        in_block = np.arange(wf.num_chirps) - wf.num_chirps // 2 if dims == 2 else np.zeros(1)
+        self.slow = in_block * wf.chirp_interval
+        self.block_times = (wf.chirp_times[[wf.num_chirps // 2]] if dims == 2 else wf.chirp_times) + self.center
+
+        self.max_rate = np.abs(job.delay_rate).max()
+        self.of_rate, self.of_sample = self._terms(0.3 * tolerance)
+        self.times: list[float] = []
+        self.plan = self._fastest_plan(0.3 * tolerance)
+        self.times.clear()
+
+    def _terms(self, bound: float) -> tuple[Phasors, Phasors]:
+        """Chebyshev coefficients of the functions of the rate, (degree, term), and of sample, (term, slow, fast)."""
+        nodes = np.cos(np.pi * (np.arange(self.DEGREE) + 0.5) / self.DEGREE)
+        slope, rate = self.job.waveform.slope, self.max_rate * nodes[:, None, None]
+        slow, fast = self.slow[:, None], self.fast
+        turns = slope * rate * ((1.0 - rate) * fast * slow + (1.0 - 0.5 * rate) * fast**2 - 0.5 * rate * slow**2)
+        matrix = np.exp(2j * np.pi * turns).reshape(self.DEGREE, -1)
+
+        # Nodes weigh as if rates were spread evenly.
+        weights = np.sqrt(np.sqrt(1.0 - nodes**2) * np.pi / 2.0 / self.DEGREE)[:, None]
+        left, values, right = np.linalg.svd(weights * matrix, full_matrices=False)
+        rms = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1] / matrix.shape[1])
+        num_terms = max(1, int(np.argmax(rms < bound))) if rms[-1] < bound else self.DEGREE
+        of_rate = chebyshev.chebvander(nodes, self.DEGREE - 1).T @ (left / weights)[:, :num_terms] * 2.0 / self.DEGREE
+        of_rate[0] *= 0.5
+        of_sample = (values[:num_terms, None] * right[:num_terms]).reshape(num_terms, *turns.shape[1:])
+        size = np.abs(of_rate) @ values[:num_terms] / np.sqrt(matrix.shape[1])
+        used = 1 + np.flatnonzero(size > 0.1 * bound).max()
+        return of_rate[:used], of_sample
+
+    def _fastest_plan(self, bound: float) -> finufft.Plan:
+        modes = (len(self.slow), len(self.fast))[2 - self.dims :]
+        # The coarser grid does not reach every digit.
+        coarse_is_enough = bound > (1e-4 if self.dtype is np.complex64 else 1e-8)
+        plans, functions = {}, self._functions()
+        for upsampling, sort in product((2.0, 1.25) if coarse_is_enough else (2.0,), (0, 1)):
+            plan = finufft.Plan(
+                1,
+                modes,
+                len(self.of_sample),
+                max(bound, 1e-6 if self.dtype is np.complex64 else 1e-14),
+                isign=1,
+                dtype=np.dtype(self.dtype).name,
+                nthreads=1,
+                upsampfac=upsampling,
+                spread_sort=sort,
+            )
+            self.times.clear()
+            for _ in range(3):
+                self._block(plan, functions, self.block_times[0])
+            plans[min(self.times)] = plan
+        return plans[min(plans)]
+
+    @property
+    def library_seconds(self) -> float:
+        """Median time of a frame inside the library."""
+        per_frame = np.reshape(self.times, (-1, len(self.block_times))).sum(axis=1)
+        return float(np.median(per_frame))
+
+    def __call__(self) -> Phasors:
+        """The samples, (channel, chirp, sample)."""
+        functions = self._functions()
+        blocks = [self._block(self.plan, functions, block_time) for block_time in self.block_times]
+        return np.concatenate(blocks)[None]
+
+    def _functions(self) -> Phasors:
+        """The functions of the rate at the paths, (path, term)."""
+        return chebyshev.chebvander(self.job.delay_rate / self.max_rate, len(self.of_rate) - 1) @ self.of_rate
+
+    def _block(self, plan: finufft.Plan, functions: Phasors, block_time: float) -> Phasors:
+        """Samples of the chirps of a block, (chirp, sample)."""
+        wf, rate = self.job.waveform, self.job.delay_rate
+        tau = self.job.delay + rate * block_time
+        frequency = wf.start_frequency + wf.slope * self.center
+
+        # Coordinates [rad] and strengths, in f64 until their phases are reduced.
+        along_fast = reduced(wf.slope * tau + rate * (frequency - wf.slope * tau), 1.0 / wf.sample_rate)
+        along_slow = reduced(rate * (frequency - wf.slope * tau), wf.chirp_interval)
+        points = [along_slow, along_fast][2 - self.dims :]
+        strengths = np.conj(self.job.amplitude) * np.exp(1j * reduced(tau, frequency - 0.5 * wf.slope * tau))
+        vectors = np.ascontiguousarray((functions * strengths[:, None]).T, dtype=self.dtype)
+        points = [p.astype(vectors.real.dtype) for p in points]
+
+        start = time.perf_counter()
+        plan.setpts(*points)
+        transforms = plan.execute(vectors)
+        self.times.append(time.perf_counter() - start)
+
+        return (self.of_sample * transforms.reshape(self.of_sample.shape)).sum(axis=0)
+
+
+def reduced(cycles: NDArray[np.float64], factor: float | NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle [rad] of a product in cycles, within half a turn of zero."""
+    product = cycles * factor
+    return 2.0 * np.pi * (product - np.rint(product))
+
+
+# Truth.
+
+
+class Truth:
+    """Eq. (1) with exact delays at random samples of a frame."""
+
+    def __init__(self, case: Case, num_samples: int) -> None:
+        wf = case.waveform
+        chosen = np.random.default_rng(0).choice(wf.num_chirps * wf.num_samples, num_samples, replace=False)
+        self.chirp, self.sample = np.divmod(chosen, wf.num_samples)
+        self.norm = np.linalg.norm(case.amplitude)
+        parts = zip(*(np.array_split(index, len(chosen) // 8 + 1) for index in (self.chirp, self.sample)), strict=True)
+        self.values = np.concatenate([samples_of(case, *part) for part in parts])
+
+    def error(self, cube: Phasors) -> float:
+        """Rms error of a cube of one channel relative to the l2 norm of the amplitudes."""
+        difference = cube[0, self.chirp, self.sample] - self.values
+        return float(np.sqrt(np.mean(np.abs(difference) ** 2)) / self.norm)
+
+
+def samples_of(case: Case, chirp: NDArray[np.intp], sample: NDArray[np.intp]) -> Phasors:
+    """Samples by eq. (1), (index,). In extended precision where the delays are and the machine has it."""
+    wf = case.waveform
+    fast = wf.sample_times[sample]
+    tau = case.delay_at(wf.chirp_times[chirp] + fast)  # (index, path)
+    turns = tau * (wf.start_frequency + wf.slope * fast[:, None] - 0.5 * wf.slope * tau)
+    phase = 2.0 * np.pi * (turns - np.rint(turns)).astype(np.float64)
+    return np.sum(np.conj(case.amplitude_at(tau)) * np.exp(1j * phase), axis=1)
+
+
+# Measurement.
+
+
+def measure(case: Case, methods: list[Method], run: Run) -> None:
+    """Errors and times of all methods, which take turns."""
+    truth = Truth(case, run.samples)
+    for method in methods:  # also warms up
+        method.error = truth.error(method.call())
+    for _ in range(run.repeats):
+        for method in methods:
+            method.times.append(turn_time(method.call, run.round))
+
+
+def turn_time(call: Callable[[], object], shortest: float) -> float:
+    """Median time [s] of calls for at least `shortest`: the first finds the caches full of others' data."""
+    times: list[float] = []
+    while not times or sum(times) < shortest:
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def ours(case: Case, tolerances: Iterable[float]) -> Iterator[Method]:
+    """The grid at every tolerance, and the direct sums with the delays of the finest."""
+    jobs = {tolerance: case.job(tolerance) for tolerance in tolerances}
+
+    def method(name: str, tolerance: float | None) -> Method:
+        job = jobs[min(jobs) if tolerance is None else tolerance]
+        nodes = None if case.is_linear else len(job.delay)
+        return Method(name, tolerance, lambda: radarcore_sum(job, name, tolerance or 1e-4, 1), nodes)
+
+    for tolerance in jobs:
+        yield method("grid", tolerance)
+    yield method("direct f32", None)
+    if has_direct_f64(jobs[min(jobs)]):
+        yield method("direct f64", None)
+
+
+def library(job: Job, tolerances: Iterable[float]) -> Iterator[Method]:
+    """The library at the tolerances that its precisions reach; fewer of the slow transforms per chirp."""
+    if finufft is None:
+        return
+    for name, dims, dtype, reached in (
+        ("finufft 2-D f32", 2, np.complex64, [1e-2, 1e-3, 1e-4, 1e-5]),
+        ("finufft 2-D f64", 2, np.complex128, [1e-4, 1e-5, 1e-6, 1e-8, 1e-10, 1e-12]),
+        ("finufft 1-D f32", 1, np.complex64, [1e-3, 1e-5]),
+        ("finufft 1-D f64", 1, np.complex128, [1e-6, 1e-10]),
+    ):
+        for tolerance in tolerances:
+            if any(math.isclose(tolerance, t) for t in reached):
+                yield Method(name, tolerance, LibrarySum(job, tolerance, dtype, dims))
+
+
+def linear_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
+    for bandwidth, num_samples in ((1e9, 128), (5e9, 256)):
+        wf = waveform(bandwidth=bandwidth, num_samples=num_samples)
+        for case in (random_order(wf, run.side), image_order(wf, run.side)):
+            methods = [*ours(case, run.tolerances), *library(case.job(run.tolerances[0]), run.tolerances)]
+            measure(case, methods, run)
+            yield f"{case.name}, {bandwidth / 1e9:g} GHz", methods
+
+
+def moving_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
+    wf, wide = waveform(), waveform(bandwidth=5e9, num_samples=256)
+    cases = [
+        walker_case(wf, run.side),
+        arm_case(wf, run.side),
+        room_case(wf, run.side),
+        walker_case(wide, run.side),
+        fan_case(wf, run.side),
+    ]
+    for case in cases:
+        methods = list(ours(case, MOVING_TOLERANCES))
+        measure(case, methods, run)
+        yield case.name + (", 5 GHz" if case.waveform is wide else ""), methods
+
+
+def growth_rows(run: Run) -> Iterator[list[str]]:
+    """Times for ever more chirps, by linear delays and by a walker, whose nodes follow the length of the frame."""
+    for num_chirps in run.growth:
+        wf = waveform(num_chirps=num_chirps)
+        num_nodes = round(6.0 * math.sqrt(max(1.0, num_chirps / 64)))
+        for case in (random_order(wf, run.side), walker_case(wf, run.side, {GROWTH_TOLERANCE: num_nodes})):
+            job = case.job(GROWTH_TOLERANCE)
+            methods = [
+                Method(
+                    name, GROWTH_TOLERANCE, lambda j=job, n=name, t=threads: radarcore_sum(j, n, GROWTH_TOLERANCE, t)
+                )
+                for name, threads in (("direct f32", 1), ("direct f32", 2), ("grid", 1), ("grid", 2))
+            ]
+            measure(case, methods, run)
+            yield [
+                case.name,
+                str(num_chirps),
+                "-" if case.is_linear else str(num_nodes),
+                f"{methods[2].error:.1e}",
+                *(milliseconds(method.seconds) for method in methods),
+            ]
+
+
+def overhead(run: Run) -> str:
+    """What a call costs that has nothing to do."""
+    wf = waveform(num_chirps=1, num_samples=16)
+    delay, amplitude = np.array([20e-9]), np.array([1.0 + 0.0j])
+    times = []
+    for _ in range(run.calls):
+        start = time.perf_counter()
+        rc.beat_signal(delay, amplitude, wf, threads=1)
+        times.append(time.perf_counter() - start)
+    return f"One path, one chirp, 16 samples: {1e6 * np.median(times):.0f} μs, the median of {run.calls} calls."
+
+
+# Tables and picture.
+
+
+def milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g}"
+
+
+def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[str]]:
+    """One row per method: what nodes and the library's columns are missing is a dash."""
+    for name, methods in results:
+        seconds = {method.name: method.seconds for method in methods}
+        direct = [seconds.get(f"direct {precision}") for precision in ("f32", "f64")]
+        for method in methods:
+            is_library = isinstance(method.call, LibrarySum)
+            yield [
+                name,
+                method.name,
+                "-" if method.tolerance is None else f"{method.tolerance:.0e}",
+                "-" if method.nodes is None else str(method.nodes),
+                str(len(method.call.of_sample)) if is_library else "-",
+                f"{method.error:.1e}",
+                milliseconds(method.seconds),
+                milliseconds(method.total_seconds) if is_library else "-",
+                *("-" if base is None else f"{base / method.seconds:.3g}" for base in direct),
+            ]
+
+
+def result_table(results: list[tuple[str, list[Method]]], *leave_out: str) -> str:
+    header = ["case", "method", "tolerance", "nodes", "terms", "error", "ms", "with numpy", "× f32", "× f64"]
+    kept = [i for i, name in enumerate(header) if name not in leave_out]
+    return table([header[i] for i in kept], [[row[i] for i in kept] for row in result_rows(results)])
+
+
+def table(header: list[str], rows: Iterable[list[str]]) -> str:
+    """A Markdown table with aligned columns; numbers to the right."""
+    cells = [header, *rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    is_text = [column[1][:1].isalpha() for column in zip(*cells, strict=True)]
+    rule = ["-" * w if text else "-" * (w - 1) + ":" for w, text in zip(widths, is_text, strict=True)]
+    return "\n".join(
+        "| " + " | ".join(f"{c:{'<' if t else '>'}{w}}" for c, w, t in zip(row, widths, is_text, strict=True)) + " |"
+        for row in [cells[0], rule, *cells[1:]]
+    )
+
+
+STYLES = {
+    "grid": "o-C3",
+    "direct f32": "sC0",
+    "direct f64": "DC0",
+    "finufft 2-D f32": "^--C1",
+    "finufft 2-D f64": "v--C1",
+    "finufft 1-D f32": "^:C2",
+    "finufft 1-D f64": "v:C2",
+}
+
+
+def picture(linear: list[tuple[str, list[Method]]], moving: list[tuple[str, list[Method]]]) -> Figure:
+    """Error against run time: three panels of linear delays, one of real motion."""
+    figure = Figure(figsize=(11.0, 8.5), layout="constrained")
+    axes = figure.subplots(2, 2).ravel()
+    for ax, (name, methods) in zip(axes[:3], linear[:3], strict=True):
+        for method_name, style in STYLES.items():
+            draw(ax, [m for m in methods if m.name == method_name], style, label=method_name)
+        ax.set_title(f"Linear delays, {name}")
+    for color, (name, methods) in enumerate(moving):
+        draw(axes[3], [m for m in methods if m.name == "grid"], f"o-C{color}", label=name)
+        draw(axes[3], [m for m in methods if m.name == "direct f32"], f"sC{color}")
+        draw(axes[3], [m for m in methods if m.name == "direct f64"], f"DC{color}")
+    axes[3].set_title("Real motion: grid (lines), direct f32 (□), f64 (◇)")
+    for ax in axes:
+        ax.set(xscale="log", yscale="log", xlabel="run time [ms]", ylabel="rms error / l2 of the amplitudes")
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
+        ax.grid(which="major", alpha=0.3)
+        ax.legend(fontsize=8)
+    return figure
+
+
+def draw(ax: Axes, methods: list[Method], style: str, **options: str) -> None:
+    if methods:
+        times = [1e3 * method.seconds for method in methods]
+        ax.plot(times, [method.error for method in methods], style, markerfacecolor="none", markersize=5, **options)
+
+
+def machine() -> str:
+    """The instruction set that counts, and the number of cores."""
+    cpu = Path("/proc/cpuinfo")
+    flags = cpu.read_text(encoding="utf-8") if cpu.exists() else ""
+    instructions = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), None)
+    return f"{instructions or platform.machine()}, {os.cpu_count()} cores"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Error of the beat signal against run time.")
+    parser.add_argument("--tiny", action="store_true", help="once, on few paths")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.parent.name}/{PAGE.name} and the picture")
+    arguments = parser.parse_args()
+    run = TINY if arguments.tiny else FULL
+
+    if finufft is None:
+        print(INSTALL_HINT, end="\n\n")
+    linear = list(linear_results(run))
+    linear_table = result_table(linear, "nodes", *(["terms", "with numpy"] if finufft is None else []))
+    print(linear_table, end="\n\n")
+    moving = list(moving_results(run))
+    moving_table = result_table(moving, "terms", "with numpy")
+    print(moving_table, end="\n\n")
+    columns = ["case", "chirps", "nodes", "error", "direct f32", "2 threads", "grid", "2 threads"]
+    growth = table(columns, growth_rows(run))
+    print(growth, end="\n\n")
+    call = overhead(run)
+    print(call)
+
+    image = io.BytesIO()
+    picture(linear, moving).savefig(image, dpi=110)
+    if arguments.write:
+        PICTURE.write_bytes(image.getvalue())
+        text = PAGE_TEXT.format(
+            num_paths=f"{run.side**2:,}".replace(",", " "),
+            machine=machine(),
+            repeats=run.repeats,
+            num_samples=run.samples,
+            picture=PICTURE.name,
+            linear=linear_table,
+            moving=moving_table,
+            growth_tolerance=GROWTH_TOLERANCE,
+            growth=growth,
+            overhead=call,
+        )
+        PAGE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
