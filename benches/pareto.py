@@ -50,7 +50,8 @@ Error of the beat signal against run time; written by `python benches/pareto.py 
 {num_paths} paths, one channel, {machine}; one thread where nothing else is said. Times are medians over {repeats}
 rounds in which the methods take turns, of the call from Python with delays and amplitudes at hand. "× f32" and "× f64"
 say how many times faster a row is than the direct sums of radarcore in single and in double precision, measured in the
-same rounds; other machines shift times more than ratios.
+same rounds; other machines shift times more than ratios. "grid" is `method="auto"`: what the plan chooses, which is the
+grid but for the fan. The direct sums are those by phasor recurrences.
 
 Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
 the frame against eq. (1) evaluated there with the exact delays of all paths.
