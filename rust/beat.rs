@@ -358,8 +358,7 @@ impl Run<'_> {
                 });
                 (0, 0)
             }
-            // Only in single precision, see `single`.
-            Step::Lanes { .. } => (0, 0),
+            Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
             Step::Grid { width, expansions, .. } => self.grid(class, *width, expansions, out),
         }
     }

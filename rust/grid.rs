@@ -58,7 +58,7 @@ impl Layout {
 }
 
 /// Smallest even product of 2, 3 and 5 that is not below `n`.
-fn good_size(n: usize) -> usize {
+pub fn good_size(n: usize) -> usize {
     // There is a power of two below.
     (n.max(2)..=2 * n.max(2))
         .find(|candidate| {

@@ -140,7 +140,7 @@ pub fn tap_table<T: Real>(kernel: &KaiserBessel, half: usize) -> Vec<T> {
 }
 
 /// Coefficients of the powers of z of the polynomial through a function at Chebyshev points on -1 ..= 1.
-fn monomials(degree: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
+pub fn monomials(degree: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
     let n = degree + 1;
     let angle = |j: usize| PI * (2 * j + 1) as f64 / (2 * n) as f64;
     let values: Vec<f64> = (0..n).map(|j| f(angle(j).cos())).collect();
@@ -165,7 +165,7 @@ fn monomials(degree: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// Modified Bessel function of order zero, by its power series: all terms are positive.
-fn bessel_i0(x: f64) -> f64 {
+pub fn bessel_i0(x: f64) -> f64 {
     let quarter = 0.25 * x * x;
     let (mut term, mut sum) = (1.0, 1.0);
     for k in 1..200 {

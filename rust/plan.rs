@@ -229,7 +229,10 @@ impl Goal<'_> {
     /// The cheapest step that reaches the tolerance.
     fn part(&self, look: impl Fn(&[Block]) -> Survey) -> Option<Part> {
         let method = self.request.method;
-        let allowed = |wanted: Method| method == wanted || method == Method::Auto;
+        // Series of more rows are not surveyed.
+        let is_planned = self.request.series.num_delay_terms() <= MAX_PLANNED_TERMS;
+        let allowed =
+            |wanted: Method| (method == wanted || method == Method::Auto) && (is_planned || wanted == Method::Direct);
         let mut best: Option<Part> = None;
         let mut offer = |part: Option<Part>| {
             if let Some(part) = part
@@ -276,7 +279,7 @@ impl Goal<'_> {
         if allowed(Method::Lanes) && self.class == Class::Moving {
             offer(self.lanes());
         }
-        if allowed(Method::Grid) && self.request.series.num_delay_terms() <= MAX_PLANNED_TERMS {
+        if allowed(Method::Grid) {
             let limit = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
             if let Some(part) = self.grid(look, limit)
                 && part.cost < limit

@@ -14,6 +14,8 @@ use rustfft::{Fft, FftPlanner};
 use super::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_sin, splat};
 use crate::block::{CHUNK, Chunk, Lane};
 use crate::chirp::Waveform;
+use crate::grid::good_size;
+use crate::kernel::{bessel_i0, monomials};
 use crate::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::wide::{add, mul, mul_add, round, sub};
 
@@ -60,7 +62,7 @@ impl<T: Precision> LaneGrid<T> {
         let mut taps = [[T::zero(); degree(MAX_WIDTH) + 1]; MAX_WIDTH];
         for (i, tap) in taps[..width].iter_mut().enumerate() {
             let kernel = |z: f64| kaiser_bessel(beta, (2.0 * i as f64 - w + 1.0 + z) / w);
-            for (number, coefficient) in tap.iter_mut().zip(power_series(kernel, degree(width))) {
+            for (number, coefficient) in tap.iter_mut().zip(monomials(degree(width), kernel)) {
                 *number = T::of(coefficient);
             }
         }
@@ -136,61 +138,6 @@ fn kaiser_bessel_transform(beta: f64, u: f64) -> f64 {
         _ => root.sin() / root,
     };
     2.0 * ratio / bessel_i0(beta)
-}
-
-/// Modified Bessel function of the first kind, order 0, by its power series.
-fn bessel_i0(x: f64) -> f64 {
-    let (mut sum, mut term, mut n) = (1.0, 1.0, 1.0);
-    while term > 1e-17 * sum {
-        term *= (0.5 * x / n) * (0.5 * x / n);
-        sum += term;
-        n += 1.0;
-    }
-    sum
-}
-
-/// Coefficients of `1, z, z^2, ...` of the polynomial through Chebyshev points of a function on -1 to 1.
-fn power_series(function: impl Fn(f64) -> f64, degree: usize) -> Vec<f64> {
-    let num_points = degree + 1;
-    let angle = |i: usize| PI * (i as f64 + 0.5) / num_points as f64;
-    let values: Vec<f64> = (0..num_points).map(|i| function(angle(i).cos())).collect();
-    let mut coefficients = vec![0.0; num_points];
-    // T_k in powers of z, and the one before.
-    let (mut chebyshev, mut before) = (vec![0.0; num_points], vec![0.0; num_points]);
-    chebyshev[0] = 1.0;
-    for k in 0..num_points {
-        let scale = if k == 0 { 1.0 } else { 2.0 } / num_points as f64;
-        let weight = scale
-            * (0..num_points)
-                .map(|i| values[i] * (k as f64 * angle(i)).cos())
-                .sum::<f64>();
-        for n in 0..num_points {
-            coefficients[n] += weight * chebyshev[n];
-        }
-        let factor = if k == 0 { 1.0 } else { 2.0 };
-        let next = (0..num_points)
-            .map(|n| if n > 0 { factor * chebyshev[n - 1] } else { 0.0 } - before[n])
-            .collect();
-        before = std::mem::replace(&mut chebyshev, next);
-    }
-    coefficients
-}
-
-/// The next number without prime factors above 5.
-fn good_size(at_least: usize) -> usize {
-    let mut size = at_least;
-    loop {
-        let mut rest = size;
-        for prime in [2, 3, 5] {
-            while rest.is_multiple_of(prime) {
-                rest /= prime;
-            }
-        }
-        if rest == 1 {
-            return size;
-        }
-        size += 1;
-    }
 }
 
 struct AddLanes<'a, T: Precision> {
