@@ -2,7 +2,7 @@
 
 use num_complex::{Complex, Complex32, Complex64};
 
-use crate::block::{Block, CHUNK, Class};
+use crate::block::{Block, CHUNK, Class, Selection};
 use crate::chirp::Waveform;
 use crate::delay::{Basis, PathSeries};
 use crate::direct;
@@ -12,8 +12,9 @@ use crate::grid::{self, Widths};
 use crate::lanes::{self, LaneGrid};
 use crate::parallel;
 use crate::plan::{MAX_PLANNED_TERMS, Method, Part, Plan, Request, Step};
+use crate::residual::Sample;
 use crate::simd::{Level, Real};
-use crate::survey::Survey;
+use crate::survey::{self, Interval, Survey};
 
 /// How a sum is to be formed.
 #[derive(Clone, Copy, Debug)]
@@ -81,19 +82,13 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
     let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
     fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
     let is_single = options.tolerance >= SINGLE_TOLERANCE;
-    let job = Job::new(waveform, series, options)?;
+    let mut job = Job::new(waveform, series, options)?;
     let mut known_gain: f64 = 1.0;
     let mut runs = 0;
     loop {
         let plan = job.plan(known_gain)?;
         fits_memory("grids", &[plan.memory()], 1)?;
-        let run = Run {
-            waveform,
-            series,
-            options,
-            scale: job.scale(),
-        };
-        let (samples, (rows, rows_skipped)) = run.all(&plan, is_single);
+        let (samples, outcome) = job.run().all(&plan, is_single);
         runs += 1;
         let gain = gain(&samples, &job.survey.power, waveform);
         if !gain.is_finite() {
@@ -104,18 +99,25 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
                 got,
             ));
         }
-        if plan.error() * gain.max(1.0) <= options.tolerance {
+        let interpolation = outcome.interpolation(&job.survey.power);
+        let error = plan.error_with(interpolation);
+        if error * gain.max(1.0) <= options.tolerance {
             let report = Report {
                 plan,
-                rows,
-                rows_skipped,
+                rows: outcome.rows,
+                rows_skipped: outcome.rows_skipped,
                 runs,
                 gain,
             };
             return Ok((samples, report));
         }
-        // Paths add up in phase, and so do their errors.
-        known_gain = gain.max(1.01 * known_gain);
+        if plan.error() * gain.max(1.0) > options.tolerance {
+            // Paths add up in phase, and so do their errors.
+            known_gain = gain.max(1.01 * known_gain);
+        }
+        if interpolation > plan.interpolation() {
+            job.learn(&outcome.worst, interpolation / plan.interpolation());
+        }
     }
 }
 
@@ -134,7 +136,16 @@ struct Job<'a> {
     /// Paths that stand still are summed apart from those that move.
     is_split: bool,
     survey: Survey,
+    /// Paths that stand for all moving ones.
+    samples: Vec<Sample>,
+    /// Chunks of paths `(channel, chunk)` that they did not stand for.
+    extra: Vec<(usize, usize)>,
+    /// See [`Request::caution`].
+    caution: f64,
 }
+
+/// Paths that stand for all moving ones.
+const NUM_SAMPLES: usize = 256;
 
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
@@ -147,7 +158,7 @@ impl<'a> Job<'a> {
             Survey::count(series)
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
-            let survey = Survey::new(series, &[frame], options.level, options.is_parallel);
+            let survey = Survey::new(series, &frame, options.level, options.is_parallel);
             if !survey.is_finite {
                 series.check_numbers()?;
             }
@@ -161,20 +172,66 @@ impl<'a> Job<'a> {
             // A second pass over all paths is not worth its while for a few that stand still.
             is_split: options.split_still && 16 * survey.still.num_paths > survey.moving.num_paths,
             survey,
+            samples: Vec::new(),
+            extra: Vec::new(),
+            caution: 1.0,
         };
-        if !job.is_split && !is_direct {
-            job.survey.merge();
+        if !is_direct {
+            if !job.is_split {
+                job.survey.merge();
+            }
+            job.draw();
         }
         Ok(job)
     }
 
-    /// Survey the paths in some blocks.
-    fn look(&self, blocks: &[Block]) -> Survey {
-        let mut survey = Survey::new(self.series, blocks, self.options.level, self.options.is_parallel);
-        if !self.is_split {
-            survey.merge();
+    /// The paths of a class; all of them if they are not split.
+    fn selection(&self, class: Class) -> Selection<'_> {
+        let class = if self.is_split { class } else { Class::All };
+        Selection::new(class, &self.survey.masks, self.series.num_channels)
+    }
+
+    /// Draw the paths that stand for all.
+    fn draw(&mut self) {
+        let selection = self.selection(Class::Moving);
+        let mut samples = survey::samples(self.series, selection, NUM_SAMPLES);
+        for (channel, chunk) in &self.extra {
+            samples.extend(survey::samples_of(self.series, selection, *channel, *chunk));
         }
-        survey
+        self.samples = samples;
+    }
+
+    /// Take in chunks of paths whose residuals were further from their interpolation than the samples', by a factor.
+    fn learn(&mut self, chunks: &[(usize, usize)], factor: f64) {
+        for chunk in chunks {
+            if !self.extra.contains(chunk) {
+                self.extra.push(*chunk);
+            }
+        }
+        self.caution *= (1.2 * factor).clamp(1.2, 3.0);
+        self.draw();
+    }
+
+    fn run(&self) -> Run<'_> {
+        Run {
+            job: self,
+            waveform: self.waveform,
+            series: self.series,
+            options: self.options,
+            scale: self.scale(),
+        }
+    }
+
+    /// Ranges of the first two coefficients of the delays of moving paths in some blocks.
+    fn look(&self, blocks: &[Block]) -> Vec<[Interval; 2]> {
+        let selection = self.selection(Class::Moving);
+        survey::ranges(
+            self.series,
+            selection,
+            blocks,
+            self.options.level,
+            self.options.is_parallel,
+        )
     }
 
     /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
@@ -192,6 +249,10 @@ impl<'a> Job<'a> {
             tolerance: tolerance / gain,
             method,
             gain,
+            caution: self.caution,
+            samples: &self.samples,
+            num_random: NUM_SAMPLES.min(self.samples.len()),
+            level: self.options.level,
         };
         request.plan(&self.survey, |blocks| self.look(blocks))
     }
@@ -222,13 +283,7 @@ impl<'a> Job<'a> {
 
     /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
     fn gain_of(&self, plan: &Plan) -> f64 {
-        let run = Run {
-            waveform: self.waveform,
-            series: self.series,
-            options: self.options,
-            scale: self.scale(),
-        };
-        gain(&run.all(plan, false).0, &self.survey.power, self.waveform)
+        gain(&self.run().all(plan, false).0, &self.survey.power, self.waveform)
     }
 
     /// A power of two near the inverse of the largest amplitude: it keeps the numbers of single precision in range.
@@ -248,7 +303,7 @@ fn check_phases(waveform: &Waveform, survey: &Survey) -> Result<()> {
     let longest: f64 = [&survey.still, &survey.moving]
         .iter()
         .filter(|group| group.num_paths > 0)
-        .map(|group| group.delay[0].iter().map(|range| range.magnitude()).sum::<f64>())
+        .map(|group| group.delay.iter().map(|range| range.magnitude()).sum::<f64>())
         .fold(0.0, f64::max);
     check_turns(waveform, longest)?;
     if survey.power.iter().any(|power| !power.is_finite()) {
@@ -292,29 +347,60 @@ fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
 }
 
 struct Run<'a> {
+    job: &'a Job<'a>,
     waveform: &'a Waveform,
     series: &'a PathSeries<'a>,
     options: &'a Options,
     scale: f64,
 }
 
+/// What a run was like.
+#[derive(Default)]
+struct Outcome {
+    /// Velocity rows that were transformed, and that no path had touched.
+    rows: usize,
+    /// See `rows`.
+    rows_skipped: usize,
+    /// Mean square over the frame of what the interpolation of residuals leaves, summed over paths, per channel.
+    rest: Vec<f64>,
+    /// Chunks `(channel, chunk)` with the largest shares of it.
+    worst: Vec<(usize, usize)>,
+}
+
+impl Outcome {
+    fn join(&mut self, other: Self) {
+        self.rows += other.rows;
+        self.rows_skipped += other.rows_skipped;
+        self.rest.resize(self.rest.len().max(other.rest.len()), 0.0);
+        for (sum, rest) in self.rest.iter_mut().zip(other.rest) {
+            *sum += rest;
+        }
+        self.worst.extend(other.worst);
+    }
+
+    /// Error of the interpolation relative to l2(amplitudes), the largest of all channels.
+    fn interpolation(&self, power: &[f64]) -> f64 {
+        let ratios = self.rest.iter().zip(power).filter(|(_, power)| **power > 0.0);
+        ratios.map(|(rest, power)| (rest / power).sqrt()).fold(0.0, f64::max)
+    }
+}
+
 impl Run<'_> {
-    /// All parts of a plan, and the numbers of rows that were transformed and skipped.
-    fn all(&self, plan: &Plan, is_single: bool) -> (Samples, (usize, usize)) {
+    /// All parts of a plan.
+    fn all(&self, plan: &Plan, is_single: bool) -> (Samples, Outcome) {
         let size = self.series.num_channels * self.waveform.chirp_times.len() * self.waveform.num_samples;
-        // Where there is one class only, no path has to be looked at.
-        let class = |part: &Part| if plan.parts.len() == 1 { Class::All } else { part.class };
+        let selection = |part: &Part| self.job.selection(part.class);
         let needs_double = |part: &Part| !part.step.is_single();
-        let mut rows = (0, 0);
-        let mut add = |counts: (usize, usize)| rows = (rows.0 + counts.0, rows.1 + counts.1);
+        let mut outcome = Outcome::default();
+        let mut add = |part: Outcome| outcome.join(part);
         if plan.parts.iter().any(needs_double) || !is_single {
             let mut sum = vec![Complex64::ZERO; size];
             for part in &plan.parts {
                 if needs_double(part) {
-                    add(self.part(part, class(part), &mut sum));
+                    add(self.part(part, selection(part), &mut sum));
                 } else {
                     let mut single = vec![Complex32::ZERO; size];
-                    add(self.single(part, class(part), &mut single));
+                    add(self.single(part, selection(part), &mut single));
                     for (a, b) in sum.iter_mut().zip(&single) {
                         *a += Complex64::new(f64::from(b.re), f64::from(b.im));
                     }
@@ -324,11 +410,11 @@ impl Run<'_> {
             for sample in &mut sum {
                 *sample *= back;
             }
-            (narrow(sum, is_single), rows)
+            (narrow(sum, is_single), outcome)
         } else {
             let mut sum = vec![Complex32::ZERO; size];
             for part in &plan.parts {
-                add(self.single(part, class(part), &mut sum));
+                add(self.single(part, selection(part), &mut sum));
             }
             if self.scale != 1.0 {
                 // In double: the scale may be beyond single precision where the samples are not.
@@ -337,46 +423,48 @@ impl Run<'_> {
                     *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
                 }
             }
-            (Samples::Single(sum), rows)
+            (Samples::Single(sum), outcome)
         }
     }
 
-    /// Add the paths of one part. Returns the numbers of rows that were transformed and skipped.
-    fn part<T: Widths>(&self, part: &Part, class: Class, out: &mut [Complex<T>]) -> (usize, usize) {
+    /// Add the paths of one part.
+    fn part<T: Widths>(&self, part: &Part, selection: Selection, out: &mut [Complex<T>]) -> Outcome {
         match &part.step {
             Step::Direct => {
                 let (level, is_parallel) = (self.options.level, self.options.is_parallel);
-                let samples = direct::beat_signal(self.waveform, self.series, class, level, is_parallel);
+                let samples = direct::beat_signal(self.waveform, self.series, selection.class, level, is_parallel);
                 for (sum, sample) in out.iter_mut().zip(samples) {
                     *sum = *sum + Complex::new(T::of(sample.re * self.scale), T::of(sample.im * self.scale));
                 }
-                (0, 0)
+                Outcome::default()
             }
             Step::Recurrence { .. } => {
-                self.lanes(class, out, |job, samples| {
+                self.lanes(selection, out, |job, samples| {
                     lanes::add_recurrence(self.options.level, job, samples);
                 });
-                (0, 0)
+                Outcome::default()
             }
             Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
-            Step::Grid { width, expansions, .. } => self.grid(class, *width, expansions, out),
+            Step::Grid { width, expansions, .. } => self.grid(selection, *width, expansions, out),
         }
     }
 
     /// Add the paths of one part whose sums are in single precision.
-    fn single(&self, part: &Part, class: Class, out: &mut [Complex32]) -> (usize, usize) {
+    fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
         if let Step::Lanes { width, follows_sweep } = part.step {
             let grid = LaneGrid::new(self.waveform, width, follows_sweep);
-            self.lanes(class, out, |job, samples| grid.add(self.options.level, job, samples));
-            return (0, 0);
+            self.lanes(selection, out, |job, samples| {
+                grid.add(self.options.level, job, samples);
+            });
+            return Outcome::default();
         }
-        self.part(part, class, out)
+        self.part(part, selection, out)
     }
 
     /// Every channel in groups of chirps.
     fn lanes<T: Widths>(
         &self,
-        class: Class,
+        selection: Selection,
         out: &mut [Complex<T>],
         add: impl Fn(&lanes::Job, &mut [Complex<T>]) + Sync + Send,
     ) {
@@ -395,7 +483,7 @@ impl Run<'_> {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
-                class,
+                selection,
                 paths: 0..self.series.num_paths,
                 chirps: first..(first + GROUP).min(num_chirps),
                 scale: self.scale,
@@ -407,11 +495,11 @@ impl Run<'_> {
     /// Every channel and block of chirps on its grid.
     fn grid<T: Widths>(
         &self,
-        class: Class,
+        selection: Selection,
         width: usize,
         expansions: &[Expansion],
         out: &mut [Complex<T>],
-    ) -> (usize, usize) {
+    ) -> Outcome {
         let num_samples = self.waveform.num_samples;
         // One task per channel and block, in the order of the samples.
         let mut tasks = Vec::new();
@@ -429,12 +517,12 @@ impl Run<'_> {
         } else {
             (num_chunks / 256).clamp(1, grid::MAX_PARTS)
         };
-        let counts = parallel::map(self.options.is_parallel, tasks, |(channel, expansion, samples)| {
+        let outcomes = parallel::map(self.options.is_parallel, tasks, |(channel, expansion, samples)| {
             let job = grid::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
-                class,
+                selection,
                 scale: self.scale,
                 expansion,
                 width,
@@ -443,10 +531,21 @@ impl Run<'_> {
                 is_parallel: self.options.is_parallel,
                 keep_empty_rows: !self.options.skip_rows,
             };
-            let used = job.add_to(samples);
-            (used, expansion.rows - used)
+            let (used, checked) = job.add_to(samples);
+            let mut rest = vec![0.0; self.series.num_channels];
+            let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
+            rest[channel] = share * checked.sum;
+            Outcome {
+                rows: used,
+                rows_skipped: expansion.rows - used,
+                rest,
+                worst: vec![(channel, checked.worst.0)],
+            }
         });
-        counts.into_iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
+        outcomes.into_iter().fold(Outcome::default(), |mut sum, outcome| {
+            sum.join(outcome);
+            sum
+        })
     }
 }
 

@@ -119,6 +119,66 @@ impl Class {
     }
 }
 
+/// The paths of a class.
+#[derive(Clone, Copy, Debug)]
+pub struct Selection<'a> {
+    /// The class.
+    pub class: Class,
+    /// A bit per path that moves, (channel, chunk).
+    moving: &'a [u128],
+    chunks_per_channel: usize,
+}
+
+impl<'a> Selection<'a> {
+    /// All paths.
+    pub const ALL: Selection<'static> = Selection {
+        class: Class::All,
+        moving: &[],
+        chunks_per_channel: 0,
+    };
+
+    /// Those of a class, with a bit per path that moves, (channel, chunk).
+    pub fn new(class: Class, moving: &'a [u128], num_channels: usize) -> Self {
+        Self {
+            class,
+            moving,
+            chunks_per_channel: moving.len() / num_channels.max(1),
+        }
+    }
+
+    /// How many paths of a chunk are wanted.
+    pub fn count(&self, series: &PathSeries, channel: usize, chunk: usize) -> usize {
+        let len = CHUNK.min(series.num_paths - chunk * CHUNK);
+        self.wanted(channel, chunk, len).count_ones() as usize
+    }
+
+    /// Place in a chunk of a wanted path.
+    pub fn place(&self, series: &PathSeries, channel: usize, chunk: usize, rank: usize) -> usize {
+        let len = CHUNK.min(series.num_paths - chunk * CHUNK);
+        let mut bits = self.wanted(channel, chunk, len);
+        for _ in 0..rank {
+            bits &= bits - 1;
+        }
+        bits.trailing_zeros() as usize
+    }
+
+    /// A bit per wanted path among the `len` of a chunk.
+    fn wanted(&self, channel: usize, chunk: usize, len: usize) -> u128 {
+        let all = first_bits(len);
+        let moving = || self.moving[channel * self.chunks_per_channel + chunk];
+        match self.class {
+            Class::All => all,
+            Class::Moving => moving() & all,
+            Class::Still => !moving() & all,
+        }
+    }
+}
+
+/// So many ones.
+fn first_bits(len: usize) -> u128 {
+    u128::MAX.checked_shr((CHUNK - len) as u32).unwrap_or(0)
+}
+
 /// Up to [`CHUNK`] paths of one channel as the series has them.
 pub struct Rows {
     /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
@@ -129,106 +189,115 @@ pub struct Rows {
     pub re: Vec<Lane>,
     /// Imaginary part.
     pub im: Vec<Lane>,
-    /// Zero for the paths that never change, of all paths that were gathered.
-    pub change: Lane,
 }
 
 impl Rows {
     /// Room for the rows of a series.
     pub fn new(series: &PathSeries) -> Self {
+        Self::with(series.num_delay_terms(), series.num_amplitude_terms())
+    }
+
+    /// Room for what a class needs: paths that never change have no further rows.
+    pub fn of_class(series: &PathSeries, class: Class) -> Self {
+        if class == Class::Still {
+            Self::with(1, 1)
+        } else {
+            Self::new(series)
+        }
+    }
+
+    /// Room for delays alone.
+    pub fn of_delays(series: &PathSeries) -> Self {
+        Self::with(series.num_delay_terms(), 0)
+    }
+
+    fn with(num_delays: usize, num_amplitudes: usize) -> Self {
         let lanes = |n: usize| vec![[0.0; CHUNK]; n];
         Self {
             len: 0,
-            delay: lanes(series.num_delay_terms()),
-            re: lanes(series.num_amplitude_terms()),
-            im: lanes(series.num_amplitude_terms()),
-            change: [0.0; CHUNK],
+            delay: lanes(num_delays),
+            re: lanes(num_amplitudes),
+            im: lanes(num_amplitudes),
         }
     }
 
-    /// The paths of a class among the [`CHUNK`] from `first` on, in their order.
+    /// The selected paths among the [`CHUNK`] from `first` on, in their order: as many rows as there is room for.
     #[inline(always)] // part of kernels, see simd.rs
-    pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, class: Class) {
+    pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, selection: Selection) {
         let len = CHUNK.min(series.num_paths - first);
-        let at = channel * series.num_paths + first;
-        self.len = len;
-        for j in 0..self.delay.len() {
-            copy(&series.delay[j][at..at + len], &mut self.delay[j]);
-        }
-        if series.basis == Basis::Chebyshev {
-            subtract_first(&mut self.delay);
-        }
-        for j in 0..self.re.len() {
-            copy_parts(&series.amplitude[j][at..at + len], &mut self.re[j], &mut self.im[j]);
-        }
-        subtract_first(&mut self.re);
-        subtract_first(&mut self.im);
-        if class != Class::All {
-            self.find_change();
-            self.select(class);
-        }
-    }
-
-    /// Sum of the absolute values of all that changes.
-    #[inline(always)]
-    pub fn find_change(&mut self) {
-        self.change = [0.0; CHUNK];
-        for lanes in [&self.delay, &self.re, &self.im] {
-            for j in 1..lanes.len() {
-                for i in 0..CHUNK {
-                    self.change[i] += lanes[j][i].abs();
-                }
-            }
-        }
-    }
-
-    /// Paths of the chunk that change; after [`Self::find_change`].
-    #[inline(always)]
-    pub fn num_moving(&self) -> usize {
-        let mut count: u64 = 0;
-        for i in 0..CHUNK {
-            count += u64::from((self.change[i] != 0.0) && (i < self.len));
-        }
-        count as usize
-    }
-
-    /// Keep the paths of a class.
-    #[inline(always)]
-    fn select(&mut self, class: Class) {
-        let change = &self.change;
-        let num_moving = self.num_moving();
-        let wanted = if class == Class::Moving {
-            num_moving
-        } else {
-            self.len - num_moving
-        };
-        if wanted == self.len {
+        let wanted = selection.wanted(channel, first / CHUNK, len);
+        self.len = wanted.count_ones() as usize;
+        if self.len == 0 {
             return;
         }
-        let mut places = [0; CHUNK];
-        let mut count = 0;
-        for i in 0..self.len {
-            places[count] = i;
-            count += usize::from((change[i] != 0.0) == (class == Class::Moving));
-            count = count.min(CHUNK - 1);
-        }
-        // `count` stops one short of a full chunk, which was returned above.
-        for lane in self.delay.iter_mut().chain(&mut self.re).chain(&mut self.im) {
-            for i in 0..wanted {
-                lane[i] = lane[places[i]];
+        let at = channel * series.num_paths + first;
+        let is_difference = series.basis == Basis::Chebyshev;
+        if self.len == len {
+            for j in 0..self.delay.len() {
+                copy(&series.delay[j][at..at + len], &mut self.delay, j, is_difference);
+            }
+            for j in 0..self.re.len() {
+                copy_parts(&series.amplitude[j][at..at + len], &mut self.re, &mut self.im, j);
+            }
+        } else {
+            let places = places(wanted);
+            for j in 0..self.delay.len() {
+                pick(
+                    &series.delay[j][at..at + len],
+                    &places[..self.len],
+                    &mut self.delay,
+                    j,
+                    is_difference,
+                );
+            }
+            for j in 0..self.re.len() {
+                let row = &series.amplitude[j][at..at + len];
+                pick_parts(row, &places[..self.len], &mut self.re, &mut self.im, j);
             }
         }
-        if wanted > 0 {
-            for lane in &mut self.delay {
-                let last = lane[wanted - 1];
-                lane[wanted..].fill(last);
-            }
-        }
-        for lane in self.re.iter_mut().chain(&mut self.im) {
-            lane[wanted..].fill(0.0);
-        }
-        self.len = wanted;
     }
+
+    /// A bit per path that changes.
+    #[inline(always)]
+    pub fn moving(&self) -> u128 {
+        let all = first_bits(self.len);
+        let mut change = [0.0; CHUNK];
+        add_changes(&self.delay, &mut change);
+        let mut count = count_changed(&change);
+        if count < CHUNK {
+            add_changes(&self.re, &mut change);
+            add_changes(&self.im, &mut change);
+            count = count_changed(&change);
+        }
+        if count == 0 || count == CHUNK {
+            return if count == 0 { 0 } else { all };
+        }
+        let mut bits = [0_u64; 2];
+        for i in 0..CHUNK {
+            bits[i / 64] |= u64::from(change[i] != 0.0) << (i % 64);
+        }
+        (u128::from(bits[0]) | u128::from(bits[1]) << 64) & all
+    }
+}
+
+/// Add the absolute values of all lanes after the first.
+#[inline(always)]
+fn add_changes(lanes: &[Lane], change: &mut Lane) {
+    for j in 1..lanes.len() {
+        for i in 0..CHUNK {
+            change[i] += lanes[j][i].abs();
+        }
+    }
+}
+
+/// How many numbers are not zero.
+#[inline(always)]
+fn count_changed(change: &Lane) -> usize {
+    let mut count: u64 = 0;
+    for i in 0..CHUNK {
+        count += u64::from(change[i] != 0.0);
+    }
+    count as usize
 }
 
 /// Coefficient k of the paths from `at` on, the first row of the constant one left out.
@@ -270,13 +339,20 @@ impl Chunk {
         }
     }
 
-    /// The paths of a class among the [`CHUNK`] from `first` on, in their order.
+    /// The selected paths among the [`CHUNK`] from `first` on, in their order.
     ///
     /// Coefficients are formed from differences to the first row, which keeps what is small and vanishes where nothing
     /// changes.
     #[inline(always)] // part of kernels, see simd.rs
-    pub fn load<I: Isa>(&mut self, series: &PathSeries, channel: usize, first: usize, block: &Block, class: Class) {
-        self.rows.gather(series, channel, first, class);
+    pub fn load<I: Isa>(
+        &mut self,
+        series: &PathSeries,
+        channel: usize,
+        first: usize,
+        block: &Block,
+        selection: Selection,
+    ) {
+        self.rows.gather(series, channel, first, selection);
         self.len = self.rows.len;
         expand::<I>(&block.delay, &self.rows.delay, &mut self.delay);
         expand::<I>(&block.amplitude, &self.rows.re, &mut self.re);
@@ -298,46 +374,100 @@ fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane])
     }
 }
 
-/// Differences from the first lane.
+/// Places of the ones.
 #[inline(always)]
-fn subtract_first(lanes: &mut [Lane]) {
-    let (first, others) = lanes.split_at_mut(1);
-    let first = &first[0];
-    for lane in others {
-        for i in 0..CHUNK {
-            lane[i] -= first[i];
-        }
+fn places(mut bits: u128) -> [u8; CHUNK] {
+    let mut places = [0; CHUNK];
+    let mut count = 0;
+    while bits != 0 && count < CHUNK {
+        places[count] = bits.trailing_zeros() as u8;
+        count += 1;
+        bits &= bits - 1;
     }
+    places
 }
 
-/// A row into a lane; after its end, its last number.
+/// Lane j, and the first one if `j > 0`.
 #[inline(always)]
-fn copy(row: &[f64], lane: &mut Lane) {
-    if let Ok(row) = <&Lane>::try_from(row) {
-        for i in 0..CHUNK {
-            lane[i] = row[i];
-        }
-        return;
-    }
-    lane[..row.len()].copy_from_slice(row);
-    let last = row[row.len() - 1];
-    lane[row.len()..].fill(last);
+fn lane_and_first(lanes: &mut [Lane], j: usize) -> (&mut Lane, Option<&Lane>) {
+    let (before, from) = lanes.split_at_mut(j);
+    (&mut from[0], before.first())
 }
 
-/// Real and imaginary parts of a row; zero after its end.
+/// Some numbers of a row into lane j; after them, the last. Less the first lane if it `is_difference`.
 #[inline(always)]
-fn copy_parts(row: &[Complex64], re: &mut Lane, im: &mut Lane) {
-    if let Ok(row) = <&[Complex64; CHUNK]>::try_from(row) {
-        for i in 0..CHUNK {
-            re[i] = row[i].re;
-            im[i] = row[i].im;
-        }
-        return;
+fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference: bool) {
+    let (lane, first) = lane_and_first(lanes, j);
+    let first = if is_difference { first } else { None };
+    let mut last = 0.0;
+    for i in 0..places.len().min(CHUNK) {
+        last = row[usize::from(places[i])] - first.map_or(0.0, |first| first[i]);
+        lane[i] = last;
     }
+    lane[places.len()..].fill(last);
+}
+
+/// Real and imaginary parts of some numbers of a row, less the first lane; zero after them.
+#[inline(always)]
+fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane], j: usize) {
+    let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
     (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
-    for (i, a) in row.iter().enumerate() {
-        re[i] = a.re;
-        im[i] = a.im;
+    for i in 0..places.len().min(CHUNK) {
+        let a = row[usize::from(places[i])];
+        re[i] = a.re - first_re.map_or(0.0, |first| first[i]);
+        im[i] = a.im - first_im.map_or(0.0, |first| first[i]);
+    }
+}
+
+/// A row into lane j; after its end, its last number. Less the first lane if it `is_difference`.
+#[inline(always)]
+fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
+    let (lane, first) = lane_and_first(lanes, j);
+    match (<&Lane>::try_from(row), first) {
+        (Ok(row), Some(first)) if is_difference => {
+            for i in 0..CHUNK {
+                lane[i] = row[i] - first[i];
+            }
+        }
+        (Ok(row), _) => *lane = *row,
+        (Err(_), first) => {
+            let last = row.len() - 1;
+            for i in 0..CHUNK {
+                let less = if is_difference {
+                    first.map_or(0.0, |first| first[i])
+                } else {
+                    0.0
+                };
+                lane[i] = row[i.min(last)] - less;
+            }
+        }
+    }
+}
+
+/// Real and imaginary parts of a row, less the first lane; zero after its end.
+#[inline(always)]
+fn copy_parts(row: &[Complex64], re: &mut [Lane], im: &mut [Lane], j: usize) {
+    let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
+    match (<&[Complex64; CHUNK]>::try_from(row), first_re, first_im) {
+        (Ok(row), Some(first_re), Some(first_im)) => {
+            for i in 0..CHUNK {
+                re[i] = row[i].re - first_re[i];
+                im[i] = row[i].im - first_im[i];
+            }
+        }
+        (Ok(row), ..) => {
+            for i in 0..CHUNK {
+                re[i] = row[i].re;
+                im[i] = row[i].im;
+            }
+        }
+        (Err(_), ..) => {
+            (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
+            for i in 0..row.len().min(CHUNK) {
+                re[i] = row[i].re - first_re.map_or(0.0, |first| first[i]);
+                im[i] = row[i].im - first_im.map_or(0.0, |first| first[i]);
+            }
+        }
     }
 }
 
@@ -346,7 +476,7 @@ mod tests {
     use super::*;
     use crate::simd::{Kernel, Level};
 
-    struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Class);
+    struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Selection<'a>);
 
     impl Kernel for Load<'_> {
         type Output = ();
@@ -356,8 +486,17 @@ mod tests {
         }
     }
 
-    fn load(chunk: &mut Chunk, series: &PathSeries, _channel: usize, first: usize, block: &Block, class: Class) {
-        Level::best().run(Load(chunk, series, first, block, class));
+    /// The paths of a class, found by themselves.
+    fn load(chunk: &mut Chunk, series: &PathSeries, first: usize, block: &Block, class: Class) {
+        let mut rows = Rows::new(series);
+        let masks: Vec<u128> = (0..series.num_paths)
+            .step_by(CHUNK)
+            .map(|first| {
+                rows.gather(series, 0, first, Selection::ALL);
+                rows.moving()
+            })
+            .collect();
+        Level::best().run(Load(chunk, series, first, block, Selection::new(class, &masks, 1)));
     }
 
     fn waveform() -> Waveform {
@@ -402,7 +541,7 @@ mod tests {
         for series in [taylor, nodal] {
             for block in Block::split(&wf, &series, 3) {
                 let mut chunk = Chunk::new(&series);
-                load(&mut chunk, &series, 0, 0, &block, Class::All);
+                load(&mut chunk, &series, 0, &block, Class::All);
                 assert_eq!(chunk.len, 2);
                 for time in [block.center - block.half, block.center, block.center + 0.7 * block.half] {
                     let x = block.x(time);
@@ -413,7 +552,7 @@ mod tests {
                     }
                 }
                 for (class, path) in [(Class::Moving, 0), (Class::Still, 1)] {
-                    load(&mut chunk, &series, 0, 0, &block, class);
+                    load(&mut chunk, &series, 0, &block, class);
                     assert_eq!(chunk.len, 1);
                     // T_0(0) = 1, T_2(0) = -1
                     let middle = chunk.delay[0][0] - chunk.delay[2][0];
@@ -445,7 +584,7 @@ mod tests {
             for class in [Class::Still, Class::Moving] {
                 let mut got = Vec::new();
                 for first in (0..300).step_by(CHUNK) {
-                    load(&mut chunk, &series, 0, first, &block, class);
+                    load(&mut chunk, &series, first, &block, class);
                     got.extend(chunk.re[0][..chunk.len].iter().map(|re| *re as usize));
                 }
                 let expected: Vec<usize> = (0..300)

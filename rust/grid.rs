@@ -1,13 +1,13 @@
 //! The range-velocity grid: paths spread once, one FFT per velocity row, and a dense transform over slow time.
 //!
-//! How phases become places on the grid, strengths and factors is said in `expansion.rs`. Every term of an expansion has
-//! a grid of its own and shares the kernel's weights with the others.
+//! How phases become places on the grid and strengths is said in `residual.rs` and `modes.rs`. Every mode has a grid of its
+//! own and shares the kernel's weights with the others.
 
 mod place;
 mod slow_time;
 mod spread;
 
-pub use place::MAX_DEGREES;
+pub use spread::Checked;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -15,9 +15,9 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
-use self::place::{Map, Points};
+use self::place::{Map, Points, Tracks};
 
-use crate::block::{CHUNK, Class, Rows};
+use crate::block::{CHUNK, Rows, Selection};
 use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::expansion::Expansion;
@@ -85,7 +85,7 @@ pub struct Job<'a> {
     /// Number of the channel.
     pub channel: usize,
     /// The paths that take part.
-    pub class: Class,
+    pub selection: Selection<'a>,
     /// Amplitudes are multiplied by this power of two.
     pub scale: f64,
     /// How they are expanded.
@@ -103,10 +103,11 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Add the samples `(chirp, sample)` of the block to `out`. Returns the number of rows that were transformed.
-    pub fn add_to<T: Widths>(&self, out: &mut [Complex<T>]) -> usize {
+    /// Add the samples `(chirp, sample)` of the block to `out`. Returns the number of rows that were transformed, and how far
+    /// residuals are from their interpolation.
+    pub fn add_to<T: Widths>(&self, out: &mut [Complex<T>]) -> (usize, Checked) {
         let layout = Layout::new(self.waveform.num_samples, self.width, self.expansion.rows);
-        let grid = self.fill::<T>(&layout);
+        let (grid, checked) = self.fill::<T>(&layout);
         let is_touched = |row: usize| {
             let mut terms = grid.chunks_exact(layout.size());
             terms.any(|term| is_any(&term[row * layout.stride..][..layout.stride]))
@@ -115,7 +116,7 @@ impl Job<'_> {
             .filter(|row| self.keep_empty_rows || is_touched(*row))
             .collect();
         if rows.is_empty() {
-            return 0;
+            return (0, checked);
         }
         let kernel = KaiserBessel::new(self.width);
         let spectra = self.transform_rows(&layout, &kernel, &grid, &rows);
@@ -126,33 +127,36 @@ impl Job<'_> {
                     *sample = *sample + Complex::new(spectra.re[m], spectra.im[m]);
                 }
             }
-            return 1;
+            return (1, checked);
         }
         let num_rows = rows.len();
         slow_time::add_chirps(self, &layout, &kernel, &spectra, &rows, out);
-        num_rows
+        (num_rows, checked)
     }
 
     /// Spread all paths: (term, row, cell).
-    fn fill<T: Widths>(&self, layout: &Layout) -> Vec<T> {
+    fn fill<T: Widths>(&self, layout: &Layout) -> (Vec<T>, Checked) {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
-            let mut grid = vec![T::zero(); self.expansion.terms.len() * layout.size()];
-            spread::spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
-            grid
+            let mut grid = vec![T::zero(); self.expansion.modes.num_sets() * layout.size()];
+            let checked = spread::spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
+            (grid, checked)
         };
         let parts = parallel::map(self.is_parallel, (0..self.num_parts).collect(), part);
         let mut parts = parts.into_iter();
-        let Some(mut sum) = parts.next() else {
+        let Some((mut sum, mut checked)) = parts.next() else {
             unreachable!("at least one part")
         };
-        for other in parts {
+        for (other, others) in parts {
             for (a, b) in sum.iter_mut().zip(&other) {
                 *a = *a + *b;
             }
+            checked = checked.join(others);
         }
-        sum
+        // In units of the amplitudes.
+        checked.sum *= self.expansion.modes.check_factor / self.scale / self.scale;
+        (sum, checked)
     }
 
     /// FFT over range of some rows of every term, divided by the kernel's transform: (term, row, sample).
@@ -177,8 +181,8 @@ impl Job<'_> {
             .collect();
         let first = (m_index(0, middle, n), num_samples.min(middle));
         let mut spectra = Spectra {
-            re: vec![T::zero(); self.expansion.terms.len() * rows.len() * padded],
-            im: vec![T::zero(); self.expansion.terms.len() * rows.len() * padded],
+            re: vec![T::zero(); self.expansion.modes.num_sets() * rows.len() * padded],
+            im: vec![T::zero(); self.expansion.modes.num_sets() * rows.len() * padded],
             padded,
         };
         // A buffer for the row and one for the transform.
@@ -257,8 +261,15 @@ struct Spectra<T> {
 pub trait Widths: Precision {
     /// Numbers in a vector.
     const LANES: usize;
-    /// Gather a chunk of paths and put them in their places.
-    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>);
+    /// Gather a chunk of paths and put them in their places, see [`place::Place`].
+    fn place(
+        job: &Job,
+        map: &Map<Self>,
+        first: usize,
+        rows: &mut Rows,
+        tracks: &mut Tracks<Self>,
+        points: &mut Points<Self>,
+    ) -> f64;
     /// Spread the points of a chunk of paths.
     fn add_points(chunk: spread::Patches<Self>);
     /// The inverse FFT of a length.
@@ -279,8 +290,22 @@ macro_rules! planned_fft {
 impl Widths for f32 {
     const LANES: usize = 16;
 
-    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>) {
-        place::place_chunk::<Self, 2>(job, map, first, rows, points);
+    fn place(
+        job: &Job,
+        map: &Map<Self>,
+        first: usize,
+        rows: &mut Rows,
+        tracks: &mut Tracks<Self>,
+        points: &mut Points<Self>,
+    ) -> f64 {
+        job.level.run(place::Place::<Self, 2> {
+            job,
+            map,
+            first,
+            rows,
+            tracks,
+            points,
+        })
     }
 
     fn add_points(chunk: spread::Patches<Self>) {
@@ -300,8 +325,22 @@ impl Widths for f32 {
 impl Widths for f64 {
     const LANES: usize = 8;
 
-    fn place(job: &Job, map: &Map, first: usize, rows: &mut Rows, points: &mut Points<Self>) {
-        place::place_chunk::<Self, 1>(job, map, first, rows, points);
+    fn place(
+        job: &Job,
+        map: &Map<Self>,
+        first: usize,
+        rows: &mut Rows,
+        tracks: &mut Tracks<Self>,
+        points: &mut Points<Self>,
+    ) -> f64 {
+        job.level.run(place::Place::<Self, 1> {
+            job,
+            map,
+            first,
+            rows,
+            tracks,
+            points,
+        })
     }
 
     fn add_points(chunk: spread::Patches<Self>) {

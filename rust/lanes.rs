@@ -14,7 +14,7 @@ mod spread;
 
 use std::ops::Range;
 
-use crate::block::{Block, CHUNK, Chunk, Class, Lane};
+use crate::block::{Block, CHUNK, Chunk, Lane, Selection};
 use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::simd::{Isa, Precision, Vector};
@@ -33,7 +33,7 @@ pub struct Job<'a> {
     /// The channel.
     pub channel: usize,
     /// Paths that move, do not, or all.
-    pub class: Class,
+    pub selection: Selection<'a>,
     /// Numbers of the paths; start and end are multiples of [`CHUNK`], or the end is that of the series.
     pub paths: Range<usize>,
     /// Numbers of the chirps, best in whole groups of 16.
@@ -466,7 +466,7 @@ pub(crate) mod tests {
     /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the truth.
     pub fn error<T: Precision>(waveform: &Waveform, paths: &Paths, add: impl Fn(&Job, &mut [Complex<T>])) -> f64 {
         paths.with_series(|series| {
-            let truth = direct::beat_signal(waveform, series, Class::All, Level::best(), false);
+            let truth = direct::beat_signal(waveform, series, crate::block::Class::All, Level::best(), false);
             let scale = f64::from(1 << 20);
             let mut out = vec![Complex::<T>::default(); truth.len()];
             let num_chirps = waveform.chirp_times.len();
@@ -481,7 +481,7 @@ pub(crate) mod tests {
                             waveform,
                             series,
                             channel: 0,
-                            class: Class::All,
+                            selection: Selection::ALL,
                             paths: part,
                             chirps: chirps.clone(),
                             scale,

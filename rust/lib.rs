@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
-//! on all paths), `plan` (what is done with them, by which `expansion`), then `grid` (places, spreading with the `kernel`,
+//! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
 //! transforms), `lanes` (chirps side by side) or `direct`; `beat` runs it and sees to the tolerance. Kernels are written
 //! once, with `simd` and `wide`, and compiled for every instruction set.
 //!
@@ -35,12 +35,14 @@ pub mod kernel;
 pub mod lanes;
 pub mod material;
 pub mod mesh;
+pub mod modes;
 pub mod motion;
 pub mod parallel;
 pub mod plan;
 #[cfg(feature = "python")]
 mod python;
 pub mod rays;
+pub mod residual;
 pub mod scatter;
 pub mod shading;
 pub mod simd;

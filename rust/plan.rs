@@ -9,11 +9,14 @@ use std::fmt;
 use crate::block::{Block, CHUNK, Class};
 use crate::chirp::Waveform;
 use crate::delay::{PathSeries, chebyshev_matrix};
-use crate::expansion::{Expansion, Factor, FactorKind, MAX_BESSEL, Term, offset};
-use crate::grid::{Layout, MAX_DEGREES, MAX_PARTS};
+use crate::expansion::Expansion;
+use crate::grid::{Layout, MAX_PARTS};
 use crate::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::lanes;
-use crate::survey::{Group, Interval, Moments, Survey};
+use crate::modes::{self, Modes};
+use crate::residual::{Frame, Path, Sample};
+use crate::simd::Level;
+use crate::survey::{Group, Interval, Survey};
 
 /// What is done with a class of paths.
 #[derive(Clone, Debug)]
@@ -83,6 +86,8 @@ pub struct Part {
     pub step: Step,
     /// Predicted error relative to l2(amplitudes).
     pub error: f64,
+    /// What the interpolation of residuals has in it, as far as samples of the paths say.
+    pub interpolation: f64,
     /// Predicted time on one thread [s], of use for comparison only.
     pub cost: f64,
     /// Memory beside the input and the result [bytes].
@@ -123,6 +128,14 @@ pub struct Request<'a> {
     pub method: Method,
     /// Largest rms of the samples of a channel relative to its l2(amplitudes), as far as it is known; at least 1.
     pub gain: f64,
+    /// Divides the error that the samples may have: more than 1 where other paths turned out to have more.
+    pub caution: f64,
+    /// Paths that stand for all moving ones.
+    pub samples: &'a [Sample],
+    /// So many of them, the first, were drawn from all.
+    pub num_random: usize,
+    /// Instruction set.
+    pub level: Level,
 }
 
 /// Errors of rounding, relative to l2(amplitudes).
@@ -139,12 +152,9 @@ const SINGLE_RECURRENCE: f64 = 6e-6;
 const DOUBLE_RECURRENCE: f64 = 5e-13;
 /// Share of the tolerance that predicted errors may fill.
 const MARGIN: f64 = 0.9;
-/// rms over time and paths of a Chebyshev polynomial to the power of the order.
-const ORDER_RMS: [f64; 7] = [1.0, 0.68, 0.53, 0.45, 0.40, 0.36, 0.33];
-/// Most terms of an expansion, and most combinations that are looked at.
-const MAX_TERMS: usize = 48;
-const MAX_COMBINATIONS: usize = 3000;
-/// Largest grid of one block with all its terms [numbers].
+/// Rounding of residual phases in single precision [rad per turn].
+const SINGLE_TURN: f64 = 5e-7;
+/// Largest grid of one block with all its modes [numbers].
 const MAX_GRID: usize = 1 << 23;
 /// Most rows of a series that are planned for; beyond it, the direct sum.
 pub const MAX_PLANNED_TERMS: usize = 64;
@@ -152,8 +162,8 @@ pub const MAX_PLANNED_TERMS: usize = 64;
 impl Request<'_> {
     /// The plan for some paths. None if the allowed steps cannot reach the tolerance.
     ///
-    /// `look` surveys the paths in blocks.
-    pub fn plan(&self, frame: &Survey, look: impl Fn(&[Block]) -> Survey) -> Option<Plan> {
+    /// `look` gives the ranges of the first two coefficients of the delays of moving paths in blocks.
+    pub fn plan(&self, frame: &Survey, look: impl Fn(&[Block]) -> Vec<[Interval; 2]>) -> Option<Plan> {
         let mut plan = Plan::default();
         if self.method == Method::Direct && self.series.num_paths > 0 {
             plan.parts.push(Part {
@@ -161,6 +171,7 @@ impl Request<'_> {
                 num_paths: self.series.num_channels * self.series.num_paths,
                 step: Step::Direct,
                 error: 0.0,
+                interpolation: 0.0,
                 cost: 0.0,
                 memory: 0,
             });
@@ -197,6 +208,21 @@ impl Plan {
         self.parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt()
     }
 
+    /// Part of the error that is due to the interpolation of residuals, as far as samples of the paths say.
+    pub fn interpolation(&self) -> f64 {
+        self.parts
+            .iter()
+            .map(|part| part.interpolation.powi(2))
+            .sum::<f64>()
+            .sqrt()
+    }
+
+    /// The error with what the interpolation turned out to leave, if that is more.
+    pub fn error_with(&self, interpolation: f64) -> f64 {
+        let more = interpolation.powi(2) - self.interpolation().powi(2);
+        (self.error().powi(2) + more.max(0.0)).sqrt()
+    }
+
     /// Memory beside the input and the result [bytes].
     pub fn memory(&self) -> usize {
         self.parts.iter().map(|part| part.memory).max().unwrap_or(0)
@@ -227,7 +253,7 @@ struct Goal<'a> {
 
 impl Goal<'_> {
     /// The cheapest step that reaches the tolerance.
-    fn part(&self, look: impl Fn(&[Block]) -> Survey) -> Option<Part> {
+    fn part(&self, look: impl Fn(&[Block]) -> Vec<[Interval; 2]>) -> Option<Part> {
         let method = self.request.method;
         // Series of more rows are not surveyed.
         let is_planned = self.request.series.num_delay_terms() <= MAX_PLANNED_TERMS;
@@ -310,6 +336,7 @@ impl Goal<'_> {
             num_paths: self.group.num_paths,
             step,
             error: error * self.share,
+            interpolation: 0.0,
             cost: 1e-9 * nanoseconds * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
             memory: 0,
         }
@@ -327,11 +354,11 @@ impl Goal<'_> {
                 .map(|i| ((k * k) as f64 - (i * i) as f64).max(0.0) / ((2 * i + 1) * (i + 1)) as f64 * ratio)
                 .product()
         };
-        let delay = &self.group.delay[0];
+        let delay = &self.group.delay;
         let fifth: f64 = (5..delay.len()).map(|k| term(k, 5) * delay[k].magnitude()).sum();
         let top = waveform.start_frequency.abs()
             + waveform.slope.abs() * waveform.sample_time(waveform.num_samples - 1).abs();
-        let power = &self.group.power[0];
+        let power = &self.group.power;
         let third: f64 = (3..power.len()).map(|k| term(k, 3) * share(&power[k], &self.own)).sum();
         // rms of t^5 and t^3 over a chirp.
         (0.3 * TAU * top * fifth).hypot(0.38 * third)
@@ -344,7 +371,7 @@ impl Goal<'_> {
         let frame = Block::new(waveform, self.request.series, 0..num_chirps);
         // Bounds of rate and acceleration: |T_k'| <= k^2, |T_k''| <= k^2 (k^2 - 1) / 3.
         let (mut rate, mut acceleration) = (0.0, 0.0);
-        for (k, range) in self.group.delay[0].iter().enumerate().skip(1) {
+        for (k, range) in self.group.delay.iter().enumerate().skip(1) {
             let square = (k * k) as f64;
             rate += square * range.magnitude() / frame.half;
             acceleration += square * (square - 1.0) / 3.0 * range.magnitude() / frame.half.powi(2);
@@ -354,8 +381,8 @@ impl Goal<'_> {
         let bend = TAU * (slope * rate + 0.5 * top * acceleration) * sweep * sweep;
         let skew = TAU * (0.5 * slope * acceleration) * sweep.powi(3);
         // Amplitudes are those in the middle of the chirp.
-        let change: f64 = (1..self.group.power[0].len())
-            .map(|k| (k * k) as f64 * share(&self.group.power[0][k], &self.own) * sweep / frame.half)
+        let change: f64 = (1..self.group.power.len())
+            .map(|k| (k * k) as f64 * share(&self.group.power[k], &self.own) * sweep / frame.half)
             .sum();
         let fixed = (0.3 * skew).hypot(change);
         let follows_sweep = (0.3 * bend).hypot(fixed) > 0.4 * self.tolerance;
@@ -389,6 +416,7 @@ impl Goal<'_> {
                 follows_sweep,
             },
             error: errors(&kernel) * self.share,
+            interpolation: 0.0,
             cost: 1e-9
                 * groups as f64
                 * (self.group.num_paths as f64 * per_path + self.request.series.num_channels as f64 * per_group),
@@ -397,7 +425,7 @@ impl Goal<'_> {
     }
 
     /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
-    fn grid(&self, look: impl Fn(&[Block]) -> Survey, limit: f64) -> Option<Part> {
+    fn grid(&self, look: impl Fn(&[Block]) -> Vec<[Interval; 2]>, limit: f64) -> Option<Part> {
         let request = self.request;
         let (waveform, series) = (request.waveform, request.series);
         let num_chirps = waveform.chirp_times.len();
@@ -409,7 +437,7 @@ impl Goal<'_> {
                 .collect()
         };
         // Estimate by bounds that follow from those of the whole frame.
-        let mut best: Option<(f64, usize, Kernel)> = None;
+        let mut best: Option<(f64, Vec<Block>, Kernel, Vec<Laid>)> = None;
         for count in counts {
             let blocks = Block::split(waveform, series, count);
             let sample: Vec<usize> = if count > 2 {
@@ -417,54 +445,56 @@ impl Goal<'_> {
             } else {
                 (0..count).collect()
             };
-            for kernel in self.kernels(num_chirps / count) {
-                let mut cost = 0.0;
-                let is_feasible = sample.iter().all(|i| {
-                    let bounds = self.enclose(&blocks[*i]);
-                    self.expand(&blocks[*i], &bounds, kernel).is_some_and(|(expansion, _)| {
-                        cost += self.cost(kernel, &expansion) * count as f64 / sample.len() as f64;
-                        true
-                    })
-                });
-                if is_feasible && best.as_ref().is_none_or(|(least, ..)| cost < *least) {
-                    best = Some((cost, count, kernel));
-                }
+            let share = count as f64 / sample.len() as f64;
+            let laid = self.kernel(num_chirps / count).and_then(|kernel| {
+                let of_block = |i: &usize| self.expand(&blocks[*i], &self.enclose(&blocks[*i]), kernel);
+                Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
+            });
+            let Some((kernel, laid)) = laid else {
+                continue;
+            };
+            let costs = |halved: bool| -> f64 {
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, halved));
+                share * costs.sum::<f64>()
+            };
+            let (cost, next) = (costs(false), 2.0 * costs(true));
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, blocks, kernel, laid));
             }
-            // More blocks only help where there are terms to save or rows are many: each spreads all paths.
-            if let Some((least, best_count, kernel)) = best
-                && (count >= 4 * best_count || least <= 2.0 * count as f64 * self.spread_cost(kernel, 1))
-            {
+            if best.as_ref().is_some_and(|(least, ..)| *least <= next) {
                 break;
             }
         }
-        let (estimate, count, kernel) = best?;
+        let (estimate, blocks, kernel, mut laid) = best?;
         if estimate >= limit {
             // What is at hand is cheaper: no need to look at the paths again.
             return None;
         }
-        let blocks = Block::split(waveform, series, count);
-        let survey = (count > 1).then(|| look(&blocks));
-        let mut expansions = Vec::new();
-        let (mut error, mut cost): (f64, f64) = (0.0, 0.0);
-        for (i, block) in blocks.iter().enumerate() {
-            let bounds = match &survey {
-                None => self.enclose(block),
-                Some(survey) => Bounds {
-                    delay: survey.moving.delay[i].clone(),
-                    amplitude: survey.moving.power[i].iter().map(|p| share(p, &self.own)).collect(),
-                    moments: weighted(&survey.moving.moments[i], &survey.moving.power[i][0]),
-                },
+        if blocks.len() > 1 {
+            // Now with the ranges that the paths have in the blocks.
+            let with_ranges = |(block, ranges): (&Block, [Interval; 2])| {
+                let mut bounds = self.enclose(block);
+                for (bound, range) in bounds.iter_mut().zip(ranges) {
+                    *bound = range;
+                }
+                self.expand(block, &bounds, kernel)
             };
-            let (expansion, expected) = self.expand(block, &bounds, kernel)?;
-            cost += self.cost(kernel, &expansion);
-            error = error.max(expected);
-            expansions.push(expansion);
+            laid = blocks
+                .iter()
+                .zip(look(&blocks))
+                .map(with_ranges)
+                .collect::<Option<_>>()?;
         }
+        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
+        let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
+        let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
+        let count = blocks.len();
+        let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
         // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
         let grids = (series.num_channels * count).clamp(MAX_PARTS, 16);
         let numbers = expansions
             .iter()
-            .map(|e| e.terms.len() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
+            .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
             .max()
             .unwrap_or(0);
         Some(Part {
@@ -476,6 +506,7 @@ impl Goal<'_> {
                 expansions,
             },
             error: error * self.share,
+            interpolation: interpolation * self.share,
             cost,
             memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
         })
@@ -505,7 +536,7 @@ impl Goal<'_> {
     fn single_rounding(&self, most: f64) -> f64 {
         let (waveform, series) = (self.request.waveform, self.request.series);
         // Cells between the nearest and the farthest path.
-        let span = 2.0 * self.group.delay[0][0].half() * (waveform.slope / waveform.sample_rate).abs();
+        let span = 2.0 * self.group.delay[0].half() * (waveform.slope / waveform.sample_rate).abs();
         let cells = 1.0 + span.min(1.0) * (OVERSAMPLING * waveform.num_samples) as f64;
         let paths = (self.group.num_paths as f64 / series.num_channels as f64).min(most);
         // The paths of a cell that add up in phase are gain^2.
@@ -515,19 +546,11 @@ impl Goal<'_> {
             .hypot(SINGLE_EQUAL_SUM * equal)
     }
 
-    /// Kernels that leave room for other errors in blocks of so many chirps: the narrowest, and the next one.
-    fn kernels(&self, num_chirps: usize) -> Vec<Kernel> {
+    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps.
+    fn kernel(&self, num_chirps: usize) -> Option<Kernel> {
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
-        let fitting = self
-            .all_kernels(stress, f64::INFINITY)
-            .filter(|kernel| kernel.error <= 0.85 * self.tolerance);
-        let mut kernels: Vec<Kernel> = fitting.take(2).collect();
-        if let [first, second] = kernels[..]
-            && first.is_single != second.is_single
-        {
-            kernels.pop();
-        }
-        kernels
+        self.all_kernels(stress, f64::INFINITY)
+            .find(|kernel| kernel.error <= 0.8 * self.tolerance)
     }
 
     /// Predicted time to spread all paths on the grids of some terms [s].
@@ -541,145 +564,93 @@ impl Goal<'_> {
         1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
     }
 
-    /// Predicted time of one block [s].
-    fn cost(&self, kernel: Kernel, expansion: &Expansion) -> f64 {
-        let terms = expansion.terms.len() as f64;
+    /// Predicted time of one block [s]; or of each of its halves, if these had half as many modes, fewer than they have.
+    fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
+        let divisor = if is_halved { 2 } else { 1 };
+        let num_modes = expansion.modes.num_sets().div_ceil(divisor);
+        let terms = num_modes as f64;
         let channels = self.request.series.num_channels as f64;
         let samples = self.request.waveform.num_samples as f64 / 128.0;
-        let slow = 0.6 + 0.01 * expansion.block.chirps.len() as f64;
+        let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
         let scale = if kernel.is_single { 1.0 } else { 2.0 };
         let transform = if expansion.rows == 1 {
             1e3
         } else {
-            1e3 * expansion.rows as f64 * terms * slow * samples * scale
+            1e3 * (expansion.rows / divisor) as f64 * terms * slow * samples * scale
         };
         // Every block reads all rows of the series: those of amplitudes are twice as long.
         let series = self.request.series;
         let rows =
             2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0) + 3.0 * (series.num_amplitude_terms() as f64 - 1.0);
         let reading = rows * self.group.num_paths as f64;
-        self.spread_cost(kernel, expansion.terms.len()) + 1e-9 * (reading + channels * (transform + 1e3))
+        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + channels * (transform + 1e3))
     }
 
-    /// Bounds in a block that follow from those of the frame.
-    fn enclose(&self, block: &Block) -> Bounds {
+    /// Ranges of the coefficients of the delay in a block that follow from those of the frame.
+    fn enclose(&self, block: &Block) -> Vec<Interval> {
         let (waveform, series) = (self.request.waveform, self.request.series);
         let num_chirps = waveform.chirp_times.len();
-        let whole = &self.group.delay[0];
-        let shares: Vec<f64> = self.group.power[0].iter().map(|p| share(p, &self.own)).collect();
+        let whole = &self.group.delay;
         if block.chirps.len() == num_chirps {
-            return Bounds {
-                delay: whole.clone(),
-                amplitude: shares,
-                moments: weighted(&self.group.moments[0], &self.group.power[0][0]),
-            };
+            return whole.clone();
         }
         let frame = Block::new(waveform, series, 0..num_chirps);
-        let delay_map = restriction(&frame, block, whole.len());
-        let amplitude_map = restriction(&frame, block, shares.len());
-        let delay = delay_map
-            .iter()
-            .map(|row| {
-                row.iter()
-                    .zip(whole)
-                    .fold(Interval::ZERO, |sum, (factor, range)| sum.plus(range.scaled(*factor)))
-            })
-            .collect();
-        let amplitude = amplitude_map
-            .iter()
-            .map(|row| row.iter().zip(&shares).map(|(f, s)| f.abs() * s).sum())
-            .collect();
-        // Rates are those of the frame: good enough to choose the number of blocks.
-        let square = (block.half / frame.half).powi(2);
-        let moments: Vec<Moments> = self.group.moments[0].iter().map(|m| m.scaled(square)).collect();
-        Bounds {
-            delay,
-            amplitude,
-            moments: weighted(&moments, &self.group.power[0][0]),
-        }
+        let row = |row: &Vec<f64>| {
+            let terms = row.iter().zip(whole);
+            terms.fold(Interval::ZERO, |sum, (factor, range)| sum.plus(range.scaled(*factor)))
+        };
+        restriction(&frame, block, whole.len()).iter().map(row).collect()
     }
 
-    /// How the paths are expanded in a block, and the error that is expected. None if the tolerance cannot be reached.
-    #[allow(clippy::too_many_lines)] // one derivation, read from top to bottom
-    fn expand(&self, block: &Block, bounds: &Bounds, kernel: Kernel) -> Option<(Expansion, f64)> {
+    /// l2 norm of the amplitudes in a block, relative to that in the frame, as samples have it; at least 1.
+    fn level(&self, block: &Block) -> f64 {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        let num_chirps = waveform.chirp_times.len();
+        if block.chirps.len() == num_chirps || series.num_amplitude_terms() == 1 {
+            return 1.0;
+        }
+        let frame = Block::new(waveform, series, 0..num_chirps);
+        let power = |block: &Block| {
+            self.request
+                .samples
+                .iter()
+                .map(|sample| sample.power(block))
+                .sum::<f64>()
+        };
+        (power(block) / power(&frame)).sqrt().max(1.0)
+    }
+
+    /// How the paths are laid out in a block. None if the tolerance cannot be reached.
+    fn expand(&self, block: &Block, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
         let waveform = self.request.waveform;
-        let tolerance = self.tolerance;
-        let delay = &bounds.delay;
-        let num_given = delay.len();
-        let slope = waveform.slope;
         let middle_delay = delay[0].middle();
-        let carrier = waveform.start_frequency + slope * (waveform.middle_time() - middle_delay);
+        let carrier = waveform.start_frequency + waveform.slope * (waveform.middle_time() - middle_delay);
+        let frame = Frame::new(carrier, middle_delay, waveform.slope);
         if self.class == Class::Still {
             let expansion = Expansion {
                 block: block.clone(),
-                carrier,
-                middle_delay,
+                frame,
                 middle_rate: 0.0,
                 step: 1.0,
                 rows: 1,
                 num_degrees: 1,
-                num_squared: 0,
-                factors: Vec::new(),
-                terms: vec![Term {
-                    amplitude: 0,
-                    orders: Vec::new(),
-                }],
+                num_amplitudes: 1,
+                modes: Modes::none(),
             };
-            return Some((expansion, kernel.error));
+            return Some(Laid {
+                expansion,
+                error: kernel.error,
+                interpolation: 0.0,
+            });
         }
-
-        // The square of the delay's change: as many degrees as count.
-        let sizes: Vec<f64> = delay.iter().map(|range| range.magnitude()).collect();
-        let total: f64 = sizes[1..].iter().sum();
-        let dropped_square = |num: usize| {
-            let kept: f64 = sizes[1..=num].iter().sum();
-            TAU * 0.5 * slope.abs() * (total * total - kept * kept)
-        };
-        let num_squared = (0..num_given)
-            .find(|num| dropped_square(*num) <= 0.02 * tolerance)
-            .unwrap_or(num_given - 1);
-        if 2 * num_squared + 1 > MAX_DEGREES {
-            return None;
-        }
-        let num_degrees = num_given.max(2 * num_squared + 1).max(2);
-        let mut squares = vec![Interval::ZERO; num_degrees];
-        for a in 1..=num_squared {
-            for b in 1..=num_squared {
-                let product = if a == b {
-                    delay[a].squared()
-                } else {
-                    delay[a].times(delay[b])
-                };
-                for at in [a + b, a.abs_diff(b)] {
-                    squares[at] = squares[at].plus(product.scaled(0.5));
-                }
-            }
-        }
-        let mut left_over = dropped_square(num_squared).powi(2);
-
-        // Terms of the phase.
-        let bend = 0.5 * slope / carrier;
-        let stretch = Interval {
-            low: delay[0].low - middle_delay,
-            high: delay[0].high - middle_delay,
-        }
-        .scaled(2.0 * bend);
-        let unstretched = Interval {
-            low: 1.0 - stretch.high,
-            high: 1.0 - stretch.low,
-        };
-        let given = |k: usize| delay.get(k).copied().unwrap_or(Interval::ZERO);
-        let phase_term = |k: usize| given(k).times(unstretched).plus(squares[k].scaled(-bend));
-        let half_sweep = waveform.half_sweep();
-        let sweep_term = |k: usize| {
-            stretch
-                .times(given(k))
-                .plus(squares[k].scaled(bend))
-                .scaled(slope * half_sweep)
-        };
 
         // Velocity axis; one part in 10^9 for rounding.
-        let rate = phase_term(1).scaled(block.half.recip());
+        let unstretched = Interval {
+            low: 1.0 - frame.stretch * (delay[0].high - middle_delay),
+            high: 1.0 - frame.stretch * (delay[0].low - middle_delay),
+        };
+        let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
+        let rate = rate.scaled(block.half.recip());
         let keystone = Expansion::max_keystone(waveform, block, carrier);
         let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
         let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
@@ -688,102 +659,78 @@ impl Goal<'_> {
         }
         let rows = (span.ceil() as usize + kernel.width + 2).next_multiple_of(2);
 
-        // Factors, where what they leave is too much. Phases first: their products are the larger ones.
         // In a part of the frame amplitudes may be larger than in the mean.
-        let kernel_error = kernel.error * bounds.level();
-        let budget = ((MARGIN * tolerance).powi(2) - kernel_error.powi(2)).max(0.0).sqrt();
-        let top = carrier.abs() + slope.abs() * half_sweep;
-        let mut factors = Vec::new();
-        let mut spreads = Vec::new();
-        let candidates = (2..num_degrees)
-            .map(|k| (FactorKind::Phase(k), phase_term(k), top))
-            .chain((1..num_degrees).map(|k| (FactorKind::Sweep(k), sweep_term(k), 1.0)));
-        for (kind, term, largest_basis) in candidates {
-            let whole = 0.7 * TAU * largest_basis * term.magnitude();
-            if whole <= 0.03 * budget {
-                left_over += whole * whole;
-                continue;
-            }
-            let z = TAU * largest_basis * term.half();
-            let (FactorKind::Phase(degree) | FactorKind::Sweep(degree)) = kind;
-            if z > MAX_BESSEL || degree >= MAX_DEGREES {
-                return None;
-            }
-            factors.push(Factor {
-                kind,
-                middle: term.middle(),
-                half: term.half(),
-                max_order: 0,
-                is_expanded: true,
-            });
-            // Where the bound of every path is too coarse, the rms over all of them.
-            let path_rms = match kind {
-                FactorKind::Sweep(1) => {
-                    let skew = bounds.rms(|moments, _| moments.skew_about(middle_delay));
-                    let rest = bend.abs() * squares[1].magnitude();
-                    slope.abs() * half_sweep * (2.0 * bend.abs() * skew + rest) + term.middle().abs()
-                }
-                FactorKind::Phase(2) if num_given == 2 && num_squared == 1 => {
-                    // e = -bend c_1^2 / 2
-                    let square = -2.0 * term.middle() / bend;
-                    0.5 * bend.abs()
-                        * bounds.rms(|m, power| (m.fourth + square * (square * power - 2.0 * m.skew[0])).max(0.0))
-                }
-                _ => f64::INFINITY,
-            };
-            let fast_rms = match kind {
-                FactorKind::Phase(_) => 1.0,
-                FactorKind::Sweep(_) => (1.0 + 2.0 / (waveform.num_samples as f64).powi(2)).sqrt() / 3f64.sqrt(),
-            };
-            let rms = if path_rms.is_finite() {
-                TAU * largest_basis * path_rms * fast_rms * time_rms(waveform, block, degree)
-            } else {
-                f64::INFINITY
-            };
-            spreads.push(Spread {
-                z,
-                rms: rms.min(ORDER_RMS[1] * z),
-            });
-        }
-        let used_degrees = factors
+        let kernel_error = kernel.error * self.level(block);
+        let budget = ((MARGIN * self.tolerance).powi(2) - kernel_error.powi(2))
+            .max(0.0)
+            .sqrt();
+        let paths: Vec<Path> = self
+            .request
+            .samples
             .iter()
-            .map(|factor| match factor.kind {
-                FactorKind::Phase(k) | FactorKind::Sweep(k) => k + 1,
-            })
-            .max()
-            .unwrap_or(2)
-            .max(num_squared + 1)
-            .max(2);
-
-        let budget = (budget * budget - left_over).max(0.0).sqrt();
-        let (terms, omitted) = choose_terms(&bounds.amplitude, &spreads, budget)?;
-        for (i, factor) in factors.iter_mut().enumerate() {
-            factor.max_order = terms.iter().map(|term| term.orders[i]).max().unwrap_or(0);
-            // 1 - J_0(z) < z^2 / 4: less than the first order, which was left out.
-            factor.is_expanded = factor.max_order > 0 || spreads[i].z > 0.1 * budget;
-        }
+            .map(|sample| sample.in_block(block, &frame))
+            .collect();
+        let allowed = budget / self.request.caution;
+        let num_apart = if paths.len() < self.group.num_paths {
+            self.request.num_random
+        } else {
+            0
+        };
+        let level = self.request.level;
+        let (modes, left) = modes::find(waveform, block, &frame, (&paths, num_apart), allowed, level)?;
+        // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
+        let least = 0.02 * budget;
+        let top = (carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let counts = |k: &usize| top * delay[*k].magnitude() > least;
+        let num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        let power = |k: usize| {
+            paths
+                .iter()
+                .map(|path| path.re[k].powi(2) + path.im[k].powi(2))
+                .sum::<f64>()
+        };
+        let total: f64 = (0..self.request.series.num_amplitude_terms()).map(power).sum();
+        let counts = |k: &usize| power(*k) > least * least * total;
+        let last = (1..self.request.series.num_amplitude_terms()).rev().find(counts);
+        let num_amplitudes = last.map_or(1, |k| k + 1);
         let size = Layout::new(waveform.num_samples, kernel.width, rows).size();
-        if terms.len().saturating_mul(size) > MAX_GRID {
+        if modes.num_sets().saturating_mul(size) > MAX_GRID {
             return None;
         }
-        let error = (kernel_error.powi(2) + left_over + omitted * omitted).sqrt();
-        if error > tolerance {
+        let rounding = if kernel.is_single {
+            SINGLE_TURN * modes.turns
+        } else {
+            0.0
+        };
+        let error = kernel_error.hypot(left).hypot(rounding);
+        if error > self.tolerance {
             return None;
         }
         let expansion = Expansion {
             block: block.clone(),
-            carrier,
-            middle_delay,
+            frame,
             middle_rate: rate.middle(),
             step,
             rows,
-            num_degrees: used_degrees,
-            num_squared,
-            factors,
-            terms,
+            num_degrees,
+            num_amplitudes,
+            modes,
         };
-        Some((expansion, error))
+        Some(Laid {
+            expansion,
+            error,
+            interpolation: left,
+        })
     }
+}
+
+/// How the paths are laid out in a block.
+struct Laid {
+    expansion: Expansion,
+    /// Predicted error.
+    error: f64,
+    /// What the interpolation of residuals has in it.
+    interpolation: f64,
 }
 
 /// A kernel of the grid and its error.
@@ -792,67 +739,6 @@ struct Kernel {
     is_single: bool,
     width: usize,
     error: f64,
-}
-
-/// Bounds on the paths in a block.
-struct Bounds {
-    /// Coefficients of the delay by degree [s].
-    delay: Vec<Interval>,
-    /// l2 norm of the coefficients of the amplitude by degree, relative to l2(amplitudes).
-    amplitude: Vec<f64>,
-    /// Moments of every channel and its power; none if they are not known.
-    moments: Vec<(Moments, f64)>,
-}
-
-impl Bounds {
-    /// rms over the paths, weighted with their power, of what is summed in the moments.
-    fn rms(&self, sum: impl Fn(&Moments, f64) -> f64) -> f64 {
-        if self.moments.is_empty() {
-            return f64::INFINITY;
-        }
-        let squares = self.moments.iter().map(|(moments, power)| sum(moments, *power) / power);
-        squares.fold(0.0, f64::max).sqrt()
-    }
-}
-
-/// Moments of the channels that have any power; none where powers are so small or large that products vanish.
-fn weighted(moments: &[Moments], power: &[f64]) -> Vec<(Moments, f64)> {
-    let all = moments.iter().copied().zip(power.iter().copied());
-    let known: Vec<(Moments, f64)> = all.filter(|(_, power)| *power > 0.0).collect();
-    if known.iter().any(|(_, power)| !(1e-200..1e200).contains(power)) {
-        return Vec::new();
-    }
-    known
-}
-
-/// What a factor leaves if it is not expanded.
-struct Spread {
-    /// Largest argument of its Bessel functions.
-    z: f64,
-    /// rms of its first order over paths and time.
-    rms: f64,
-}
-
-/// rms over the chirps of a block of a Chebyshev polynomial of time, the largest value at the middle and the ends of each.
-fn time_rms(waveform: &Waveform, block: &Block, degree: usize) -> f64 {
-    let sweep = waveform.half_sweep();
-    let squares = (0..block.chirps.len()).map(|c| {
-        let middle = offset(waveform, block, c);
-        let squares = [middle - sweep, middle, middle + sweep].map(|time| {
-            let x = (time / block.half).clamp(-1.0, 1.0);
-            (degree as f64 * x.acos()).cos().powi(2)
-        });
-        squares.into_iter().fold(0.0, f64::max)
-    });
-    (squares.sum::<f64>() / block.chirps.len() as f64).sqrt()
-}
-
-impl Bounds {
-    /// l2 norm of the amplitudes in the block, relative to that in the frame; at least 1.
-    fn level(&self) -> f64 {
-        let change: f64 = self.amplitude[1..].iter().map(|share| 0.5 * share * share).sum();
-        (self.amplitude[0].powi(2) + change).sqrt().max(1.0)
-    }
 }
 
 /// Matrix from Chebyshev coefficients on one interval to those on a part of it.
@@ -877,76 +763,6 @@ fn restriction(whole: &Block, part: &Block, terms: usize) -> Vec<Vec<f64>> {
                 .collect()
         })
         .collect()
-}
-
-/// Terms by falling bound until what is left out is within the budget; None if they are too many.
-fn choose_terms(amplitude: &[f64], spreads: &[Spread], budget: f64) -> Option<(Vec<Term>, f64)> {
-    // Bound of order n of a factor: r_n 2 J_n(z) <= r_n 2 (z/2)^n / n!.
-    let order_bound = |spread: &Spread, n: usize| -> f64 {
-        let z = spread.z;
-        if n == 0 {
-            return 1.0;
-        }
-        if n == 1 {
-            return spread.rms.min(1.2 * ORDER_RMS[1]);
-        }
-        let power = (1..=n).fold(2.0, |product, k| product * 0.5 * z / k as f64);
-        power.min(1.2) * ORDER_RMS[n.min(ORDER_RMS.len() - 1)]
-    };
-    let least = budget / 30.0;
-    if least <= 0.0 && !spreads.is_empty() {
-        return None;
-    }
-    let mut found: Vec<(f64, Term)> = Vec::new();
-    let mut tail = 0.0;
-    for (degree, share) in amplitude.iter().enumerate() {
-        // Chebyshev polynomials of time have rms 0.7.
-        let bound = if degree == 0 { share.max(1e-30) } else { 0.7 * share };
-        let mut partial = vec![(bound, Vec::new())];
-        for spread in spreads {
-            let mut next = Vec::new();
-            for (bound, orders) in partial {
-                for n in 0.. {
-                    let product = bound * order_bound(spread, n);
-                    // Beyond its largest order, a factor's bounds fall faster than geometrically.
-                    if product < least && n as f64 > 0.5 * spread.z {
-                        tail += product * product;
-                        break;
-                    }
-                    let mut longer: Vec<usize> = orders.clone();
-                    longer.push(n);
-                    next.push((product, longer));
-                }
-                if next.len() > MAX_COMBINATIONS {
-                    return None;
-                }
-            }
-            partial = next;
-        }
-        found.extend(partial.into_iter().map(|(bound, orders)| {
-            (
-                bound,
-                Term {
-                    amplitude: degree,
-                    orders,
-                },
-            )
-        }));
-    }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // Leave out from the small end.
-    let mut omitted = 2.0 * tail;
-    while let Some((bound, _)) = found.last() {
-        if found.len() == 1 || omitted + bound * bound > budget * budget {
-            break;
-        }
-        omitted += bound * bound;
-        found.pop();
-    }
-    if found.len() > MAX_TERMS || omitted > budget * budget {
-        return None;
-    }
-    Some((found.into_iter().map(|(_, term)| term).collect(), omitted.sqrt()))
 }
 
 impl fmt::Display for Plan {
@@ -983,7 +799,7 @@ impl fmt::Display for Part {
                 expansions,
             } => {
                 let rows = expansions.iter().map(|e| e.rows).max().unwrap_or(0);
-                let terms: Vec<String> = expansions.iter().map(|e| e.terms.len().to_string()).collect();
+                let terms: Vec<String> = expansions.iter().map(|e| e.modes.num_sets().to_string()).collect();
                 write!(
                     f,
                     "grid, {} precision, kernel of {width} cells, {} block{}, {rows} velocity row{}, {} term{}",

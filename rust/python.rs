@@ -441,7 +441,7 @@ impl Report {
             let (rows, terms) = match &part.step {
                 Step::Grid { expansions, .. } => (
                     expansions.iter().map(|e| e.rows).collect(),
-                    expansions.iter().map(|e| e.terms.len()).collect(),
+                    expansions.iter().map(|e| e.modes.num_sets()).collect(),
                 ),
                 _ => (Vec::new(), Vec::new()),
             };

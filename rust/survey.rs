@@ -2,9 +2,11 @@
 
 use std::ops::Range;
 
-use crate::block::{Block, CHUNK, Class, Lane, Rows, coefficient};
+use crate::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
 use crate::delay::PathSeries;
+use crate::hash::mix;
 use crate::parallel;
+use crate::residual::Sample;
 use crate::simd::{Isa, Kernel, Level, Vector};
 
 /// A closed range of numbers; empty if `low > high`.
@@ -55,16 +57,6 @@ impl Interval {
         }
     }
 
-    /// All squares.
-    pub fn squared(self) -> Self {
-        let ends = [self.low * self.low, self.high * self.high];
-        let crosses = self.low <= 0.0 && self.high >= 0.0;
-        Self {
-            low: if crosses { 0.0 } else { ends[0].min(ends[1]) },
-            high: ends[0].max(ends[1]),
-        }
-    }
-
     /// Multiplied by a number.
     pub fn scaled(self, factor: f64) -> Self {
         self.times(Self {
@@ -94,54 +86,17 @@ impl Interval {
 pub struct Group {
     /// Paths, over all channels.
     pub num_paths: usize,
-    /// Range of the coefficients of the delay [s], (block, degree).
-    pub delay: Vec<Vec<Interval>>,
-    /// Power of the coefficients of the amplitude, (block, degree, channel).
-    pub power: Vec<Vec<Vec<f64>>>,
-    /// Moments of the two first coefficients of the delay, (block, channel).
-    pub moments: Vec<Vec<Moments>>,
-}
-
-/// Sums over paths of the power of their constant amplitude times products of the delay's first coefficients.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Moments {
-    /// `(c_0 - r)^k c_1^2` for k = 0, 1, 2, with r the same delay for all paths.
-    pub skew: [f64; 3],
-    /// `c_1^4`
-    pub fourth: f64,
-    /// r [s]
-    pub reference: f64,
-}
-
-impl Moments {
-    /// Sum of `(c_0 - delay)^2 c_1^2`.
-    pub fn skew_about(&self, delay: f64) -> f64 {
-        let shift = self.reference - delay;
-        (self.skew[2] + shift * (2.0 * self.skew[1] + shift * self.skew[0])).max(0.0)
-    }
-
-    /// With `c_1^2` multiplied by a number.
-    pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            skew: self.skew.map(|sum| factor * sum),
-            fourth: factor * factor * self.fourth,
-            ..*self
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        for (a, b) in self.skew.iter_mut().zip(other.skew) {
-            *a += b;
-        }
-        self.fourth += other.fourth;
-    }
+    /// Range of the coefficients of the delay over the frame [s], by degree.
+    pub delay: Vec<Interval>,
+    /// Power of the coefficients of the amplitude over the frame, (degree, channel).
+    pub power: Vec<Vec<f64>>,
 }
 
 impl Group {
     /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
     pub fn own_power(&self) -> Vec<f64> {
-        let mut own = self.power[0][0].clone();
-        for change in &self.power[0][1..] {
+        let mut own = self.power[0].clone();
+        for change in &self.power[1..] {
             for (own, change) in own.iter_mut().zip(change) {
                 *own += 0.5 * change;
             }
@@ -165,32 +120,26 @@ pub struct Survey {
     pub largest: f64,
     /// False if any number may not be finite.
     pub is_finite: bool,
+    /// A bit per path that moves, (channel, chunk).
+    pub masks: Vec<u128>,
 }
 
 /// Chunks per part of the work: sums do not depend on the number of threads.
 const PART: usize = 64;
 
 impl Survey {
-    /// Look at all paths, in some blocks.
-    pub fn new(series: &PathSeries, blocks: &[Block], level: Level, is_parallel: bool) -> Self {
-        let num_chunks = series.num_paths.div_ceil(CHUNK);
-        let parts: Vec<(usize, Range<usize>)> = (0..series.num_channels)
-            .flat_map(|channel| {
-                (0..num_chunks)
-                    .step_by(PART)
-                    .map(move |first| (channel, first..num_chunks.min(first + PART)))
-            })
-            .collect();
+    /// Look at all paths of a frame, which is one block.
+    pub fn new(series: &PathSeries, frame: &Block, level: Level, is_parallel: bool) -> Self {
         let look = |(channel, chunks): (usize, Range<usize>)| {
             level.run(Look {
                 series,
-                blocks,
+                frame,
                 channel,
                 chunks,
             })
         };
-        let looks: Vec<Self> = parallel::map(is_parallel, parts, look);
-        let mut all = Self::empty(series, blocks);
+        let looks: Vec<Self> = parallel::map(is_parallel, parts(series), look);
+        let mut all = Self::empty(series);
         for look in &looks {
             all.join(look);
         }
@@ -213,16 +162,10 @@ impl Survey {
         let still = std::mem::replace(&mut self.still, self.moving.clone());
         let moving = &mut self.moving;
         moving.num_paths += still.num_paths;
-        for (a, b) in moving.delay.iter_mut().flatten().zip(still.delay.iter().flatten()) {
+        for (a, b) in moving.delay.iter_mut().zip(&still.delay) {
             *a = a.join(*b);
         }
-        for (a, b) in moving
-            .power
-            .iter_mut()
-            .flatten()
-            .flatten()
-            .zip(still.power.iter().flatten().flatten())
-        {
+        for (a, b) in moving.power.iter_mut().flatten().zip(still.power.iter().flatten()) {
             *a += b;
         }
         self.still.num_paths = 0;
@@ -230,22 +173,16 @@ impl Survey {
 
     /// The number of paths alone.
     pub fn count(series: &PathSeries) -> Self {
-        let mut survey = Self::empty(series, &[]);
+        let mut survey = Self::empty(series);
         survey.moving.num_paths = series.num_channels * series.num_paths;
-        survey.moving.power = vec![vec![vec![0.0; series.num_channels]]];
         survey
     }
 
-    fn empty(series: &PathSeries, blocks: &[Block]) -> Self {
-        let moments = Moments {
-            reference: series.delay[0].first().copied().unwrap_or(0.0),
-            ..Moments::default()
-        };
+    fn empty(series: &PathSeries) -> Self {
         let group = Group {
             num_paths: 0,
-            delay: vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()],
-            power: vec![vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()]; blocks.len()],
-            moments: vec![vec![moments; series.num_channels]; blocks.len()],
+            delay: vec![Interval::EMPTY; series.num_delay_terms()],
+            power: vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()],
         };
         Self {
             still: group.clone(),
@@ -254,26 +191,18 @@ impl Survey {
             fourth: vec![0.0; series.num_channels],
             largest: 0.0,
             is_finite: true,
+            masks: Vec::new(),
         }
     }
 
     fn join(&mut self, other: &Self) {
         for (a, b) in [(&mut self.still, &other.still), (&mut self.moving, &other.moving)] {
             a.num_paths += b.num_paths;
-            for (a, b) in a.delay.iter_mut().flatten().zip(b.delay.iter().flatten()) {
+            for (a, b) in a.delay.iter_mut().zip(&b.delay) {
                 *a = a.join(*b);
             }
-            for (a, b) in a
-                .power
-                .iter_mut()
-                .flatten()
-                .flatten()
-                .zip(b.power.iter().flatten().flatten())
-            {
+            for (a, b) in a.power.iter_mut().flatten().zip(b.power.iter().flatten()) {
                 *a += b;
-            }
-            for (a, b) in a.moments.iter_mut().flatten().zip(b.moments.iter().flatten()) {
-                a.add(b);
             }
         }
         let sums = self.power.iter_mut().chain(&mut self.fourth);
@@ -282,12 +211,120 @@ impl Survey {
         }
         self.largest = self.largest.max(other.largest);
         self.is_finite &= other.is_finite;
+        self.masks.extend(&other.masks);
+    }
+}
+
+/// At most `most` of the selected paths, spread evenly over them.
+pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sample> {
+    let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let all = (0..series.num_channels).flat_map(|channel| (0..num_chunks).map(move |chunk| (channel, chunk)));
+    let count = |(channel, chunk)| selection.count(series, channel, chunk);
+    let total: usize = all.clone().map(count).sum();
+    let num_samples = most.min(total);
+    // One path in every `total / num_samples` of them, at a place that is as good as random.
+    let mut ranks = (0..num_samples).map(|i| {
+        let (low, high) = (i * total / num_samples, (i + 1) * total / num_samples);
+        low + (mix(i as u64) % (high - low).max(1) as u64) as usize
+    });
+    let mut samples = Vec::new();
+    let (mut before, mut next) = (0, ranks.next());
+    for (channel, chunk) in all {
+        let after = before + count((channel, chunk));
+        while let Some(rank) = next.filter(|rank| *rank < after) {
+            samples.push(sample(series, selection, (channel, chunk), rank - before));
+            next = ranks.next();
+        }
+        before = after;
+    }
+    samples
+}
+
+/// All selected paths of a chunk.
+pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chunk: usize) -> Vec<Sample> {
+    let count = selection.count(series, channel, chunk);
+    (0..count)
+        .map(|rank| sample(series, selection, (channel, chunk), rank))
+        .collect()
+}
+
+fn sample(series: &PathSeries, selection: Selection, (channel, chunk): (usize, usize), rank: usize) -> Sample {
+    let place = selection.place(series, channel, chunk, rank);
+    Sample::new(series, channel * series.num_paths + chunk * CHUNK + place)
+}
+
+/// Ranges of the first two coefficients of the delays of the selected paths in some blocks [s].
+pub fn ranges(
+    series: &PathSeries,
+    selection: Selection,
+    blocks: &[Block],
+    level: Level,
+    is_parallel: bool,
+) -> Vec<[Interval; 2]> {
+    let look = |(channel, chunks): (usize, Range<usize>)| {
+        level.run(LookAtBlocks {
+            series,
+            selection,
+            blocks,
+            channel,
+            chunks,
+        })
+    };
+    let looks: Vec<Vec<[Interval; 2]>> = parallel::map(is_parallel, parts(series), look);
+    let mut all = vec![[Interval::EMPTY; 2]; blocks.len()];
+    for look in looks {
+        for (all, ranges) in all.iter_mut().flatten().zip(look.into_iter().flatten()) {
+            *all = all.join(ranges);
+        }
+    }
+    all
+}
+
+/// Channels and chunks of the parts of the work.
+fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
+    let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let of_channel = |channel| {
+        (0..num_chunks)
+            .step_by(PART)
+            .map(move |first| (channel, first..num_chunks.min(first + PART)))
+    };
+    (0..series.num_channels).flat_map(of_channel).collect()
+}
+
+struct LookAtBlocks<'a> {
+    series: &'a PathSeries<'a>,
+    selection: Selection<'a>,
+    blocks: &'a [Block],
+    channel: usize,
+    chunks: Range<usize>,
+}
+
+impl Kernel for LookAtBlocks<'_> {
+    type Output = Vec<[Interval; 2]>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<[Interval; 2]> {
+        let mut ranges = vec![[Interval::EMPTY; 2]; self.blocks.len()];
+        let mut rows = Rows::of_delays(self.series);
+        for index in self.chunks {
+            rows.gather(self.series, self.channel, index * CHUNK, self.selection);
+            if rows.len == 0 {
+                continue;
+            }
+            for number in 0..self.blocks.len() {
+                for k in 0..2 {
+                    let range = extent::<I>(&self.blocks[number], &rows, k, None);
+                    ranges[number][k] = ranges[number][k].join(range);
+                }
+            }
+        }
+        ranges
     }
 }
 
 struct Look<'a> {
     series: &'a PathSeries<'a>,
-    blocks: &'a [Block],
+    frame: &'a Block,
     channel: usize,
     chunks: Range<usize>,
 }
@@ -297,56 +334,45 @@ impl Kernel for Look<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Survey {
-        let (series, channel) = (self.series, self.channel);
-        let mut survey = Survey::empty(series, self.blocks);
+        let (series, channel, frame) = (self.series, self.channel, self.frame);
+        let mut survey = Survey::empty(series);
         let mut rows = Rows::new(series);
         for index in self.chunks {
-            rows.gather(series, channel, index * CHUNK, Class::All);
-            rows.find_change();
-            survey.is_finite &= is_finite::<I>(&rows);
+            rows.gather(series, channel, index * CHUNK, Selection::ALL);
+            let mask = rows.moving();
+            survey.masks.push(mask);
+            survey.is_finite &= is_finite::<I>(frame, &rows);
             for lane in rows.re.iter().chain(&rows.im) {
                 survey.largest = survey.largest.max(magnitude::<I>(lane));
             }
             survey.fourth[channel] += fourth::<I>(&rows.re[0], &rows.im[0]);
-            let num_moving = rows.num_moving();
+            let num_moving = mask.count_ones() as usize;
             let is_mixed = num_moving > 0 && num_moving < rows.len;
-            for class in [Class::Still, Class::Moving] {
-                let count = if class == Class::Moving {
-                    num_moving
-                } else {
-                    rows.len - num_moving
-                };
-                if count == 0 {
-                    continue;
+            if num_moving > 0 {
+                let members = is_mixed.then(|| lanes_of(mask));
+                let group = &mut survey.moving;
+                group.num_paths += num_moving;
+                for k in 0..group.delay.len() {
+                    group.delay[k] = group.delay[k].join(extent::<I>(frame, &rows, k, members.as_ref()));
                 }
-                if is_mixed {
-                    rows.gather(series, channel, index * CHUNK, class);
-                }
-                let group = if class == Class::Moving {
-                    &mut survey.moving
-                } else {
-                    &mut survey.still
-                };
-                group.num_paths += count;
-                for number in 0..self.blocks.len() {
-                    let block = &self.blocks[number];
-                    for k in 0..group.delay[number].len() {
-                        let range = &mut group.delay[number][k];
-                        *range = range.join(extent::<I>(block, &rows, k));
-                    }
-                    for k in 0..group.power[number].len() {
-                        group.power[number][k][channel] += power_of::<I>(block, &rows, k);
-                    }
-                    if class == Class::Moving {
-                        let sum = &mut group.moments[number][channel];
-                        sum.add(&moments::<I>(block, &rows, sum.reference));
-                    }
+                for k in 0..group.power.len() {
+                    group.power[k][channel] += power_of::<I>(frame, &rows, k, members.as_ref());
                 }
             }
+            if num_moving < rows.len {
+                let members = is_mixed.then(|| lanes_of(!mask));
+                let group = &mut survey.still;
+                group.num_paths += rows.len - num_moving;
+                group.delay[0] = group.delay[0].join(extent::<I>(frame, &rows, 0, members.as_ref()));
+                for k in 1..group.delay.len() {
+                    group.delay[k] = Interval::ZERO;
+                }
+                group.power[0][channel] += power_of::<I>(frame, &rows, 0, members.as_ref());
+            }
         }
-        // Mean over Chebyshev nodes, by the orthogonality of the polynomials there; exact for one block.
+        // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
         for group in [&survey.still, &survey.moving] {
-            for (degree, power) in group.power[0].iter().enumerate() {
+            for (degree, power) in group.power.iter().enumerate() {
                 survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power[channel];
             }
         }
@@ -354,59 +380,32 @@ impl Kernel for Look<'_> {
     }
 }
 
-/// Moments of the paths of a chunk. What follows the last path has no power.
+/// One where the bit is set, else zero.
 #[inline(always)]
-fn moments<I: Isa>(block: &Block, rows: &Rows, reference: f64) -> Moments {
-    let zero = I::F64::splat(0.0);
-    let (mut skew, mut fourth) = ([zero; 3], zero);
-    for at in (0..CHUNK).step_by(8) {
-        let mut power = zero;
-        for lanes in [&rows.re, &rows.im] {
-            let [change] = coefficient::<I, 1>(&block.amplitude, lanes, 0, at);
-            let value = I::F64::load(&lanes[0][at..]).add(change);
-            power = value.mul_add(value, power);
-        }
-        let [shift] = coefficient::<I, 1>(&block.delay, &rows.delay, 0, at);
-        let [rate] = coefficient::<I, 1>(&block.delay, &rows.delay, 1, at);
-        let from_reference = I::F64::load(&rows.delay[0][at..])
-            .sub(I::F64::splat(reference))
-            .add(shift);
-        let square = rate.mul(rate);
-        let mut sum = power.mul(square);
-        fourth = sum.mul_add(square, fourth);
-        for k in 0..3 {
-            skew[k] = skew[k].add(sum);
-            sum = sum.mul(from_reference);
-        }
+fn lanes_of(bits: u128) -> Lane {
+    let halves = [bits as u64, (bits >> 64) as u64];
+    let mut lanes = [0.0; CHUNK];
+    for i in 0..CHUNK {
+        lanes[i] = if halves[i / 64] >> (i % 64) & 1 == 1 { 1.0 } else { 0.0 };
     }
-    let mut lanes = [[0.0; 8]; 4];
-    for k in 0..3 {
-        skew[k].store(&mut lanes[k]);
-    }
-    fourth.store(&mut lanes[3]);
-    let mut sums = [0.0; 4];
-    for k in 0..4 {
-        for i in 0..8 {
-            sums[k] += lanes[k][i];
-        }
-    }
-    Moments {
-        skew: [sums[0], sums[1], sums[2]],
-        fourth: sums[3],
-        reference,
-    }
+    lanes
 }
 
-/// Whether no number is infinite or NaN; false as well where differences are beyond the largest number.
+/// Whether no number is infinite or NaN: then means over the frame are numbers; false as well where these are beyond the
+/// largest.
 #[inline(always)]
-fn is_finite<I: Isa>(rows: &Rows) -> bool {
+fn is_finite<I: Isa>(frame: &Block, rows: &Rows) -> bool {
     let zero = I::F64::splat(0.0);
     let mut sum = zero;
-    for lanes in [&rows.delay, &rows.re, &rows.im] {
-        for j in 0..lanes.len() {
-            for at in (0..CHUNK).step_by(8) {
-                sum = I::F64::load(&lanes[j][at..]).mul_add(zero, sum);
-            }
+    for (matrix, lanes) in [
+        (&frame.delay, &rows.delay),
+        (&frame.amplitude, &rows.re),
+        (&frame.amplitude, &rows.im),
+    ] {
+        for at in (0..CHUNK).step_by(8) {
+            let [change] = coefficient::<I, 1>(matrix, lanes, 0, at);
+            // No number times zero is zero, if it is none.
+            sum = change.add(I::F64::load(&lanes[0][at..])).mul_add(zero, sum);
         }
     }
     let mut lanes = [0.0; 8];
@@ -442,16 +441,26 @@ fn fourth<I: Isa>(re: &Lane, im: &Lane) -> f64 {
     lanes.iter().sum()
 }
 
-/// Range of coefficient k of the delay. What follows the last path of a chunk is a copy of it.
+/// Beyond every delay.
+const FAR: f64 = 1e300;
+
+/// Range of coefficient k of the delay, of all paths or of the members. What follows the last path of a chunk is a copy of
+/// it.
 #[inline(always)]
-fn extent<I: Isa>(block: &Block, rows: &Rows, k: usize) -> Interval {
+fn extent<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>) -> Interval {
     let (mut low, mut high) = (I::F64::splat(f64::INFINITY), I::F64::splat(f64::NEG_INFINITY));
     for at in (0..CHUNK).step_by(8) {
         let [mut value] = coefficient::<I, 1>(&block.delay, &rows.delay, k, at);
         if k == 0 {
             value = value.add(I::F64::load(&rows.delay[0][at..]));
         }
-        (low, high) = (value.min(low), value.max(high));
+        if let Some(members) = members {
+            // Far outside if it does not take part.
+            let far = I::F64::load(&members[at..]).neg_mul_add(I::F64::splat(FAR), I::F64::splat(FAR));
+            (low, high) = (value.add(far).min(low), value.sub(far).max(high));
+        } else {
+            (low, high) = (value.min(low), value.max(high));
+        }
     }
     let mut lanes = [[0.0; 8]; 2];
     low.store(&mut lanes[0]);
@@ -462,15 +471,19 @@ fn extent<I: Isa>(block: &Block, rows: &Rows, k: usize) -> Interval {
     }
 }
 
-/// Sum of the squared magnitudes of coefficient k of the amplitude. What follows the last path has none.
+/// Sum of the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last
+/// path has none.
 #[inline(always)]
-fn power_of<I: Isa>(block: &Block, rows: &Rows, k: usize) -> f64 {
+fn power_of<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>) -> f64 {
     let mut power = I::F64::splat(0.0);
     for at in (0..CHUNK).step_by(8) {
         for lanes in [&rows.re, &rows.im] {
             let [mut value] = coefficient::<I, 1>(&block.amplitude, lanes, k, at);
             if k == 0 {
                 value = value.add(I::F64::load(&lanes[0][at..]));
+            }
+            if let Some(members) = members {
+                value = value.mul(I::F64::load(&members[at..]));
             }
             power = value.mul_add(value, power);
         }

@@ -120,9 +120,27 @@ pub fn turns<I: Isa, const P: usize>(frequency: f64, delay: Wide<I, P>) -> Wide<
 /// Cosine and sine of phases in turns, below 2^49 of them, to the precision of `T`.
 #[inline(always)]
 pub fn cos_sin<T: Precision, I: Isa, const P: usize>(phase: Wide<I, P>) -> [T::In<I>; 2] {
+    of_reduced::<T, I>(narrow::<T, I, P>(reduce::<I, P>(phase)))
+}
+
+/// The same for phases that have the precision of `T` already, below 2^20 turns.
+#[inline(always)]
+pub fn cos_sin_of<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
+    let magic = number::<T, I>(magic::<T>());
+    of_reduced::<T, I>(phase.sub(phase.add(magic).sub(magic)))
+}
+
+/// What rounds to the nearest integer in the precision of `T`, see [`ROUND`].
+#[inline(always)]
+fn magic<T>() -> f64 {
+    if size_of::<T>() == 4 { ROUND_SINGLE } else { ROUND }
+}
+
+/// Cosine and sine of -1/2 to 1/2 turns.
+#[inline(always)]
+fn of_reduced<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     // Quarters of a turn, -2 to 2, and the rest: at most an eighth to either side.
-    let phase = narrow::<T, I, P>(reduce::<I, P>(phase));
-    let magic = number::<T, I>(if size_of::<T>() == 4 { ROUND_SINGLE } else { ROUND });
+    let magic = number::<T, I>(magic::<T>());
     let turn = phase.mul_add(number::<T, I>(4.0), magic).sub(magic);
     let x = turn.neg_mul_add(number::<T, I>(0.25), phase);
 

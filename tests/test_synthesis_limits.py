@@ -42,6 +42,32 @@ def check(paths: Paths, wf: rc.Waveform, tolerance: float, **options: Any) -> No
     assert error <= bound, f"{options}: error {error:.2e} beyond {bound:.2e}, {report}"
 
 
+# --- paths unlike all others ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
+@pytest.mark.parametrize("acceleration", [20.0, 300.0])
+def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: float, tolerance: float) -> None:
+    # The search for modes sees one path in a hundred: those at constant velocity.
+    paths, wf = moving(30_000), sweep_waveform(48, 16)
+    assert paths.acceleration is not None
+    paths.acceleration[:] = 0.0
+    unlike = [7001, 7003, 22_222]
+    paths.acceleration[:, unlike] = 2.0 / C * acceleration
+    paths.amplitude[:, unlike] *= 20.0
+    check(paths, wf, tolerance, method="grid")
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_amplitudes_of_a_few_that_change_are_within_the_tolerance(tolerance: float) -> None:
+    paths, wf = moving(20_000), sweep_waveform(32, 16)
+    assert paths.rate is not None
+    nodes = wf.delay_times(5)[:, None, None]
+    amplitude = np.repeat(paths.amplitude[None], 5, axis=0)
+    amplitude[:, :, [4321, 15_000]] *= 30.0 * np.cos(2.5 * nodes / nodes.max())
+    check(Paths(paths.delay + paths.rate * nodes, amplitude), wf, tolerance, method="grid")
+
+
 # --- amplitudes and delays at the ends -----------------------------------------------------------------------------
 
 

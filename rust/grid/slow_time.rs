@@ -1,15 +1,14 @@
 //! From velocity rows to chirps: a dense transform whose pairs of rows and of chirps share cosines and sines.
 
-use std::f64::consts::TAU;
-
 use num_complex::Complex;
 
 use super::{Job, Layout, Spectra, Widths};
-use crate::expansion::{FactorKind, offset};
+use crate::expansion::offset;
 use crate::kernel::KaiserBessel;
 use crate::parallel;
+use crate::residual::turns;
 use crate::simd::{Isa, Kernel, Vector};
-use crate::wide::{self, Wide, add, mul, mul_add, sub};
+use crate::wide::{self, Wide, add, mul, mul_add};
 
 /// Add the samples of all chirps of a block, (chirp, sample).
 pub fn add_chirps<T: Widths>(
@@ -48,11 +47,13 @@ pub fn add_chirps<T: Widths>(
 struct SlowTime<T> {
     /// Coefficients of the root of 1 / transform of the kernel in powers of (4 xi h)^2.
     inverse_root: Vec<T>,
-    /// Series of the Bessel functions, (factor, order).
-    bessel: Vec<Vec<Vec<f64>>>,
     /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
     groups: Vec<Group>,
     num_rows: usize,
+    /// Degrees of the series of references.
+    num_degrees: usize,
+    /// Keeps the amplitudes of references in range.
+    scale: f64,
     /// Pairs of chirps at equal times before and after the block's centre [s]; a chirp without partner stands alone.
     chirps: Vec<(f64, Option<usize>, Option<usize>)>,
 }
@@ -97,22 +98,12 @@ impl<T: Widths> SlowTime<T> {
                 _ => chirps.push((time, Some(c), None)),
             }
         }
-        // Largest of every factor's basis.
-        let top = job.expansion.carrier.abs() + (job.waveform.slope * job.waveform.half_sweep()).abs();
-        let bessel = job.expansion.factors.iter().map(|factor| {
-            let basis = if matches!(factor.kind, FactorKind::Phase(_)) {
-                top
-            } else {
-                1.0
-            };
-            let largest = 1.01 * TAU * factor.half * basis;
-            (0..=factor.max_order).map(|n| bessel_series(n, largest)).collect()
-        });
         Self {
-            bessel: bessel.collect(),
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
             num_rows: rows.len(),
+            num_degrees: job.expansion.modes.num_degrees(),
+            scale: job.scale,
             chirps,
         }
     }
@@ -157,7 +148,7 @@ impl<T: Widths> Tile<'_, T> {
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
         let (waveform, expansion) = (job.waveform, job.expansion);
-        let num_terms = expansion.terms.len();
+        let num_terms = expansion.modes.num_sets();
         let mut time = [0.0; 16];
         for i in 0..16 {
             time[i] = ((self.first + i) as f64 - (waveform.num_samples / 2) as f64) / waveform.sample_rate;
@@ -166,14 +157,14 @@ impl<T: Widths> Tile<'_, T> {
         let splat = wide::splat::<I, P>;
         let fast = Fast::<I, P> {
             time,
-            frequency: mul_add(time, splat(waveform.slope), splat(expansion.carrier)),
+            frequency: mul_add(time, splat(waveform.slope), splat(expansion.frame.carrier)),
         };
 
         let sums = self.even_and_odd::<I, P>(&fast);
         let zero = <T::In<I>>::splat(T::zero());
         let mut out = vec![T::zero(); expansion.block.chirps.len() * 2 * T::LANES];
         let mut transformed = vec![[zero; 4]; 2 * num_terms];
-        let mut bessel = Vec::new();
+        let mut room = Room::default();
         let mut number = 0;
         while number < slow.chirps.len() {
             let chirps = &slow.chirps[number..slow.chirps.len().min(number + 2)];
@@ -189,11 +180,11 @@ impl<T: Widths> Tile<'_, T> {
                 let transformed = &transformed[i * num_terms..][..num_terms];
                 if let Some(chirp) = one {
                     let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
-                    self.finish::<I, P>(transformed, 1.0, time, &fast, &mut bessel, samples);
+                    self.finish::<I, P>(transformed, 1.0, time, &fast, &mut room, samples);
                 }
                 if let Some(chirp) = other {
                     let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
-                    self.finish::<I, P>(transformed, -1.0, -time, &fast, &mut bessel, samples);
+                    self.finish::<I, P>(transformed, -1.0, -time, &fast, &mut room, samples);
                 }
             }
         }
@@ -204,7 +195,7 @@ impl<T: Widths> Tile<'_, T> {
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
         let (expansion, slow, spectra) = (self.job.expansion, self.slow, self.spectra);
-        let num_terms = expansion.terms.len();
+        let num_terms = expansion.modes.num_sets();
         let zero = <T::In<I>>::splat(T::zero());
         let mut sums = vec![[zero; 4]; slow.groups.len() * num_terms * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
@@ -245,7 +236,7 @@ impl<T: Widths> Tile<'_, T> {
         sums: &[[T::In<I>; 4]],
         transformed: &mut [[T::In<I>; 4]],
     ) {
-        let num_terms = self.job.expansion.terms.len();
+        let num_terms = self.job.expansion.modes.num_sets();
         let zero = <T::In<I>>::splat(T::zero());
         transformed.fill([zero; 4]);
         // Phasors (k + 1/2) steps from the middle, as products of two: within a group, and to its first pair.
@@ -291,7 +282,7 @@ impl<T: Widths> Tile<'_, T> {
         }
     }
 
-    /// The factors of every term, the phase of the middle and the kernel's transform, for one chirp: `re, im, re, ...`.
+    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: `re, im, re, ...`.
     #[inline(always)]
     fn finish<I: Isa, const P: usize>(
         &self,
@@ -299,71 +290,30 @@ impl<T: Widths> Tile<'_, T> {
         sign: f64,
         time: f64,
         fast: &Fast<I, P>,
-        bessel: &mut Vec<T::In<I>>,
+        room: &mut Room<T::In<I>>,
         out: &mut [T],
     ) {
         let (waveform, expansion) = (self.job.waveform, self.job.expansion);
         let splat = wide::splat::<I, P>;
-        let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
         let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
         let keystone = mul_add(fast.frequency, splat(time), square);
-        let mut phase = mul(keystone, splat(expansion.middle_rate));
+        let phase = mul(keystone, splat(expansion.middle_rate));
         let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * expansion.step)));
         let root = polynomial(&self.slow.inverse_root, angle.mul(angle));
         let weight = root.mul(root);
 
-        // Bessel functions of every factor, one order after the other.
-        bessel.clear();
-        for number in 0..expansion.factors.len() {
-            let factor = &expansion.factors[number];
-            let basis = match factor.kind {
-                FactorKind::Phase(k) => mul(fast.frequency, chebyshev::<I, P>(x, k)),
-                FactorKind::Sweep(k) => mul(
-                    mul(fast.time, splat(waveform.half_sweep().recip())),
-                    chebyshev::<I, P>(x, k),
-                ),
-            };
-            phase = mul_add(basis, splat(factor.middle), phase);
-            if !factor.is_expanded {
-                bessel.push(<T::In<I>>::splat(T::one()));
-                continue;
-            }
-            let half_z = mul(basis, splat(0.5 * TAU * factor.half));
-            for n in 0..=factor.max_order {
-                bessel.push(bessel_j::<T, I, P>(n, &self.slow.bessel[number][n], half_z));
-            }
-        }
-
-        let zero = <T::In<I>>::splat(T::zero());
+        let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
+        let x = wide::narrow::<T, I, P>(x);
+        let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(expansion.frame.stretch)));
+        room.sums.clear();
         let sign = <T::In<I>>::splat(T::of(sign));
-        let (mut sum_re, mut sum_im) = (zero, zero);
-        for number in 0..expansion.terms.len() {
-            let term = &expansion.terms[number];
+        for number in 0..transformed.len() {
             let [p_re, p_im, q_im, q_re] = transformed[number];
-            let mut re = sign.neg_mul_add(q_im, p_re);
-            let mut im = sign.mul_add(q_re, p_im);
-            if term.amplitude > 0 {
-                let basis = wide::narrow::<T, I, P>(chebyshev::<I, P>(x, term.amplitude));
-                (re, im) = (re.mul(basis), im.mul(basis));
-            }
-            let (mut order, mut first) = (0, 0);
-            for k in 0..term.orders.len() {
-                let factor = bessel[first + term.orders[k]];
-                (re, im) = (re.mul(factor), im.mul(factor));
-                order += term.orders[k];
-                first += expansion.factors[k].max_order + 1;
-            }
-            // times j^order
-            (re, im) = match order % 4 {
-                0 => (re, im),
-                1 => (zero.sub(im), re),
-                2 => (zero.sub(re), zero.sub(im)),
-                _ => (im, zero.sub(re)),
-            };
-            (sum_re, sum_im) = (sum_re.add(re), sum_im.add(im));
+            room.sums.push([sign.neg_mul_add(q_im, p_re), sign.mul_add(q_re, p_im)]);
         }
+        let sum = self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
-        let [re, im] = product([sum_re, sum_im], [cos.mul(weight), sin.mul(weight)]);
+        let [re, im] = product(sum, [cos.mul(weight), sin.mul(weight)]);
         // Side by side.
         let real = <T::In<I>>::alternate(T::one(), T::zero());
         let imaginary = <T::In<I>>::alternate(T::zero(), T::one());
@@ -374,6 +324,88 @@ impl<T: Widths> Tile<'_, T> {
                 .store(&mut out[i * T::LANES..]);
         }
     }
+
+    /// Sums over paths of the residuals, from those at the instants of the modes; symbols as in `modes.rs`.
+    #[inline(always)]
+    fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) -> Phasor<T::In<I>> {
+        let (modes, frame) = (&self.job.expansion.modes, &self.job.expansion.frame);
+        if modes.are_flat() {
+            return room.sums[0];
+        }
+        let zero = <T::In<I>>::splat(T::zero());
+        let number = wide::number::<T, I>;
+        // Chebyshev polynomials of time.
+        let num_degrees = self.slow.num_degrees;
+        room.polynomials.clear();
+        room.polynomials.extend([number(1.0), x]);
+        for k in 2..num_degrees {
+            let (before, current) = (room.polynomials[k - 2], room.polynomials[k - 1]);
+            room.polynomials.push(x.add(x).mul(current).sub(before));
+        }
+        room.functions.clear();
+        let mut total = [zero, zero];
+        for i in 0..modes.references.len() {
+            let (path, inverse, own) = &modes.references[i];
+            let mut delta = zero;
+            for k in 0..path.bends.len() {
+                delta = room.polynomials[k + 2].mul_add(number(path.bends[k]), delta);
+            }
+            let (mut re, mut im) = (zero, zero);
+            for k in 0..path.re.len() {
+                re = room.polynomials[k].mul_add(number(path.re[k] * self.slow.scale), re);
+                im = room.polynomials[k].mul_add(number(path.im[k] * self.slow.scale), im);
+            }
+            let phase = turns(
+                delta,
+                number(path.offset),
+                number(path.rate),
+                x,
+                sweep,
+                number(frame.bend),
+            );
+            let phasor = wide::cos_sin_of::<T, I>(phase);
+            let residual = product(phasor, [re, zero.sub(im)]);
+            let inverse = inverse / self.slow.scale;
+            let mut function = product(residual, [number(inverse.re), number(inverse.im)]);
+            let mut sum = room.sums[i];
+            for j in 0..i {
+                function = less_product::<T, I>(function, room.functions[j], own[j].re, own[j].im);
+                sum = less_product::<T, I>(sum, room.sums[j], modes.lower[i][j].re, modes.lower[i][j].im);
+            }
+            room.functions.push(function);
+            room.sums[i] = sum;
+            let [re, im] = product(function, sum);
+            total = [total[0].add(re), total[1].add(im)];
+        }
+        total
+    }
+}
+
+/// Numbers of one chirp that do not fit into registers.
+struct Room<V> {
+    sums: Vec<Phasor<V>>,
+    polynomials: Vec<V>,
+    functions: Vec<Phasor<V>>,
+}
+
+impl<V> Default for Room<V> {
+    fn default() -> Self {
+        Self {
+            sums: Vec::new(),
+            polynomials: Vec::new(),
+            functions: Vec::new(),
+        }
+    }
+}
+
+/// `a - b (re + j im)`
+#[inline(always)]
+fn less_product<T: Widths, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
+    let (re, im) = (wide::number::<T, I>(re), wide::number::<T, I>(im));
+    [
+        b[1].mul_add(im, b[0].neg_mul_add(re, a[0])),
+        b[1].neg_mul_add(re, b[0].neg_mul_add(im, a[1])),
+    ]
 }
 
 /// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
@@ -408,50 +440,4 @@ fn product<V: Vector>(a: Phasor<V>, b: Phasor<V>) -> Phasor<V> {
         a[1].neg_mul_add(b[1], a[0].mul(b[0])),
         a[1].mul_add(b[0], a[0].mul(b[1])),
     ]
-}
-
-/// Chebyshev polynomials of degree k.
-#[inline(always)]
-fn chebyshev<I: Isa, const P: usize>(x: Wide<I, P>, k: usize) -> Wide<I, P> {
-    let (mut before, mut current) = (wide::splat::<I, P>(1.0), x);
-    if k == 0 {
-        return before;
-    }
-    let twice = add(x, x);
-    for _ in 1..k {
-        (before, current) = (current, sub(mul(twice, current), before));
-    }
-    current
-}
-
-/// Coefficients of `(2 - [n = 0]) J_n(z) / (z/2)^n` in powers of `(z/2)^2`, for |z| up to `largest`.
-fn bessel_series(n: usize, largest: f64) -> Vec<f64> {
-    let mut coefficient = if n == 0 { 1.0 } else { 2.0 };
-    for k in 1..=n {
-        coefficient /= k as f64;
-    }
-    let mut series = vec![coefficient];
-    let mut bound: f64 = 1.0;
-    let mut k = 1;
-    while bound > 1e-17 {
-        coefficient /= -((k * (k + n)) as f64);
-        bound *= 0.25 * largest * largest / (k * (k + n)) as f64;
-        series.push(coefficient);
-        k += 1;
-    }
-    series
-}
-
-/// `(2 - [n = 0]) J_n(z)` by its series.
-#[inline(always)]
-fn bessel_j<T: Widths, I: Isa, const P: usize>(n: usize, series: &[f64], half_z: Wide<I, P>) -> T::In<I> {
-    let square = mul(half_z, half_z);
-    let mut sum = wide::splat::<I, P>(0.0);
-    for i in (0..series.len()).rev() {
-        sum = mul_add(sum, square, wide::splat::<I, P>(series[i]));
-    }
-    for _ in 0..n {
-        sum = mul(sum, half_z);
-    }
-    wide::narrow::<T, I, P>(sum)
 }

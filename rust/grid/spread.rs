@@ -2,102 +2,158 @@
 
 use std::ops::Range;
 
-use super::place::{Map, Points};
+use super::place::{Map, Points, Tracks};
 use super::{Job, Layout, Widths};
 use crate::block::{CHUNK, Rows};
-use crate::expansion::Term;
 use crate::kernel::{KaiserBessel, degree, tap_table};
 use crate::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
 
+/// How far the residuals of paths are from their interpolation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Checked {
+    /// Sum over paths of squared distances, the mean over the checks.
+    pub sum: f64,
+    /// Chunk with the largest share, and that share.
+    pub worst: (usize, f64),
+}
+
+impl Checked {
+    /// With the sums of other chunks.
+    pub fn join(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            worst: if other.worst.1 > self.worst.1 {
+                other.worst
+            } else {
+                self.worst
+            },
+        }
+    }
+}
+
 /// Spread the paths of some chunks.
-pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) {
-    let mut rows = Rows::new(job.series);
-    let num_chunks = if is_sorted::<T>(job, layout) { SORTED_CHUNKS } else { 1 };
-    let mut placed: Vec<Points<T>> = (0..num_chunks).map(|_| Points::new(job.expansion)).collect();
-    let mut sorted = Points::new(job.expansion);
+pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
+    let batch = batch::<T>(job.width);
+    let mut rows = Rows::of_class(job.series, job.selection.class);
+    let mut tracks = Tracks::new(job);
+    let mut points = Points::new(job.expansion.modes.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
     let table = tap_table::<T>(&KaiserBessel::new(job.width), half(job.width));
-    let mut room = Box::new(Room([T::zero(); CHUNK * MAX_TAPS]));
-    let mut add = |points: &Points<T>| {
+    let mut room = Room::new(batch * CHUNK, 2 * half(job.width));
+    // It pays where a path adds to many cells.
+    let is_sorted = layout.rows > 1
+        && layout.size() * size_of::<T>() > FAST_MEMORY
+        && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES;
+    let mut checked = Checked::default();
+    for first in chunks.clone().step_by(batch) {
+        points.len = 0;
+        for index in first..chunks.end.min(first + batch) {
+            let sum = T::place(job, &map, index * CHUNK, &mut rows, &mut tracks, &mut points);
+            checked = checked.join(Checked {
+                sum,
+                worst: (index, sum),
+            });
+        }
+        room.order(&points, layout, is_sorted);
         T::add_points(Patches {
             level: job.level,
             width: job.width,
             layout,
-            terms: &job.expansion.terms,
-            points,
+            points: &points,
             table: &table,
             room: &mut room,
             grid,
         });
-    };
-    for first in chunks.clone().step_by(num_chunks) {
-        let last = chunks.end.min(first + num_chunks);
-        for (index, points) in (first..last).zip(&mut placed) {
-            T::place(job, &map, index * CHUNK, &mut rows, points);
-        }
-        let placed = &placed[..last - first];
-        if num_chunks == 1
-            || placed.iter().map(|points| points.num_near(layout)).sum::<usize>() > placed.len() * CHUNK / 2
-        {
-            placed.iter().for_each(&mut add);
-            continue;
-        }
-        for order in by_row(placed, layout).chunks(CHUNK) {
-            sorted.take(placed, order);
-            add(&sorted);
-        }
     }
+    checked
 }
 
-/// Chunks whose paths are sorted together.
-const SORTED_CHUNKS: usize = 16;
+/// Grids of this many bytes stay in L1.
+const FAST_MEMORY: usize = 1 << 15;
 
-/// Whether paths are sorted by velocity row: it keeps the rows at work in L1, and pays where every path adds to many cells.
-fn is_sorted<T: Widths>(job: &Job, layout: &Layout) -> bool {
-    const FAST_MEMORY: usize = 1 << 16;
-    const MIN_BYTES: usize = 96; // of a column of a patch, over all terms
-    let is_large = layout.rows > 1 && layout.size() * size_of::<T>() > FAST_MEMORY;
-    is_large && job.expansion.terms.len() * job.width * size_of::<T>() >= MIN_BYTES
+/// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
+const MIN_BYTES: usize = 32;
+
+/// Chunks of paths that are spread together: their taps take 128 kB.
+fn batch<T>(width: usize) -> usize {
+    (1 << 17) / (2 * half(width) * size_of::<T>() * CHUNK)
 }
 
-/// Numbers of all paths of some chunks, `CHUNK` times that of the chunk and that in it, by velocity row.
-fn by_row<T: Widths>(chunks: &[Points<T>], layout: &Layout) -> Vec<u16> {
-    let row = |start: u32| start as usize / layout.stride;
-    let mut ends = vec![0; layout.rows + 1];
-    for points in chunks {
-        for start in &points.start[..points.len] {
-            ends[row(*start) + 1] += 1;
+/// What is known of the paths of a batch in the order in which they are spread.
+pub struct Room<T> {
+    /// Numbers of the paths.
+    order: Vec<u16>,
+    /// Where their patches start.
+    start: Vec<u32>,
+    /// Taps, first those along range, from half of the width of a path's lanes on those along velocity.
+    taps: Vec<T>,
+    /// The same, by column alone.
+    by_column: Vec<u16>,
+    /// Places in the order by a key.
+    ends: Vec<usize>,
+}
+
+impl<T: Widths> Room<T> {
+    fn new(num_paths: usize, lanes: usize) -> Self {
+        Self {
+            order: vec![0; num_paths],
+            by_column: vec![0; num_paths],
+            start: vec![0; num_paths],
+            taps: vec![T::zero(); num_paths * lanes],
+            ends: Vec::new(),
         }
     }
-    for i in 0..layout.rows {
-        ends[i + 1] += ends[i];
-    }
-    let mut order = vec![0; ends[layout.rows]];
-    for (chunk, points) in chunks.iter().enumerate() {
-        for (i, start) in points.start[..points.len].iter().enumerate() {
-            let at = &mut ends[row(*start)];
-            order[*at] = (chunk * CHUNK + i) as u16;
+
+    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and brings paths of one cell together, or
+    /// as they are if they are so by themselves.
+    fn order(&mut self, points: &Points<T>, layout: &Layout, is_sorted: bool) {
+        let len = points.len;
+        let (row, start) = (&points.row[..len], &points.start[..len]);
+        let repeats = start.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        if !is_sorted || 2 * repeats > len {
+            for (i, order) in self.order[..len].iter_mut().enumerate() {
+                *order = i as u16;
+            }
+            self.start[..len].copy_from_slice(start);
+            return;
+        }
+        // Two passes of counting: by column, then by row.
+        let column = |i: usize| (start[i] as usize - row[i] as usize * layout.stride) / 2;
+        count(&mut self.ends, layout.stride / 2, (0..len).map(column));
+        for i in 0..len {
+            let at = &mut self.ends[column(i)];
+            self.by_column[*at] = i as u16;
+            *at += 1;
+        }
+        count(&mut self.ends, layout.rows, row.iter().map(|row| *row as usize));
+        for i in &self.by_column[..len] {
+            let path = usize::from(*i);
+            let at = &mut self.ends[row[path] as usize];
+            self.order[*at] = *i;
+            self.start[*at] = start[path];
             *at += 1;
         }
     }
-    order
 }
 
-/// Most taps of a path along both axes.
-const MAX_TAPS: usize = 32;
+/// Places of the first of every key in sorted order.
+fn count(ends: &mut Vec<usize>, num_keys: usize, keys: impl Iterator<Item = usize>) {
+    ends.clear();
+    ends.resize(num_keys + 1, 0);
+    for key in keys {
+        ends[key + 1] += 1;
+    }
+    for i in 0..num_keys {
+        ends[i + 1] += ends[i];
+    }
+}
 
-/// Taps of the paths of a chunk, first those along range, from half of the width of a row on those along velocity. Rows
-/// are as wide as the kernel needs, for a row to stay within lines of the cache.
-#[repr(align(64))]
-pub struct Room<T>([T; CHUNK * MAX_TAPS]);
-
-/// The points of a chunk of paths, to be spread.
+/// The points of a batch of paths, to be spread.
 pub struct Patches<'a, T> {
     level: Level,
     /// Cells of the kernel.
     pub width: usize,
     layout: &'a Layout,
-    terms: &'a [Term],
     points: &'a Points<T>,
     table: &'a [T],
     room: &'a mut Room<T>,
@@ -128,56 +184,53 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
     fn run<I: Isa>(self) {
         let Patches {
             layout,
-            terms,
             points,
             table,
             room,
             grid,
             ..
         } = self.0;
-        let len = points.len.min(CHUNK);
-        let half = half(W);
-        let taps = &mut room.0[..CHUNK * 2 * half];
-        let mut repeats = 0;
-        for path in 1..len {
-            repeats += usize::from(points.start[path] == points.start[path - 1]);
+        let (len, half) = (points.len, half(W));
+        let (order, start) = (&room.order[..len], &room.start[..len]);
+        let taps = &mut room.taps[..len * 2 * half];
+        for i in 0..len {
+            let (path, taps) = (usize::from(order[i]), &mut taps[i * 2 * half..][..2 * half]);
+            evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
         }
-        for term in 0..terms.len() {
-            let (re, im) = points.strengths(term, &terms[term]);
-            let grid = &mut grid[term * layout.size()..][..layout.size()];
+        let mut repeats = 0;
+        for i in 1..len {
+            repeats += usize::from(start[i] == start[i - 1]);
+        }
+        // One grid after the other: the rows at work stay in L1.
+        for mode in 0..points.strengths.len() {
+            let (re, im) = &points.strengths[mode];
+            let grid = &mut grid[mode * layout.size()..][..layout.size()];
             if MERGES && 2 * repeats > len {
-                let mut path = 0;
-                while path < len {
-                    let start = points.start[path];
+                let mut i = 0;
+                while i < len {
+                    let cell = start[i];
                     let mut patch = [[<T::In<I>>::splat(T::zero()); N]; R];
-                    while path < len && points.start[path] == start {
-                        let taps = &mut taps[path * 2 * half..][..2 * half];
-                        if term == 0 {
-                            evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
-                        }
+                    while i < len && start[i] == cell {
+                        let (path, taps) = (usize::from(order[i]), &taps[i * 2 * half..][..2 * half]);
                         let value = weighted::<T, I, N>(taps, re[path], im[path]);
                         for j in 0..R {
                             let tap = <T::In<I>>::splat(if R == 1 { T::one() } else { taps[half + j] });
-                            for i in 0..N {
-                                patch[j][i] = tap.mul_add(value[i], patch[j][i]);
+                            for n in 0..N {
+                                patch[j][n] = tap.mul_add(value[n], patch[j][n]);
                             }
                         }
-                        path += 1;
+                        i += 1;
                     }
-                    add_patch(grid, start as usize, layout.stride, &patch);
+                    add_patch(grid, cell as usize, layout.stride, &patch);
                 }
             } else {
-                for path in 0..len {
-                    let taps = &mut taps[path * 2 * half..][..2 * half];
-                    if term == 0 {
-                        evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
-                    }
+                for i in 0..len {
+                    let (path, taps) = (usize::from(order[i]), &taps[i * 2 * half..][..2 * half]);
                     let value = weighted::<T, I, N>(taps, re[path], im[path]);
-                    let start = points.start[path] as usize;
                     if R == 1 {
-                        add_patch(grid, start, layout.stride, &[value]);
+                        add_patch(grid, start[i] as usize, layout.stride, &[value]);
                     } else {
-                        add_rows::<_, R, N>(grid, start, layout.stride, &taps[half..], &value);
+                        add_rows::<_, R, N>(grid, start[i] as usize, layout.stride, &taps[half..], &value);
                     }
                 }
             }

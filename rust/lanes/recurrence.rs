@@ -44,7 +44,7 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
             waveform,
             series,
             channel,
-            class,
+            selection,
             ..
         } = *self.job;
         let (lanes, num_samples) = (<T::In<I>>::LANES, waveform.num_samples);
@@ -55,7 +55,7 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
             let group = Group::new(waveform, series, chirps.clone());
             sums.total.fill(T::zero());
             for first in self.job.paths.clone().step_by(CHUNK) {
-                chunk.load::<I>(series, channel, first, &group.block, class);
+                chunk.load::<I>(series, channel, first, &group.block, selection);
                 let phases = Phases::new(waveform, &group, &chunk, 0.1 * tolerance::<T>());
                 let amplitudes = Amplitudes::new(&group, &chunk, self.job.scale, num_samples, 0.1 * tolerance::<T>());
                 let form = Form::new::<T>(&phases, &amplitudes, num_samples);

@@ -155,7 +155,7 @@ impl<T: Precision> Kernel for AddLanes<'_, T> {
             waveform,
             series,
             channel,
-            class,
+            selection,
             scale,
             ..
         } = *self.job;
@@ -174,7 +174,7 @@ impl<T: Precision> Kernel for AddLanes<'_, T> {
             grid.fill(T::zero());
             total.fill(T::zero());
             for first in self.job.paths.clone().step_by(CHUNK) {
-                chunk.load::<I>(series, channel, first, &group.block, class);
+                chunk.load::<I>(series, channel, first, &group.block, selection);
                 let phases = Phases::new(waveform, &group, &chunk, tolerance);
                 let amplitudes = Amplitudes::new(&group, &chunk, scale, num_samples, tolerance);
                 let chunk = ChunkSpread {

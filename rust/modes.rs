@@ -1,0 +1,598 @@
+//! Residuals of all paths as combinations of a few: adaptive cross approximation (Bebendorf, Numer. Math. 86, 2000), also
+//! known as empirical interpolation.
+//!
+//! In a block of chirps, residuals (`residual.rs`) are functions of chirp and sample that differ little from path to path.
+//! A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
+//!
+//! ```text
+//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j        q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
+//! ```
+//!
+//! with `g_i` the residual of a reference path. Instants and references are the largest elements that are left of a matrix
+//! of samples (paths, instants), one after the other, until what is left is small. All paths are held to the result where
+//! they are put on the grid, at [`Check`]s.
+
+use num_complex::Complex64;
+
+use crate::block::Block;
+use crate::chirp::Waveform;
+use crate::expansion::offset;
+use crate::residual::{Frame, Instant, Path, turns};
+use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::wide;
+
+/// Most modes of a block.
+pub const MAX_MODES: usize = 48;
+
+/// How residuals are interpolated in a block.
+#[derive(Clone, Debug)]
+pub struct Modes {
+    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes, at all times.
+    pub instants: Vec<Instant>,
+    /// Values `q_j(x_i)`, (i, j < i).
+    pub lower: Vec<Vec<Complex64>>,
+    /// Paths from which modes follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
+    pub references: Vec<(Path, Complex64, Vec<Complex64>)>,
+    /// Where residuals are compared with their interpolation.
+    pub checks: Vec<Check>,
+    /// Mean square over the block of what is left of the samples, relative to that at the checks.
+    pub check_factor: f64,
+    /// rms of the residual phases of the samples [turns].
+    pub turns: f64,
+}
+
+/// An instant, and the weights of the strengths of all modes in the interpolation there.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// The instant.
+    pub instant: Instant,
+    /// Per mode.
+    pub weights: Vec<Complex64>,
+}
+
+impl Modes {
+    /// Residuals that never change.
+    pub fn none() -> Self {
+        Self {
+            instants: Vec::new(),
+            lower: Vec::new(),
+            references: Vec::new(),
+            checks: Vec::new(),
+            check_factor: 0.0,
+            turns: 0.0,
+        }
+    }
+
+    /// Sets of strengths.
+    pub fn num_sets(&self) -> usize {
+        self.instants.len().max(1)
+    }
+
+    /// Degrees of the series of references.
+    pub fn num_degrees(&self) -> usize {
+        let degrees = self
+            .references
+            .iter()
+            .map(|(path, ..)| path.re.len().max(path.bends.len() + 2));
+        degrees.max().unwrap_or(0)
+    }
+
+    /// Whether residuals are the paths' mean amplitudes.
+    pub fn are_flat(&self) -> bool {
+        self.instants.is_empty()
+    }
+}
+
+/// Errors below this are small.
+const FINE: f64 = 1e-6;
+/// Chirps and samples per chirp at which residuals are looked at.
+const NUM_CHIRPS: usize = 16;
+const NUM_FAST: usize = 3;
+/// The same where errors are small.
+const MANY_CHIRPS: usize = 28;
+const MANY_FAST: usize = 5;
+/// Instants apart from these, for checks.
+const NUM_OTHERS: usize = 8;
+/// How many checks there are.
+const NUM_CHECKS: usize = 2;
+const MANY_CHECKS: usize = 4;
+/// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
+const TIE: f64 = 1.0 + 1e-9;
+/// Share of the allowed error that samples may have: other paths may have more.
+const SHARE: f64 = 0.7;
+
+/// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
+/// they are too many.
+///
+/// Every second of the first `num_apart` paths is kept apart, to see what error those have that are no samples; if it has
+/// too much of it, none is.
+pub fn find(
+    waveform: &Waveform,
+    block: &Block,
+    frame: &Frame,
+    (paths, num_apart): (&[Path], usize),
+    budget: f64,
+    level: Level,
+) -> Option<(Modes, f64)> {
+    let is_fine = budget < FINE;
+    let (chirps, fast) = if is_fine {
+        (MANY_CHIRPS, MANY_FAST)
+    } else {
+        (NUM_CHIRPS, NUM_FAST)
+    };
+    let instant = |chirp: usize, sample: usize| {
+        let fine = waveform.sample_time(sample) - waveform.middle_time();
+        Instant {
+            x: (offset(waveform, block, chirp) + fine) / block.half,
+            sweep: frame.stretch * fine,
+        }
+    };
+    let (num_chirps, num_samples) = (block.chirps.len(), waveform.num_samples);
+    let mut instants = Vec::new();
+    let samples = spread(num_samples, fast);
+    for chirp in spread(num_chirps, chirps) {
+        instants.extend(samples.iter().map(|sample| instant(chirp, *sample)));
+    }
+    let is_complete = instants.len() == num_chirps * num_samples;
+    let num_trained = instants.len();
+    // Instants between those, by a sequence that fills the plane evenly (Roberts' R2).
+    for i in 1..=NUM_OTHERS {
+        let place =
+            |step: f64, count: usize| (((0.5 + step * i as f64).fract() * count as f64) as usize).min(count - 1);
+        instants.push(instant(
+            place(0.754_877_666_246_692_8, num_chirps),
+            place(0.569_840_290_998_053_3, num_samples),
+        ));
+    }
+    let max_modes = if is_complete { num_trained } else { num_trained * 3 / 5 };
+    let search = |num_apart| {
+        level.run(Search {
+            frame,
+            paths,
+            num_apart,
+            instants: &instants,
+            num_trained,
+            max_modes: max_modes.min(MAX_MODES),
+            budget: SHARE * budget,
+        })
+    };
+    let found = search(num_apart);
+    if found.is_some() || num_apart == 0 {
+        return found;
+    }
+    search(0)
+}
+
+/// Up to `most` numbers below `count`, denser towards the ends, which are among them.
+fn spread(count: usize, most: usize) -> Vec<usize> {
+    if count <= most {
+        return (0..count).collect();
+    }
+    let place = |i: usize| {
+        let angle = std::f64::consts::PI * i as f64 / (most - 1) as f64;
+        (0.5 * (1.0 - angle.cos()) * (count - 1) as f64).round() as usize
+    };
+    let mut places: Vec<usize> = (0..most).map(place).collect();
+    places.dedup();
+    places
+}
+
+struct Search<'a> {
+    frame: &'a Frame,
+    paths: &'a [Path],
+    /// Every second of so many paths is no reference.
+    num_apart: usize,
+    instants: &'a [Instant],
+    /// Instants that modes may be taken at; the others come after them.
+    num_trained: usize,
+    max_modes: usize,
+    budget: f64,
+}
+
+/// Residuals of all samples, (path, instant), in whole vectors; the last instant is repeated.
+struct Matrix {
+    stride: usize,
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Matrix {
+    fn at(&self, row: usize, column: usize) -> Complex64 {
+        let at = row * self.stride + column;
+        Complex64::new(self.re[at], self.im[at])
+    }
+}
+
+impl Kernel for Search<'_> {
+    type Output = Option<(Modes, f64)>;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Option<(Modes, f64)> {
+        let (paths, num_instants) = (self.paths, self.instants.len());
+        let (mut matrix, turns) = self.residuals::<I>();
+        let counts = self.weights(&matrix);
+        let zero = vec![0.0; matrix.stride];
+        let none = vec![0.0; paths.len()];
+        let all = self.reduce::<I, false>(&mut matrix, &counts, [&zero, &zero], [&none, &none]);
+        let power: f64 = all.sums.iter().sum();
+        if power <= 0.0 || !power.is_finite() {
+            // No path has any amplitude.
+            return (power == 0.0).then(|| (Modes::none(), 0.0));
+        }
+        let bound = self.budget * self.budget;
+
+        // Without modes: the mean amplitudes.
+        let mut modes = Modes { turns, ..Modes::none() };
+        let one = vec![1.0; matrix.stride];
+        let mean_re: Vec<f64> = paths.iter().map(|path| path.re[0]).collect();
+        let mean_im: Vec<f64> = paths.iter().map(|path| -path.im[0]).collect();
+        let flat = self.reduce::<I, false>(&mut matrix, &counts, [&one, &zero], [&mean_re, &mean_im]);
+        if flat.relative(&all) <= bound {
+            self.reduce::<I, true>(&mut matrix, &counts, [&one, &zero], [&mean_re, &mean_im]);
+            self.add_checks(&matrix, &[], &flat, &mut modes);
+            return Some((modes, flat.relative(&all).sqrt()));
+        }
+
+        // Cross approximation with full pivoting.
+        let mut rows: Vec<Vec<Complex64>> = Vec::new();
+        let mut coefficients: Vec<Vec<Complex64>> = vec![Vec::new(); paths.len()];
+        let mut left = all;
+        while left.relative(&all) > bound {
+            if modes.instants.len() == self.max_modes {
+                return None;
+            }
+            let path = left.row;
+            let column = self.largest_in(&matrix, path);
+            let pivot = matrix.at(path, column);
+            if pivot.norm_sqr() <= 1e-28 * power / num_instants as f64 {
+                return None;
+            }
+            let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
+            modes.lower.push(rows.iter().map(|row| row[column]).collect());
+            let own = coefficients[path].iter().map(|c| c / pivot).collect();
+            modes.references.push((paths[path].clone(), pivot.inv(), own));
+            modes.instants.push(self.instants[column]);
+            let taken: Vec<Complex64> = (0..paths.len()).map(|p| matrix.at(p, column)).collect();
+            for (coefficients, c) in coefficients.iter_mut().zip(&taken) {
+                coefficients.push(*c);
+            }
+            let parts = |numbers: &[Complex64]| -> [Vec<f64>; 2] {
+                [
+                    numbers.iter().map(|c| c.re).collect(),
+                    numbers.iter().map(|c| c.im).collect(),
+                ]
+            };
+            let ([row_re, row_im], [taken_re, taken_im]) = (parts(&row), parts(&taken));
+            left = self.reduce::<I, true>(&mut matrix, &counts, [&row_re, &row_im], [&taken_re, &taken_im]);
+            rows.push(row);
+        }
+        self.add_checks(&matrix, &rows, &left, &mut modes);
+        Some((modes, left.relative(&all).sqrt()))
+    }
+}
+
+impl Search<'_> {
+    /// The residuals, and the rms of their phases [turns].
+    #[inline(always)]
+    fn residuals<I: Isa>(&self) -> (Matrix, f64) {
+        let stride = self.instants.len().next_multiple_of(8);
+        let mut matrix = Matrix {
+            stride,
+            re: vec![0.0; self.paths.len() * stride],
+            im: vec![0.0; self.paths.len() * stride],
+        };
+        let last = self.instants.len() - 1;
+        let pick = |value: fn(&Instant) -> f64| -> Vec<f64> {
+            (0..stride).map(|i| value(&self.instants[i.min(last)])).collect()
+        };
+        let (times, sweeps) = (pick(|instant| instant.x), pick(|instant| instant.sweep));
+        let splat = <I::F64 as Vector>::splat;
+        let mut squares = splat(0.0);
+        for p in 0..self.paths.len() {
+            let path = &self.paths[p];
+            let num_degrees = (path.bends.len() + 2).max(path.re.len());
+            for at in (0..stride).step_by(8) {
+                let x = I::F64::load(&times[at..]);
+                let (mut before, mut current) = (splat(1.0), x);
+                let (mut re, mut im, mut delta) = (splat(path.re[0]), splat(path.im[0]), splat(0.0));
+                for k in 1..num_degrees {
+                    if k < path.re.len() {
+                        re = current.mul_add(splat(path.re[k]), re);
+                        im = current.mul_add(splat(path.im[k]), im);
+                    }
+                    if k >= 2 && k < path.bends.len() + 2 {
+                        delta = current.mul_add(splat(path.bends[k - 2]), delta);
+                    }
+                    (before, current) = (current, x.add(x).mul(current).sub(before));
+                }
+                let phase = turns(
+                    delta,
+                    splat(path.offset),
+                    splat(path.rate),
+                    x,
+                    I::F64::load(&sweeps[at..]),
+                    splat(self.frame.bend),
+                );
+                squares = phase.mul_add(phase, squares);
+                let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
+                let to = p * stride + at;
+                im.mul_add(sin, re.mul(cos)).store(&mut matrix.re[to..]);
+                im.neg_mul_add(cos, re.mul(sin)).store(&mut matrix.im[to..]);
+            }
+        }
+        let mut lanes = [0.0; 8];
+        squares.store(&mut lanes);
+        let turns = (lanes.iter().sum::<f64>() / matrix.re.len() as f64).sqrt();
+        (matrix, turns)
+    }
+
+    /// Instant of the largest element of a path at the trained instants.
+    fn largest_in(&self, matrix: &Matrix, path: usize) -> usize {
+        let square = |x: usize| matrix.at(path, x).norm_sqr();
+        let largest = (0..self.num_trained).map(square).fold(0.0, f64::max);
+        (0..self.num_trained).find(|x| square(*x) * TIE >= largest).unwrap_or(0)
+    }
+
+    /// Ones at the instants, and at those that are trained, zero else.
+    fn weights(&self, matrix: &Matrix) -> [Vec<f64>; 2] {
+        [self.instants.len(), self.num_trained]
+            .map(|len| (0..matrix.stride).map(|i| if i < len { 1.0 } else { 0.0 }).collect())
+    }
+
+    /// Checks at the instants where most is left.
+    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
+        let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
+        let mut sums: Vec<(f64, usize)> = (0..self.instants.len())
+            .map(|x| ((0..self.paths.len()).map(|p| rest.at(p, x).norm_sqr()).sum(), x))
+            .collect();
+        sums.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Apart from each other in time.
+        let count = if self.budget < FINE { MANY_CHECKS } else { NUM_CHECKS };
+        let mut apart: Vec<(f64, usize)> = Vec::new();
+        for (sum, x) in &sums {
+            let distance = |other: &(f64, usize)| (self.instants[other.1].x - self.instants[*x].x).abs();
+            if apart.len() < count && apart.iter().all(|other| distance(other) > 0.5 / count as f64) {
+                apart.push((*sum, *x));
+            }
+        }
+        let sums = apart;
+        let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
+        modes.check_factor = if at_checks > 0.0 {
+            (left / at_checks).clamp(0.2, 1.0)
+        } else {
+            1.0
+        };
+        for (_, x) in sums {
+            // Weights w of g(x_i) in sum_i c_i q_i(x): L^T w = q(x), with the lower triangle L of q_j(x_i).
+            let mut weights: Vec<Complex64> = rows.iter().map(|row| row[x]).collect();
+            for i in (0..weights.len()).rev() {
+                let weight = weights[i];
+                for (j, value) in modes.lower[i].iter().enumerate() {
+                    weights[j] -= value * weight;
+                }
+            }
+            modes.checks.push(Check {
+                instant: self.instants[x],
+                weights,
+            });
+        }
+    }
+}
+
+/// What is left of a matrix.
+#[derive(Clone, Copy)]
+struct Left {
+    /// Sums of the squares at all instants, of the paths that may be references and of the others.
+    sums: [f64; 2],
+    /// Path with the largest element at the trained ones.
+    row: usize,
+}
+
+impl Left {
+    /// Relative to what it was, the larger one.
+    fn relative(&self, all: &Self) -> f64 {
+        let ratio = |i: usize| {
+            if all.sums[i] > 0.0 {
+                self.sums[i] / all.sums[i]
+            } else {
+                0.0
+            }
+        };
+        ratio(0).max(ratio(1))
+    }
+}
+
+impl Search<'_> {
+    /// Take multiples of a row, one per path, off all paths, in place if it `STORES`. The weights are those of
+    /// [`Self::weights`]; complex numbers are in two parts.
+    #[inline(always)]
+    fn reduce<I: Isa, const STORES: bool>(
+        &self,
+        matrix: &mut Matrix,
+        [counted, trained]: &[Vec<f64>; 2],
+        [row_re, row_im]: [&[f64]; 2],
+        [multiple_re, multiple_im]: [&[f64]; 2],
+    ) -> Left {
+        let splat = <I::F64 as Vector>::splat;
+        let mut sums = [splat(0.0); 2];
+        let (mut largest, mut row) = (0.0, 0);
+        for path in 0..multiple_re.len() {
+            let is_apart = path < self.num_apart && path % 2 == 1;
+            let (a, b) = (splat(multiple_re[path]), splat(multiple_im[path]));
+            let (mut sum, mut most) = (splat(0.0), splat(0.0));
+            for at in (0..matrix.stride).step_by(8) {
+                let (c, d) = (I::F64::load(&row_re[at..]), I::F64::load(&row_im[at..]));
+                let to = path * matrix.stride + at;
+                let re = b.mul_add(d, a.neg_mul_add(c, I::F64::load(&matrix.re[to..])));
+                let im = b.neg_mul_add(c, a.neg_mul_add(d, I::F64::load(&matrix.im[to..])));
+                if STORES {
+                    re.store(&mut matrix.re[to..]);
+                    im.store(&mut matrix.im[to..]);
+                }
+                let square = re.mul_add(re, im.mul(im));
+                sum = square.mul_add(I::F64::load(&counted[at..]), sum);
+                most = square.mul(I::F64::load(&trained[at..])).max(most);
+            }
+            let half = usize::from(is_apart);
+            sums[half] = sums[half].add(sum);
+            if is_apart {
+                continue;
+            }
+            let mut lanes = [0.0; 8];
+            most.store(&mut lanes);
+            for i in 0..8 {
+                if lanes[i] > largest * TIE {
+                    (largest, row) = (lanes[i], path);
+                }
+            }
+        }
+        let mut lanes = [[0.0; 8]; 2];
+        sums[0].store(&mut lanes[0]);
+        sums[1].store(&mut lanes[1]);
+        Left {
+            sums: lanes.map(|lanes| lanes.iter().sum()),
+            row,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::delay::{Basis, PathSeries};
+    use crate::hash::mix;
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 58e9,
+            slope: 2e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..40).map(|c| f64::from(c) * 4e-4).collect(),
+        }
+    }
+
+    /// Random paths in the whole frame, with accelerations and changing amplitudes.
+    fn paths(wf: &Waveform, count: usize) -> (Block, Frame, Vec<Path>) {
+        let mut state = 3;
+        let mut unit = || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let empty: [&[f64]; 3] = [&[], &[], &[]];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &empty,
+            amplitude: &[&[]],
+            num_channels: 1,
+            num_paths: 0,
+        };
+        let block = Block::new(wf, &series, 0..wf.chirp_times.len());
+        let frame = Frame::new(wf.start_frequency, 2e-8, wf.slope);
+        let paths = (0..count)
+            .map(|_| Path {
+                offset: 1e-5 * (unit() - 0.5),
+                rate: 40.0 * (unit() - 0.5),
+                bends: vec![0.3 * (unit() - 0.5), 0.05 * (unit() - 0.5)],
+                re: vec![1.0 + unit(), 0.05 * (unit() - 0.5)],
+                im: vec![unit(), 0.05 * (unit() - 0.5)],
+            })
+            .collect();
+        (block, frame, paths)
+    }
+
+    /// The residual by its definition.
+    fn residual(path: &Path, frame: &Frame, instant: &Instant) -> Complex64 {
+        let chebyshev = |k: usize| (k as f64 * instant.x.clamp(-1.0, 1.0).acos()).cos();
+        let sum = |series: &[f64], first: usize| -> f64 {
+            series.iter().enumerate().map(|(k, c)| c * chebyshev(first + k)).sum()
+        };
+        let delta = sum(&path.bends, 2);
+        let turns = delta * (1.0 + instant.sweep - path.offset) + instant.x * instant.sweep * path.offset * path.rate
+            - frame.bend * (path.rate * instant.x + delta).powi(2);
+        let phasor = Complex64::from_polar(1.0, std::f64::consts::TAU * turns);
+        Complex64::new(sum(&path.re, 0), -sum(&path.im, 0)) * phasor
+    }
+
+    /// Value at an instant of the interpolation between those at the modes' instants.
+    fn interpolated(modes: &Modes, frame: &Frame, path: &Path, instant: &Instant) -> Complex64 {
+        let mut functions: Vec<Complex64> = Vec::new();
+        let mut coefficients: Vec<Complex64> = Vec::new();
+        for (i, (reference, inverse, own)) in modes.references.iter().enumerate() {
+            let mut function = residual(reference, frame, instant) * inverse;
+            let mut coefficient = residual(path, frame, &modes.instants[i]);
+            for j in 0..i {
+                function -= own[j] * functions[j];
+                coefficient -= modes.lower[i][j] * coefficients[j];
+            }
+            functions.push(function);
+            coefficients.push(coefficient);
+        }
+        functions.iter().zip(&coefficients).map(|(q, c)| q * c).sum()
+    }
+
+    #[test]
+    fn every_path_is_interpolated_within_the_budget() {
+        let wf = waveform();
+        let (block, frame, paths) = paths(&wf, 400);
+        let mut last = 0;
+        for budget in [1e-2, 1e-4, 1e-8] {
+            for level in Level::available() {
+                let (modes, error) = find(&wf, &block, &frame, (&paths[..200], 200), budget, level).unwrap();
+                assert!(error <= budget);
+                assert!(modes.num_sets() >= last, "{} modes for {budget}", modes.num_sets());
+                last = modes.num_sets();
+                // Also paths and instants that the search has not seen.
+                let (mut left, mut power) = (0.0, 0.0);
+                for path in &paths {
+                    for i in 0..50 {
+                        let instant = Instant {
+                            x: f64::from(i) / 24.5 - 1.0,
+                            sweep: frame.stretch * wf.half_sweep() * (f64::from(i * 7 % 50) / 24.5 - 1.0),
+                        };
+                        let exact = residual(path, &frame, &instant);
+                        left += (interpolated(&modes, &frame, path, &instant) - exact).norm_sqr();
+                        power += exact.norm_sqr();
+                    }
+                }
+                let measured = (left / power).sqrt();
+                assert!(measured <= 1.5 * budget, "{measured:e} for {budget:e}");
+                // Weights of the checks are those of the interpolation.
+                for check in &modes.checks {
+                    let values = modes
+                        .instants
+                        .iter()
+                        .map(|instant| residual(&paths[7], &frame, instant));
+                    let sum: Complex64 = values.zip(&check.weights).map(|(value, weight)| value * weight).sum();
+                    let expected = interpolated(&modes, &frame, &paths[7], &check.instant);
+                    assert!((sum - expected).norm() < 1e-10, "{}", (sum - expected).norm());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn paths_at_constant_velocity_need_no_modes() {
+        let wf = waveform();
+        let (block, frame, mut paths) = paths(&wf, 50);
+        for path in &mut paths {
+            path.bends.clear();
+            path.re.truncate(1);
+            path.im.truncate(1);
+        }
+        let (modes, error) = find(&wf, &block, &frame, (&paths, 0), 1e-3, Level::best()).unwrap();
+        assert!(modes.are_flat() && modes.num_sets() == 1 && error < 1e-3);
+        assert_eq!(modes.checks.len(), NUM_CHECKS);
+        // A rounding error is within no sum of a few.
+        assert!(find(&wf, &block, &frame, (&paths, 0), 1e-18, Level::best()).is_none());
+    }
+
+    #[test]
+    fn places_are_spread_to_both_ends() {
+        assert_eq!(spread(3, 16), [0, 1, 2]);
+        let places = spread(100, 16);
+        assert_eq!((places[0], places[places.len() - 1]), (0, 99));
+        assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+}

@@ -1,0 +1,235 @@
+//! What is left of a moving path when its plane wave on the range-velocity grid is taken off.
+//!
+//! With the delay `tau = c_0 + c_1 x + D(x)`, `D = sum_(k>=2) c_k T_k(x)`, the phase of eq. (1) is exactly
+//!
+//! ```text
+//! A + X t' + b xi(c, m) + R        t' = t - t_0,  xi = (f_c + S t') T'_c + S t'^2,  x = (T'_c + t') / half
+//! X = S c_0 + b f_c                b = c_1 (1 - u / f_c) / half,  u = S (c_0 - middle delay)
+//! R = (f_c + S t' - u) D + (S t' / f_c) u c_1 x - S (c_1 x + D)^2 / 2
+//! ```
+//!
+//! in turns: a constant A, a beat frequency X and a rate b whose "keystone" frequency xi is the same for every path. X
+//! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is all
+//! else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2 pi j R)`.
+
+use crate::block::Block;
+use crate::delay::{Basis, PathSeries};
+use crate::simd::Vector;
+
+/// Constants of a block of chirps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// f_c [Hz]: frequency of the middle sample, less the beat frequency of `middle_delay`.
+    pub carrier: f64,
+    /// Delay about which f_c is taken [s].
+    pub middle_delay: f64,
+    /// S / f_c [1/s]
+    pub stretch: f64,
+    /// S / (2 f_c^2): share of the squared delay, in turns per squared turn.
+    pub bend: f64,
+}
+
+impl Frame {
+    /// With the slope S [Hz/s].
+    pub fn new(carrier: f64, middle_delay: f64, slope: f64) -> Self {
+        Self {
+            carrier,
+            middle_delay,
+            stretch: slope / carrier,
+            bend: 0.5 * slope / carrier / carrier,
+        }
+    }
+}
+
+/// When a residual is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// Time in the block, -1 to 1.
+    pub x: f64,
+    /// S t' / f_c
+    pub sweep: f64,
+}
+
+/// A path in a block: coefficients of its delay in turns at the carrier, and of its amplitude.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// u / f_c
+    pub offset: f64,
+    /// f_c c_1
+    pub rate: f64,
+    /// f_c c_k, k = 2, 3, ...
+    pub bends: Vec<f64>,
+    /// Real part of the amplitude's coefficients.
+    pub re: Vec<f64>,
+    /// Imaginary part.
+    pub im: Vec<f64>,
+}
+
+/// The numbers of one path as its series has them: where rows are values, those after the first are differences from it.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    delay: Vec<f64>,
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Sample {
+    /// Path `index` of all channels.
+    pub fn new(series: &PathSeries, index: usize) -> Self {
+        let first = series.amplitude[0][index];
+        let change = |j: usize| {
+            if j == 0 {
+                first
+            } else {
+                series.amplitude[j][index] - first
+            }
+        };
+        let amplitude = || (0..series.num_amplitude_terms()).map(change);
+        let base = if series.basis == Basis::Chebyshev {
+            series.delay[0][index]
+        } else {
+            0.0
+        };
+        let delay = |(j, row): (usize, &&[f64])| if j == 0 { row[index] } else { row[index] - base };
+        Self {
+            delay: series.delay.iter().enumerate().map(delay).collect(),
+            re: amplitude().map(|a| a.re).collect(),
+            im: amplitude().map(|a| a.im).collect(),
+        }
+    }
+
+    /// Power of its amplitude in a block, the mean over Chebyshev times.
+    pub fn power(&self, block: &Block) -> f64 {
+        let of_part = |rows: &[f64]| {
+            let squares = series(&block.amplitude, rows).into_iter().map(|c| c * c);
+            squares
+                .enumerate()
+                .map(|(k, square)| if k == 0 { square } else { 0.5 * square })
+                .sum::<f64>()
+        };
+        of_part(&self.re) + of_part(&self.im)
+    }
+
+    /// The path in a block.
+    pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
+        let delay = series(&block.delay, &self.delay);
+        Path {
+            offset: frame.stretch * (delay[0] - frame.middle_delay),
+            rate: frame.carrier * delay.get(1).unwrap_or(&0.0),
+            bends: delay.iter().skip(2).map(|c| frame.carrier * c).collect(),
+            re: series(&block.amplitude, &self.re),
+            im: series(&block.amplitude, &self.im),
+        }
+    }
+}
+
+/// Coefficients from rows.
+fn series(matrix: &[Vec<f64>], rows: &[f64]) -> Vec<f64> {
+    let change = |factors: &Vec<f64>| rows.iter().zip(factors).skip(1).map(|(row, f)| row * f).sum::<f64>();
+    let mut series: Vec<f64> = matrix.iter().map(change).collect();
+    series[0] += rows[0];
+    series
+}
+
+/// R in turns; `delta` is f_c D, the others are as in [`Path`], [`Instant`] and [`Frame`].
+#[inline(always)] // part of kernels, see simd.rs
+pub fn turns<V: Vector>(delta: V, offset: V, rate: V, x: V, sweep: V, bend: V) -> V {
+    let moved = rate.mul_add(x, delta);
+    let sum = delta.mul_add(sweep.sub(offset), delta);
+    let skew = x.mul(sweep).mul(offset);
+    bend.mul(moved).neg_mul_add(moved, skew.mul_add(rate, sum))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chirp::Waveform;
+    use crate::simd::{Isa, Kernel, Level};
+    use num_complex::Complex64;
+
+    struct Turns([f64; 6]);
+
+    impl Kernel for Turns {
+        type Output = f64;
+        #[inline(always)]
+        fn run<I: Isa>(self) -> f64 {
+            let [delta, offset, rate, x, sweep, bend] = self.0;
+            let splat = <I::F64 as Vector>::splat;
+            let mut out = [0.0; 8];
+            turns(
+                splat(delta),
+                splat(offset),
+                splat(rate),
+                splat(x),
+                splat(sweep),
+                splat(bend),
+            )
+            .store(&mut out);
+            out[3]
+        }
+    }
+
+    #[test]
+    fn plane_wave_and_residual_are_the_phase() {
+        let wf = Waveform {
+            start_frequency: 58e9,
+            slope: 2e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..20).map(|c| f64::from(c) * 3e-4).collect(),
+        };
+        // Value, rate and acceleration at the start.
+        let (d, r, a) = ([2.0e-8], [3.3e-8], [6e-7]);
+        let rows: [&[f64]; 3] = [&d, &r, &a];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &rows,
+            amplitude: &[&[Complex64::new(1.0, 2.0)]],
+            num_channels: 1,
+            num_paths: 1,
+        };
+        let block = Block::new(&wf, &series, 5..17);
+        let middle_delay = 1.7e-8;
+        let t0 = wf.middle_time();
+        let frame = Frame::new(
+            wf.start_frequency + wf.slope * (t0 - middle_delay),
+            middle_delay,
+            wf.slope,
+        );
+        let path = Sample::new(&series, 0).in_block(&block, &frame);
+        assert_eq!((path.re[0], path.im[0]), (1.0, 2.0));
+
+        let c_0 = path.offset / frame.stretch + middle_delay;
+        let b = path.rate / frame.carrier * (1.0 - path.offset) / block.half;
+        let constant = wf.start_frequency * c_0 + wf.slope * (c_0 * t0 - 0.5 * c_0 * c_0);
+        let mut largest: f64 = 0.0;
+        for chirp in [5, 9, 16] {
+            for sample in [0, 20, 63] {
+                let fast = wf.sample_time(sample);
+                let time = wf.chirp_times[chirp] + fast;
+                let tau = d[0] + r[0] * time + 0.5 * a[0] * time * time;
+                let phase = tau * (wf.start_frequency + wf.slope * (fast - 0.5 * tau));
+                let (fine, slow) = (fast - t0, time - block.center);
+                let wave = (wf.slope * c_0 + b * frame.carrier) * fine
+                    + b * ((frame.carrier + wf.slope * fine) * (slow - fine) + wf.slope * fine * fine);
+                let x = block.x(time);
+                let instant = [
+                    path.bends[0] * (2.0 * x * x - 1.0),
+                    path.offset,
+                    path.rate,
+                    x,
+                    frame.stretch * fine,
+                    frame.bend,
+                ];
+                for level in Level::available() {
+                    let rest = level.run(Turns(instant));
+                    let error = constant + wave + rest - phase;
+                    largest = largest.max(rest.abs());
+                    assert!(error.abs() < 1e-11, "{error} of {phase}, residual {rest}");
+                }
+            }
+        }
+        assert!(largest > 0.01, "{largest}");
+    }
+}
