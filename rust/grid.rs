@@ -9,7 +9,7 @@ mod spread;
 
 pub use spread::Checked;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -120,6 +120,7 @@ impl Job<'_> {
         }
         let kernel = KaiserBessel::new(self.width);
         let spectra = self.transform_rows(&layout, &kernel, &grid, &rows);
+        T::give_back(grid);
         let num_samples = self.waveform.num_samples;
         if self.expansion.rows == 1 {
             for chirp in out.chunks_exact_mut(num_samples) {
@@ -139,7 +140,7 @@ impl Job<'_> {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
-            let mut grid = vec![T::zero(); self.expansion.modes.num_sets() * layout.size()];
+            let mut grid = T::take_zeros(self.expansion.modes.num_sets() * layout.size());
             let checked = spread::spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
             (grid, checked)
         };
@@ -152,6 +153,7 @@ impl Job<'_> {
             for (a, b) in sum.iter_mut().zip(&other) {
                 *a = *a + *b;
             }
+            T::give_back(other);
             checked = checked.join(others);
         }
         // In units of the amplitudes.
@@ -274,7 +276,16 @@ pub trait Widths: Precision {
     fn add_points(chunk: spread::Patches<Self>);
     /// The inverse FFT of a length.
     fn fft(n: usize) -> Arc<dyn Fft<Self>>;
+    /// Zeros, in memory that was given back if there is some: fresh pages cost a tenth of a large sum.
+    fn take_zeros(len: usize) -> Vec<Self>;
+    /// See [`Self::take_zeros`].
+    fn give_back(memory: Vec<Self>);
+    /// What was given back.
+    fn kept() -> MutexGuard<'static, Vec<Vec<Self>>>;
 }
+
+/// Most numbers of grids that are kept for the next sum.
+const MAX_KEPT: usize = 1 << 22;
 
 /// Plans of transforms are made once per length.
 macro_rules! planned_fft {
@@ -283,6 +294,30 @@ macro_rules! planned_fft {
             static PLANNER: Mutex<Option<FftPlanner<$scalar>>> = Mutex::new(None);
             let mut planner = PLANNER.lock().unwrap_or_else(PoisonError::into_inner);
             planner.get_or_insert_with(FftPlanner::new).plan_fft_inverse(n)
+        }
+    };
+}
+
+/// Grids are kept from sum to sum.
+macro_rules! kept_grids {
+    ($scalar:ty) => {
+        fn take_zeros(len: usize) -> Vec<Self> {
+            let mut memory = Self::kept().pop().unwrap_or_default();
+            memory.clear();
+            memory.resize(len, 0.0);
+            memory
+        }
+
+        fn give_back(memory: Vec<Self>) {
+            let mut kept = Self::kept();
+            if kept.iter().map(Vec::capacity).sum::<usize>() + memory.capacity() <= MAX_KEPT {
+                kept.push(memory);
+            }
+        }
+
+        fn kept() -> MutexGuard<'static, Vec<Vec<Self>>> {
+            static KEPT: Mutex<Vec<Vec<$scalar>>> = Mutex::new(Vec::new());
+            KEPT.lock().unwrap_or_else(PoisonError::into_inner)
         }
     };
 }
@@ -320,6 +355,7 @@ impl Widths for f32 {
     }
 
     planned_fft!(f32);
+    kept_grids!(f32);
 }
 
 impl Widths for f64 {
@@ -354,4 +390,5 @@ impl Widths for f64 {
     }
 
     planned_fft!(f64);
+    kept_grids!(f64);
 }

@@ -99,7 +99,7 @@ const MANY_CHECKS: usize = 4;
 /// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
 const TIE: f64 = 1.0 + 1e-9;
 /// Share of the allowed error that samples may have: other paths may have more.
-const SHARE: f64 = 0.7;
+const SHARE: f64 = 0.85;
 
 /// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
 /// they are too many.
@@ -129,8 +129,11 @@ pub fn find(
     };
     let (num_chirps, num_samples) = (block.chirps.len(), waveform.num_samples);
     let mut instants = Vec::new();
-    let samples = spread(num_samples, fast);
-    for chirp in spread(num_chirps, chirps) {
+    // Where chirps are few, more of their samples.
+    let num_instants = chirps * fast;
+    let chirps = spread(num_chirps, chirps);
+    let samples = spread(num_samples, num_instants / chirps.len());
+    for chirp in chirps {
         instants.extend(samples.iter().map(|sample| instant(chirp, *sample)));
     }
     let is_complete = instants.len() == num_chirps * num_samples;
@@ -144,7 +147,7 @@ pub fn find(
             place(0.569_840_290_998_053_3, num_samples),
         ));
     }
-    let max_modes = if is_complete { num_trained } else { num_trained * 3 / 5 };
+    let max_modes = if is_complete { num_trained } else { num_trained * 2 / 5 };
     let search = |num_apart| {
         level.run(Search {
             frame,

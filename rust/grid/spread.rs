@@ -33,17 +33,16 @@ impl Checked {
 
 /// Spread the paths of some chunks.
 pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
-    let batch = batch::<T>(job.width);
+    let is_sorted = is_sorted::<T>(job, layout);
+    // Sorting wants many paths; their taps take 128 kB, half of L1 if it does not.
+    let room_for_taps = if is_sorted { 1 << 17 } else { 1 << 14 };
+    let batch = (room_for_taps / (2 * half(job.width) * size_of::<T>() * CHUNK)).max(1);
     let mut rows = Rows::of_class(job.series, job.selection.class);
     let mut tracks = Tracks::new(job);
     let mut points = Points::new(job.expansion.modes.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
     let table = tap_table::<T>(&KaiserBessel::new(job.width), half(job.width));
     let mut room = Room::new(batch * CHUNK, 2 * half(job.width));
-    // It pays where a path adds to many cells.
-    let is_sorted = layout.rows > 1
-        && layout.size() * size_of::<T>() > FAST_MEMORY
-        && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES;
     let mut checked = Checked::default();
     for first in chunks.clone().step_by(batch) {
         points.len = 0;
@@ -74,9 +73,11 @@ const FAST_MEMORY: usize = 1 << 15;
 /// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
 const MIN_BYTES: usize = 32;
 
-/// Chunks of paths that are spread together: their taps take 128 kB.
-fn batch<T>(width: usize) -> usize {
-    (1 << 17) / (2 * half(width) * size_of::<T>() * CHUNK)
+/// Whether paths are sorted by cell: it pays where a path adds to many of them.
+fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {
+    layout.rows > 1
+        && layout.size() * size_of::<T>() > FAST_MEMORY
+        && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
 }
 
 /// What is known of the paths of a batch in the order in which they are spread.
