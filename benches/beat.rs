@@ -23,6 +23,8 @@ struct Case {
     num_paths: usize,
     num_chirps: usize,
     num_samples: usize,
+    /// [GHz]
+    bandwidth: usize,
     is_image: bool,
     method: Method,
     tolerance: f64,
@@ -41,6 +43,7 @@ impl Case {
             num_paths,
             num_chirps,
             num_samples,
+            bandwidth: 1,
             is_image: false,
             method,
             tolerance,
@@ -52,7 +55,7 @@ impl Case {
     fn run(&self, group: &mut BenchmarkGroup<WallTime>, id: BenchmarkId) {
         let waveform = Waveform {
             start_frequency: 58e9,
-            slope: 1e9 * 2e6 / self.num_samples as f64,
+            slope: 1e9 * self.bandwidth as f64 * 2e6 / self.num_samples as f64,
             sample_rate: 2e6,
             adc_delay: 3.1e-6,
             num_samples: self.num_samples,
@@ -147,7 +150,13 @@ fn main() {
     vary("samples", common::sizes([64, 128, 256, 1024], 8), &|case, n| {
         case.num_samples = n;
     });
+    vary("bandwidth", common::sizes([1, 5], 5), &|case, n| case.bandwidth = n);
     vary("threads", common::sizes([1, 2], 2), &|case, n| case.threads = n);
+    vary(
+        "paths_2_threads",
+        common::sizes([10, 1000, 10_000, 100_000, 1_000_000], 10),
+        &|case, n| (case.num_paths, case.threads) = (n, 2),
+    );
     let levels = Level::available();
     vary("level", (0..levels.len()).collect(), &|case, n| case.level = levels[n]);
 

@@ -222,8 +222,8 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// Ranges of the first two coefficients of the delays of moving paths in some blocks.
-    fn look(&self, blocks: &[Block]) -> Vec<[Interval; 2]> {
+    /// Ranges of the coefficients of the delays of moving paths in some blocks.
+    fn look(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
         let selection = self.selection(Class::Moving);
         survey::ranges(
             self.series,

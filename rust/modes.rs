@@ -27,8 +27,10 @@ pub const MAX_MODES: usize = 48;
 /// How residuals are interpolated in a block.
 #[derive(Clone, Debug)]
 pub struct Modes {
-    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes, at all times.
+    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes with the phase of one path.
     pub instants: Vec<Instant>,
+    /// The path whose residual phase all others have if there are no modes: a mean one.
+    pub mean: Path,
     /// Values `q_j(x_i)`, (i, j < i).
     pub lower: Vec<Vec<Complex64>>,
     /// Paths from which modes follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
@@ -55,6 +57,7 @@ impl Modes {
     pub fn none() -> Self {
         Self {
             instants: Vec::new(),
+            mean: Path::default(),
             lower: Vec::new(),
             references: Vec::new(),
             checks: Vec::new(),
@@ -70,14 +73,12 @@ impl Modes {
 
     /// Degrees of the series of references.
     pub fn num_degrees(&self) -> usize {
-        let degrees = self
-            .references
-            .iter()
-            .map(|(path, ..)| path.re.len().max(path.bends.len() + 2));
+        let paths = self.references.iter().map(|(path, ..)| path).chain([&self.mean]);
+        let degrees = paths.map(|path| path.re.len().max(path.bends.len() + 2));
         degrees.max().unwrap_or(0)
     }
 
-    /// Whether residuals are the paths' mean amplitudes.
+    /// Whether residuals are the paths' mean amplitudes with one phase.
     pub fn are_flat(&self) -> bool {
         self.instants.is_empty()
     }
@@ -98,7 +99,7 @@ const NUM_CHECKS: usize = 2;
 const MANY_CHECKS: usize = 4;
 /// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
 const TIE: f64 = 1.0 + 1e-9;
-/// Share of the allowed error that samples may have: other paths may have more.
+/// Share of the allowed error that samples may have with modes that fit them: other paths may have more.
 const SHARE: f64 = 0.85;
 
 /// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
@@ -133,8 +134,15 @@ pub fn find(
     let num_instants = chirps * fast;
     let chirps = spread(num_chirps, chirps);
     let samples = spread(num_samples, num_instants / chirps.len());
-    for chirp in chirps {
-        instants.extend(samples.iter().map(|sample| instant(chirp, *sample)));
+    // Instants stand for those around them.
+    let mut weights = Vec::new();
+    for (chirp, slow) in &chirps {
+        instants.extend(samples.iter().map(|(sample, _)| instant(*chirp, *sample)));
+        weights.extend(samples.iter().map(|(_, fast)| slow * fast));
+    }
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    for weight in &mut weights {
+        *weight /= mean;
     }
     let is_complete = instants.len() == num_chirps * num_samples;
     let num_trained = instants.len();
@@ -154,6 +162,7 @@ pub fn find(
             paths,
             num_apart,
             instants: &instants,
+            weights: &weights,
             num_trained,
             max_modes: max_modes.min(MAX_MODES),
             budget: SHARE * budget,
@@ -166,10 +175,10 @@ pub fn find(
     search(0)
 }
 
-/// Up to `most` numbers below `count`, denser towards the ends, which are among them.
-fn spread(count: usize, most: usize) -> Vec<usize> {
+/// Up to `most` numbers below `count`, denser towards the ends, which are among them; and how many each stands for.
+fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
     if count <= most {
-        return (0..count).collect();
+        return (0..count).map(|place| (place, 1.0)).collect();
     }
     let place = |i: usize| {
         let angle = std::f64::consts::PI * i as f64 / (most - 1) as f64;
@@ -177,7 +186,17 @@ fn spread(count: usize, most: usize) -> Vec<usize> {
     };
     let mut places: Vec<usize> = (0..most).map(place).collect();
     places.dedup();
-    places
+    let middle = |i: usize| 0.5 * (places[i] + places[i + 1]) as f64;
+    let stands_for = |i: usize| {
+        let low = if i == 0 { -0.5 } else { middle(i - 1) };
+        let high = if i + 1 == places.len() {
+            count as f64 - 0.5
+        } else {
+            middle(i)
+        };
+        (places[i], high - low)
+    };
+    (0..places.len()).map(stands_for).collect()
 }
 
 struct Search<'a> {
@@ -186,6 +205,8 @@ struct Search<'a> {
     /// Every second of so many paths is no reference.
     num_apart: usize,
     instants: &'a [Instant],
+    /// How much those count that modes may be taken at; the others count one.
+    weights: &'a [f64],
     /// Instants that modes may be taken at; the others come after them.
     num_trained: usize,
     max_modes: usize,
@@ -224,14 +245,19 @@ impl Kernel for Search<'_> {
         }
         let bound = self.budget * self.budget;
 
-        // Without modes: the mean amplitudes.
-        let mut modes = Modes { turns, ..Modes::none() };
-        let one = vec![1.0; matrix.stride];
+        // Without modes: the mean amplitudes, with one phase.
+        let mut modes = Modes {
+            turns,
+            mean: mean(paths),
+            ..Modes::none()
+        };
+        let [common_re, common_im] = self.phasors::<I>(&modes.mean, matrix.stride);
         let mean_re: Vec<f64> = paths.iter().map(|path| path.re[0]).collect();
         let mean_im: Vec<f64> = paths.iter().map(|path| -path.im[0]).collect();
-        let flat = self.reduce::<I, false>(&mut matrix, &counts, [&one, &zero], [&mean_re, &mean_im]);
-        if flat.relative(&all) <= bound {
-            self.reduce::<I, true>(&mut matrix, &counts, [&one, &zero], [&mean_re, &mean_im]);
+        let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
+        let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
+        if flat.relative(&all) <= bound / (SHARE * SHARE) {
+            self.reduce::<I, true>(&mut matrix, &counts, row, multiples);
             self.add_checks(&matrix, &[], &flat, &mut modes);
             return Some((modes, flat.relative(&all).sqrt()));
         }
@@ -284,38 +310,21 @@ impl Search<'_> {
             re: vec![0.0; self.paths.len() * stride],
             im: vec![0.0; self.paths.len() * stride],
         };
-        let last = self.instants.len() - 1;
-        let pick = |value: fn(&Instant) -> f64| -> Vec<f64> {
-            (0..stride).map(|i| value(&self.instants[i.min(last)])).collect()
-        };
-        let (times, sweeps) = (pick(|instant| instant.x), pick(|instant| instant.sweep));
+        let [times, sweeps] = self.times(stride);
         let splat = <I::F64 as Vector>::splat;
         let mut squares = splat(0.0);
         for p in 0..self.paths.len() {
             let path = &self.paths[p];
-            let num_degrees = (path.bends.len() + 2).max(path.re.len());
             for at in (0..stride).step_by(8) {
                 let x = I::F64::load(&times[at..]);
                 let (mut before, mut current) = (splat(1.0), x);
-                let (mut re, mut im, mut delta) = (splat(path.re[0]), splat(path.im[0]), splat(0.0));
-                for k in 1..num_degrees {
-                    if k < path.re.len() {
-                        re = current.mul_add(splat(path.re[k]), re);
-                        im = current.mul_add(splat(path.im[k]), im);
-                    }
-                    if k >= 2 && k < path.bends.len() + 2 {
-                        delta = current.mul_add(splat(path.bends[k - 2]), delta);
-                    }
+                let (mut re, mut im) = (splat(path.re[0]), splat(path.im[0]));
+                for k in 1..path.re.len() {
+                    re = current.mul_add(splat(path.re[k]), re);
+                    im = current.mul_add(splat(path.im[k]), im);
                     (before, current) = (current, x.add(x).mul(current).sub(before));
                 }
-                let phase = turns(
-                    delta,
-                    splat(path.offset),
-                    splat(path.rate),
-                    x,
-                    I::F64::load(&sweeps[at..]),
-                    splat(self.frame.bend),
-                );
+                let phase = self.phases::<I>(path, x, I::F64::load(&sweeps[at..]));
                 squares = phase.mul_add(phase, squares);
                 let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
                 let to = p * stride + at;
@@ -329,6 +338,43 @@ impl Search<'_> {
         (matrix, turns)
     }
 
+    /// Cosine and sine of the residual phase of a path.
+    #[inline(always)]
+    fn phasors<I: Isa>(&self, path: &Path, stride: usize) -> [Vec<f64>; 2] {
+        let [times, sweeps] = self.times(stride);
+        let mut phasors = [vec![0.0; stride], vec![0.0; stride]];
+        for at in (0..stride).step_by(8) {
+            let phase = self.phases::<I>(path, I::F64::load(&times[at..]), I::F64::load(&sweeps[at..]));
+            let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
+            cos.store(&mut phasors[0][at..]);
+            sin.store(&mut phasors[1][at..]);
+        }
+        phasors
+    }
+
+    /// Residual phases of a path [turns].
+    #[inline(always)]
+    fn phases<I: Isa>(&self, path: &Path, x: I::F64, sweep: I::F64) -> I::F64 {
+        let splat = <I::F64 as Vector>::splat;
+        let (mut before, mut current) = (splat(1.0), x);
+        let mut delta = splat(0.0);
+        for k in 0..path.bends.len() {
+            (before, current) = (current, x.add(x).mul(current).sub(before));
+            delta = current.mul_add(splat(path.bends[k]), delta);
+        }
+        let (offset, rate) = (splat(path.offset), splat(path.rate));
+        turns(delta, offset, rate, x, sweep, splat(self.frame.bend))
+    }
+
+    /// Times and sweeps of the instants, the last repeated to fill whole vectors.
+    fn times(&self, stride: usize) -> [Vec<f64>; 2] {
+        let last = self.instants.len() - 1;
+        let pick = |value: fn(&Instant) -> f64| -> Vec<f64> {
+            (0..stride).map(|i| value(&self.instants[i.min(last)])).collect()
+        };
+        [pick(|instant| instant.x), pick(|instant| instant.sweep)]
+    }
+
     /// Instant of the largest element of a path at the trained instants.
     fn largest_in(&self, matrix: &Matrix, path: usize) -> usize {
         let square = |x: usize| matrix.at(path, x).norm_sqr();
@@ -336,10 +382,14 @@ impl Search<'_> {
         (0..self.num_trained).find(|x| square(*x) * TIE >= largest).unwrap_or(0)
     }
 
-    /// Ones at the instants, and at those that are trained, zero else.
+    /// Weights of the instants, and ones at those that are trained; zero after them.
     fn weights(&self, matrix: &Matrix) -> [Vec<f64>; 2] {
-        [self.instants.len(), self.num_trained]
-            .map(|len| (0..matrix.stride).map(|i| if i < len { 1.0 } else { 0.0 }).collect())
+        let mut counted = self.weights.to_vec();
+        counted.resize(self.instants.len(), 1.0);
+        counted.resize(matrix.stride, 0.0);
+        let mut trained = vec![1.0; self.num_trained];
+        trained.resize(matrix.stride, 0.0);
+        [counted, trained]
     }
 
     /// Checks at the instants where most is left.
@@ -379,6 +429,29 @@ impl Search<'_> {
                 weights,
             });
         }
+    }
+}
+
+/// A path with the mean residual phase of some: of `rate^2`, `offset rate` and the bends, weighted with their power.
+fn mean(paths: &[Path]) -> Path {
+    let power = |path: &Path| path.re[0].powi(2) + path.im[0].powi(2);
+    let total: f64 = paths.iter().map(power).sum();
+    let mean = |value: &dyn Fn(&Path) -> f64| {
+        if total > 0.0 {
+            paths.iter().map(|path| power(path) * value(path)).sum::<f64>() / total
+        } else {
+            0.0
+        }
+    };
+    let rate = mean(&|path| path.rate * path.rate).sqrt();
+    let skew = mean(&|path| path.offset * path.rate);
+    let num_bends = paths.iter().map(|path| path.bends.len()).max().unwrap_or(0);
+    Path {
+        offset: if rate > 0.0 { skew / rate } else { 0.0 },
+        rate,
+        bends: (0..num_bends).map(|k| mean(&|path| path.bends[k])).collect(),
+        re: Vec::new(),
+        im: Vec::new(),
     }
 }
 
@@ -593,9 +666,11 @@ mod tests {
 
     #[test]
     fn places_are_spread_to_both_ends() {
-        assert_eq!(spread(3, 16), [0, 1, 2]);
+        assert_eq!(spread(3, 16), [(0, 1.0), (1, 1.0), (2, 1.0)]);
         let places = spread(100, 16);
-        assert_eq!((places[0], places[places.len() - 1]), (0, 99));
-        assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
+        assert_eq!((places[0].0, places[places.len() - 1].0), (0, 99));
+        assert!(places.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        let all: f64 = places.iter().map(|(_, weight)| weight).sum();
+        assert!((all - 100.0).abs() < 1e-9, "{all}");
     }
 }

@@ -65,6 +65,20 @@ pub struct Path {
     pub im: Vec<f64>,
 }
 
+impl Path {
+    /// R at an instant [turns].
+    pub fn turns(&self, frame: &Frame, instant: &Instant) -> f64 {
+        let (mut before, mut current, mut delta) = (1.0, instant.x, 0.0);
+        for bend in &self.bends {
+            (before, current) = (current, 2.0 * instant.x * current - before);
+            delta += bend * current;
+        }
+        let moved = self.rate * instant.x + delta;
+        delta * (1.0 + instant.sweep - self.offset) + instant.x * instant.sweep * self.offset * self.rate
+            - frame.bend * moved * moved
+    }
+}
+
 /// The numbers of one path as its series has them: where rows are values, those after the first are differences from it.
 #[derive(Clone, Debug)]
 pub struct Sample {
@@ -98,21 +112,14 @@ impl Sample {
         }
     }
 
-    /// Power of its amplitude in a block, the mean over Chebyshev times.
-    pub fn power(&self, block: &Block) -> f64 {
-        let of_part = |rows: &[f64]| {
-            let squares = series(&block.amplitude, rows).into_iter().map(|c| c * c);
-            squares
-                .enumerate()
-                .map(|(k, square)| if k == 0 { square } else { 0.5 * square })
-                .sum::<f64>()
-        };
-        of_part(&self.re) + of_part(&self.im)
+    /// Coefficients of its delay in a block [s].
+    pub fn delay(&self, block: &Block) -> Vec<f64> {
+        series(&block.delay, &self.delay)
     }
 
     /// The path in a block.
     pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
-        let delay = series(&block.delay, &self.delay);
+        let delay = self.delay(block);
         Path {
             offset: frame.stretch * (delay[0] - frame.middle_delay),
             rate: frame.carrier * delay.get(1).unwrap_or(&0.0),
@@ -224,6 +231,8 @@ mod tests {
                 ];
                 for level in Level::available() {
                     let rest = level.run(Turns(instant));
+                    let scalar = path.turns(&frame, &Instant { x, sweep: instant[4] });
+                    assert!((rest - scalar).abs() < 1e-14);
                     let error = constant + wave + rest - phase;
                     largest = largest.max(rest.abs());
                     assert!(error.abs() < 1e-11, "{error} of {phase}, residual {rest}");

@@ -253,14 +253,14 @@ fn sample(series: &PathSeries, selection: Selection, (channel, chunk): (usize, u
     Sample::new(series, channel * series.num_paths + chunk * CHUNK + place)
 }
 
-/// Ranges of the first two coefficients of the delays of the selected paths in some blocks [s].
+/// Ranges of the coefficients of the delays of the selected paths in some blocks [s], (block, degree).
 pub fn ranges(
     series: &PathSeries,
     selection: Selection,
     blocks: &[Block],
     level: Level,
     is_parallel: bool,
-) -> Vec<[Interval; 2]> {
+) -> Vec<Vec<Interval>> {
     let look = |(channel, chunks): (usize, Range<usize>)| {
         level.run(LookAtBlocks {
             series,
@@ -270,8 +270,8 @@ pub fn ranges(
             chunks,
         })
     };
-    let looks: Vec<Vec<[Interval; 2]>> = parallel::map(is_parallel, parts(series), look);
-    let mut all = vec![[Interval::EMPTY; 2]; blocks.len()];
+    let looks: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), look);
+    let mut all = vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()];
     for look in looks {
         for (all, ranges) in all.iter_mut().flatten().zip(look.into_iter().flatten()) {
             *all = all.join(ranges);
@@ -300,11 +300,11 @@ struct LookAtBlocks<'a> {
 }
 
 impl Kernel for LookAtBlocks<'_> {
-    type Output = Vec<[Interval; 2]>;
+    type Output = Vec<Vec<Interval>>;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Vec<[Interval; 2]> {
-        let mut ranges = vec![[Interval::EMPTY; 2]; self.blocks.len()];
+    fn run<I: Isa>(self) -> Vec<Vec<Interval>> {
+        let mut ranges = vec![vec![Interval::EMPTY; self.series.num_delay_terms()]; self.blocks.len()];
         let mut rows = Rows::of_delays(self.series);
         for index in self.chunks {
             rows.gather(self.series, self.channel, index * CHUNK, self.selection);
@@ -312,7 +312,7 @@ impl Kernel for LookAtBlocks<'_> {
                 continue;
             }
             for number in 0..self.blocks.len() {
-                for k in 0..2 {
+                for k in 0..ranges[number].len() {
                     let range = extent::<I>(&self.blocks[number], &rows, k, None);
                     ranges[number][k] = ranges[number][k].join(range);
                 }

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,6 +113,39 @@ def test_memory_of_a_plan_does_not_grow_with_the_paths() -> None:
     # Less than the paths themselves: 32 bytes each.
     assert many.memory < 0.1 * 32 * 800_000
     assert many.memory == max(part.memory for part in many.parts)
+
+
+PEAK_OF_A_SUM = """
+import numpy as np
+import radarcore as rc
+
+def kilobytes(key):
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(key))
+
+n = {num_paths}
+wf = rc.Waveform(start_frequency=58e9, slope=3e13, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4)
+few = np.linspace(1e-8, 4e-8, 1000)
+rc.beat_signal(few, np.ones(1000, complex), wf, delay_rate=few, method="grid", threads={threads})
+delay, rate, amplitude = np.empty(n), np.empty(n), np.empty(n, complex)
+for i in range(0, n, 1000):
+    delay[i:i + 1000], rate[i:i + 1000], amplitude[i:i + 1000] = few, few[::-1], 1.0
+plan = rc.plan_beat_signal(delay, amplitude, wf, delay_rate=rate, method="grid")
+open("/proc/self/clear_refs", "w").write("5")
+before = kilobytes("VmRSS")
+rc.beat_signal(delay, amplitude, wf, delay_rate=rate, method="grid", threads={threads})
+print(plan.memory, 1024 * (kilobytes("VmHWM") - before))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read from Linux's /proc")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_sum_takes_no_more_memory_than_its_plan_says(threads: int) -> None:
+    code = PEAK_OF_A_SUM.format(num_paths=4_000_000, threads=threads)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    planned, taken = map(int, run.stdout.split())
+    # Beside 128 MB of paths: grids, and a few MB of samples, tables and a bit per path.
+    assert taken <= planned + 4e6, f"{taken / 1e6:.1f} MB, planned {planned / 1e6:.1f} MB"
+    assert planned < 20e6
 
 
 @pytest.mark.parametrize("method", ["auto", "direct", "grid"])

@@ -28,6 +28,8 @@ pub struct Map<T> {
     probes: Vec<Probe<T>>,
     /// Where they are checked.
     checks: Vec<(Probe<T>, Vec<[T; 2]>)>,
+    /// Residual phase that paths without modes have there [turns].
+    common: Vec<T>,
 }
 
 /// An instant at which residuals are evaluated.
@@ -106,6 +108,11 @@ impl<T: Widths> Map<T> {
             amplitudes: (1..expansion.num_amplitudes).map(coefficients).collect(),
             probes: modes.instants.iter().map(|instant| Probe::new(job, instant)).collect(),
             checks: modes.checks.iter().map(check).collect(),
+            common: modes
+                .checks
+                .iter()
+                .map(|check| T::of(modes.mean.turns(&expansion.frame, &check.instant)))
+                .collect(),
         }
     }
 }
@@ -414,7 +421,9 @@ fn check<T: Widths, I: Isa, const P: usize>(
             let phase = residual_turns::<T, I>(map, probe, tracks, at);
             if is_flat {
                 // To first order in what changes.
-                let phase = phase.mul(splat(T::of(std::f64::consts::TAU)));
+                let phase = phase
+                    .sub(splat(map.common[number]))
+                    .mul(splat(T::of(std::f64::consts::TAU)));
                 let (a, b) = (
                     load(&points.strengths[0].0[first + at..]),
                     load(&points.strengths[0].1[first + at..]),

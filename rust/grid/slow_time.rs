@@ -6,7 +6,7 @@ use super::{Job, Layout, Spectra, Widths};
 use crate::expansion::offset;
 use crate::kernel::KaiserBessel;
 use crate::parallel;
-use crate::residual::turns;
+use crate::residual::{Path, turns};
 use crate::simd::{Isa, Kernel, Vector};
 use crate::wide::{self, Wide, add, mul, mul_add};
 
@@ -328,10 +328,7 @@ impl<T: Widths> Tile<'_, T> {
     /// Sums over paths of the residuals, from those at the instants of the modes; symbols as in `modes.rs`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) -> Phasor<T::In<I>> {
-        let (modes, frame) = (&self.job.expansion.modes, &self.job.expansion.frame);
-        if modes.are_flat() {
-            return room.sums[0];
-        }
+        let modes = &self.job.expansion.modes;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.
@@ -342,28 +339,19 @@ impl<T: Widths> Tile<'_, T> {
             let (before, current) = (room.polynomials[k - 2], room.polynomials[k - 1]);
             room.polynomials.push(x.add(x).mul(current).sub(before));
         }
+        if modes.are_flat() {
+            return product(self.phasor::<I>(&modes.mean, x, sweep, room), room.sums[0]);
+        }
         room.functions.clear();
         let mut total = [zero, zero];
         for i in 0..modes.references.len() {
             let (path, inverse, own) = &modes.references[i];
-            let mut delta = zero;
-            for k in 0..path.bends.len() {
-                delta = room.polynomials[k + 2].mul_add(number(path.bends[k]), delta);
-            }
             let (mut re, mut im) = (zero, zero);
             for k in 0..path.re.len() {
                 re = room.polynomials[k].mul_add(number(path.re[k] * self.slow.scale), re);
                 im = room.polynomials[k].mul_add(number(path.im[k] * self.slow.scale), im);
             }
-            let phase = turns(
-                delta,
-                number(path.offset),
-                number(path.rate),
-                x,
-                sweep,
-                number(frame.bend),
-            );
-            let phasor = wide::cos_sin_of::<T, I>(phase);
+            let phasor = self.phasor::<I>(path, x, sweep, room);
             let residual = product(phasor, [re, zero.sub(im)]);
             let inverse = inverse / self.slow.scale;
             let mut function = product(residual, [number(inverse.re), number(inverse.im)]);
@@ -378,6 +366,18 @@ impl<T: Widths> Tile<'_, T> {
             total = [total[0].add(re), total[1].add(im)];
         }
         total
+    }
+
+    /// Cosine and sine of the residual phase of a path.
+    #[inline(always)]
+    fn phasor<I: Isa>(&self, path: &Path, x: T::In<I>, sweep: T::In<I>, room: &Room<T::In<I>>) -> Phasor<T::In<I>> {
+        let number = wide::number::<T, I>;
+        let mut delta = <T::In<I>>::splat(T::zero());
+        for k in 0..path.bends.len() {
+            delta = room.polynomials[k + 2].mul_add(number(path.bends[k]), delta);
+        }
+        let (offset, rate, bend) = (path.offset, path.rate, self.job.expansion.frame.bend);
+        wide::cos_sin_of::<T, I>(turns(delta, number(offset), number(rate), x, sweep, number(bend)))
     }
 }
 

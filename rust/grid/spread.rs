@@ -118,6 +118,16 @@ impl<T: Widths> Room<T> {
             self.start[..len].copy_from_slice(start);
             return;
         }
+        if points.strengths.len() == 1 {
+            count(&mut self.ends, layout.rows, row.iter().map(|row| *row as usize));
+            for i in 0..len {
+                let at = &mut self.ends[row[i] as usize];
+                self.order[*at] = i as u16;
+                self.start[*at] = start[i];
+                *at += 1;
+            }
+            return;
+        }
         // Two passes of counting: by column, then by row.
         let column = |i: usize| (start[i] as usize - row[i] as usize * layout.stride) / 2;
         count(&mut self.ends, layout.stride / 2, (0..len).map(column));
@@ -194,9 +204,14 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
         let (len, half) = (points.len, half(W));
         let (order, start) = (&room.order[..len], &room.start[..len]);
         let taps = &mut room.taps[..len * 2 * half];
-        for i in 0..len {
-            let (path, taps) = (usize::from(order[i]), &mut taps[i * 2 * half..][..2 * half]);
-            evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
+        // One set of strengths needs the taps of a path once.
+        let is_single = points.strengths.len() == 1;
+        let step = if is_single { 0 } else { 2 * half };
+        if !is_single {
+            for i in 0..len {
+                let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
+                evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
+            }
         }
         let mut repeats = 0;
         for i in 1..len {
@@ -212,7 +227,10 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
                     let cell = start[i];
                     let mut patch = [[<T::In<I>>::splat(T::zero()); N]; R];
                     while i < len && start[i] == cell {
-                        let (path, taps) = (usize::from(order[i]), &taps[i * 2 * half..][..2 * half]);
+                        let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
+                        if is_single {
+                            evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
+                        }
                         let value = weighted::<T, I, N>(taps, re[path], im[path]);
                         for j in 0..R {
                             let tap = <T::In<I>>::splat(if R == 1 { T::one() } else { taps[half + j] });
@@ -226,7 +244,10 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
                 }
             } else {
                 for i in 0..len {
-                    let (path, taps) = (usize::from(order[i]), &taps[i * 2 * half..][..2 * half]);
+                    let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
+                    if is_single {
+                        evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
+                    }
                     let value = weighted::<T, I, N>(taps, re[path], im[path]);
                     if R == 1 {
                         add_patch(grid, start[i] as usize, layout.stride, &[value]);

@@ -1,0 +1,323 @@
+//! How paths are laid out on range-velocity grids: kernel, blocks of chirps, rows, modes.
+
+use std::f64::consts::TAU;
+
+use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step};
+use crate::block::{Block, Class};
+use crate::expansion::Expansion;
+use crate::grid::{Layout, MAX_PARTS};
+use crate::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
+use crate::modes::{self, Modes};
+use crate::residual::{Frame, Path};
+use crate::survey::Interval;
+
+/// Errors of rounding, relative to l2(amplitudes).
+const SINGLE_ROUNDING: f64 = 3e-7;
+const DOUBLE_ROUNDING: f64 = 3e-14;
+/// Rounding of the sum of n numbers in a cell one after the other, relative to their l2 norm: so much times sqrt(n).
+/// Measured, in single precision.
+const SINGLE_SUM: f64 = 6e-8;
+/// Largest error of a kernel in blocks of one or two chirps, which are at the end of its range, over that in many.
+const FEW_CHIRPS: f64 = 1.5;
+/// Rounding of residual phases in single precision [rad per turn].
+const SINGLE_TURN: f64 = 5e-7;
+/// Largest grid of one block with all its modes [numbers].
+const MAX_GRID: usize = 1 << 23;
+impl Goal<'_> {
+    /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
+    pub(super) fn grid(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
+        let request = self.request;
+        let (waveform, series) = (request.waveform, request.series);
+        let num_chirps = waveform.chirp_times.len();
+        let counts: Vec<usize> = if self.class == Class::Still {
+            vec![1]
+        } else {
+            std::iter::successors(Some(1), |n| Some(2 * n))
+                .take_while(|n| *n <= num_chirps)
+                .collect()
+        };
+        // Estimate by samples of the paths.
+        let mut best: Option<(f64, Vec<Block>, Kernel, Vec<Laid>)> = None;
+        for count in counts {
+            let blocks = Block::split(waveform, series, count);
+            let sample: Vec<usize> = if count > 2 {
+                vec![0, count / 2, count - 1]
+            } else {
+                (0..count).collect()
+            };
+            let share = count as f64 / sample.len() as f64;
+            let laid = self.kernel(num_chirps / count).and_then(|kernel| {
+                let of_block = |i: &usize| self.expand(&blocks[*i], &self.ranges(&blocks[*i]), kernel);
+                Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
+            });
+            let Some((kernel, laid)) = laid else {
+                continue;
+            };
+            let costs = |halved: bool| -> f64 {
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, halved));
+                share * costs.sum::<f64>()
+            };
+            let (cost, next) = (costs(false), 2.0 * costs(true));
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, blocks, kernel, laid));
+            }
+            if best.as_ref().is_some_and(|(least, ..)| *least <= next) {
+                break;
+            }
+        }
+        let (estimate, blocks, kernel, mut laid) = best?;
+        if estimate >= limit {
+            // What is at hand is cheaper: no need to look at the paths again.
+            return None;
+        }
+        if blocks.len() > 1 {
+            // Now with the ranges that the paths have in the blocks.
+            let expand = |(block, ranges): (&Block, Vec<Interval>)| self.expand(block, &ranges, kernel);
+            laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
+        }
+        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
+        let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
+        let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
+        let count = blocks.len();
+        let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
+        // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
+        let grids = (series.num_channels * count).clamp(MAX_PARTS, 16);
+        let numbers = expansions
+            .iter()
+            .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
+            .max()
+            .unwrap_or(0);
+        Some(Part {
+            class: self.class,
+            num_paths: self.group.num_paths,
+            step: Step::Grid {
+                is_single: kernel.is_single,
+                width: kernel.width,
+                expansions,
+            },
+            error: error * self.share,
+            interpolation: interpolation * self.share,
+            cost,
+            memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
+        })
+    }
+
+    /// All kernels, the fastest first; `stress` multiplies the kernel's error, `most` numbers are added one after the
+    /// other.
+    pub(super) fn all_kernels(&self, stress: f64, most: f64) -> impl Iterator<Item = Kernel> + use<> {
+        let num_points = self.effective_paths;
+        let widths = SINGLE_WIDTHS
+            .map(|width| (true, width))
+            .into_iter()
+            .chain(DOUBLE_WIDTHS.map(|width| (false, width)));
+        let single = self.single_rounding(most);
+        widths.map(move |(is_single, width)| Kernel {
+            is_single,
+            width,
+            error: (stress * KaiserBessel::error(width, num_points)).hypot(if is_single {
+                single
+            } else {
+                DOUBLE_ROUNDING
+            }),
+        })
+    }
+
+    /// Rounding of sums in single precision, of which at most `most` numbers are added one after the other.
+    fn single_rounding(&self, most: f64) -> f64 {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        // Cells between the nearest and the farthest path.
+        let span = 2.0 * self.group.delay[0].half() * (waveform.slope / waveform.sample_rate).abs();
+        let cells = 1.0 + span.min(1.0) * (OVERSAMPLING * waveform.num_samples) as f64;
+        let paths = (self.group.num_paths as f64 / series.num_channels as f64).min(most);
+        // The paths of a cell that add up in phase are gain^2.
+        let equal = self.request.gain.powi(2).min(most);
+        SINGLE_ROUNDING
+            .hypot(SINGLE_SUM * (paths / cells).sqrt())
+            .hypot(SINGLE_EQUAL_SUM * equal)
+    }
+
+    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps.
+    fn kernel(&self, num_chirps: usize) -> Option<Kernel> {
+        let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
+        self.all_kernels(stress, f64::INFINITY)
+            .find(|kernel| kernel.error <= 0.8 * self.tolerance)
+    }
+
+    /// Predicted time to spread all paths on the grids of some terms [s].
+    fn spread_cost(&self, kernel: Kernel, num_terms: usize) -> f64 {
+        let w = kernel.width as f64;
+        let (first, further) = if kernel.is_single {
+            (7.0 + 1.2 * w, 0.5 + 1.0 * w)
+        } else {
+            (8.0 + 2.2 * w, 2.0 * w)
+        };
+        1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
+    }
+
+    /// Predicted time of one block [s]; or of each of its halves, if these had half as many modes, fewer than they have.
+    fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
+        let divisor = if is_halved { 2 } else { 1 };
+        let num_modes = expansion.modes.num_sets().div_ceil(divisor);
+        let terms = num_modes as f64;
+        let channels = self.request.series.num_channels as f64;
+        let samples = self.request.waveform.num_samples as f64 / 128.0;
+        let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
+        let scale = if kernel.is_single { 1.0 } else { 2.0 };
+        let transform = if expansion.rows == 1 {
+            1e3
+        } else {
+            1e3 * (expansion.rows / divisor) as f64 * terms * slow * samples * scale
+        };
+        // Every block reads all rows of the series: those of amplitudes are twice as long.
+        let series = self.request.series;
+        let rows =
+            2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0) + 3.0 * (series.num_amplitude_terms() as f64 - 1.0);
+        let reading = rows * self.group.num_paths as f64;
+        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + channels * (transform + 1e3))
+    }
+
+    /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
+    fn ranges(&self, block: &Block) -> Vec<Interval> {
+        if block.chirps.len() == self.request.waveform.chirp_times.len() {
+            return self.group.delay.clone();
+        }
+        let mut ranges = vec![Interval::EMPTY; self.group.delay.len()];
+        for sample in self.request.samples {
+            for (range, c) in ranges.iter_mut().zip(sample.delay(block)) {
+                *range = range.join(Interval { low: c, high: c });
+            }
+        }
+        for range in &mut ranges {
+            let more = 0.1 * range.half();
+            *range = Interval {
+                low: range.low - more,
+                high: range.high + more,
+            };
+        }
+        ranges
+    }
+
+    /// How the paths are laid out in a block. None if the tolerance cannot be reached.
+    fn expand(&self, block: &Block, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
+        let waveform = self.request.waveform;
+        let middle_delay = delay[0].middle();
+        let carrier = waveform.start_frequency + waveform.slope * (waveform.middle_time() - middle_delay);
+        let frame = Frame::new(carrier, middle_delay, waveform.slope);
+        if self.class == Class::Still {
+            let expansion = Expansion {
+                block: block.clone(),
+                frame,
+                middle_rate: 0.0,
+                step: 1.0,
+                rows: 1,
+                num_degrees: 1,
+                num_amplitudes: 1,
+                modes: Modes::none(),
+            };
+            return Some(Laid {
+                expansion,
+                error: kernel.error,
+                interpolation: 0.0,
+            });
+        }
+
+        if frame.bend.is_nan() || frame.bend.abs() > 1.0 {
+            // No carrier to speak of.
+            return None;
+        }
+
+        // Velocity axis; one part in 10^9 for rounding.
+        let unstretched = Interval {
+            low: 1.0 - frame.stretch * (delay[0].high - middle_delay),
+            high: 1.0 - frame.stretch * (delay[0].low - middle_delay),
+        };
+        let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
+        let rate = rate.scaled(block.half.recip());
+        let keystone = Expansion::max_keystone(waveform, block, carrier);
+        let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
+        let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
+        if !span.is_finite() || span > 1e7 {
+            return None;
+        }
+        let rows = (span.ceil() as usize + kernel.width + 2).next_multiple_of(2);
+
+        // Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
+        let budget = ((MARGIN * self.tolerance).powi(2) - kernel.error.powi(2))
+            .max(0.0)
+            .sqrt();
+        let paths: Vec<Path> = self
+            .request
+            .samples
+            .iter()
+            .map(|sample| sample.in_block(block, &frame))
+            .collect();
+        let allowed = budget / self.request.caution;
+        let num_apart = if paths.len() < self.group.num_paths {
+            self.request.num_random
+        } else {
+            0
+        };
+        let level = self.request.level;
+        let (modes, left) = modes::find(waveform, block, &frame, (&paths, num_apart), allowed, level)?;
+        // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
+        let least = 0.02 * budget;
+        let top = (carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let counts = |k: &usize| top * delay[*k].magnitude() > least;
+        let num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        let power = |k: usize| {
+            paths
+                .iter()
+                .map(|path| path.re[k].powi(2) + path.im[k].powi(2))
+                .sum::<f64>()
+        };
+        let total: f64 = (0..self.request.series.num_amplitude_terms()).map(power).sum();
+        let counts = |k: &usize| power(*k) > least * least * total;
+        let last = (1..self.request.series.num_amplitude_terms()).rev().find(counts);
+        let num_amplitudes = last.map_or(1, |k| k + 1);
+        let size = Layout::new(waveform.num_samples, kernel.width, rows).size();
+        if modes.num_sets().saturating_mul(size) > MAX_GRID {
+            return None;
+        }
+        let rounding = if kernel.is_single {
+            SINGLE_TURN * modes.turns
+        } else {
+            0.0
+        };
+        let error = kernel.error.hypot(left).hypot(rounding);
+        if error > self.tolerance {
+            return None;
+        }
+        let expansion = Expansion {
+            block: block.clone(),
+            frame,
+            middle_rate: rate.middle(),
+            step,
+            rows,
+            num_degrees,
+            num_amplitudes,
+            modes,
+        };
+        Some(Laid {
+            expansion,
+            error,
+            interpolation: left,
+        })
+    }
+}
+
+/// How the paths are laid out in a block.
+struct Laid {
+    expansion: Expansion,
+    /// Predicted error.
+    error: f64,
+    /// What the interpolation of residuals has in it.
+    interpolation: f64,
+}
+
+/// A kernel of the grid and its error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    pub(super) is_single: bool,
+    pub(super) width: usize,
+    pub(super) error: f64,
+}
