@@ -71,7 +71,7 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
 const FAST_MEMORY: usize = 1 << 15;
 
 /// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
-const MIN_BYTES: usize = 32;
+const MIN_BYTES: usize = 56;
 
 /// Whether paths are sorted by cell: it pays where a path adds to many of them.
 fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {

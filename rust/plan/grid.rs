@@ -21,6 +21,8 @@ const SINGLE_SUM: f64 = 6e-8;
 const FEW_CHIRPS: f64 = 1.5;
 /// Rounding of residual phases in single precision [rad per turn].
 const SINGLE_TURN: f64 = 5e-7;
+/// So many modes are few.
+const FEW_MODES: usize = 3;
 /// Largest grid of one block with all its modes [numbers].
 const MAX_GRID: usize = 1 << 23;
 impl Goal<'_> {
@@ -46,18 +48,32 @@ impl Goal<'_> {
                 (0..count).collect()
             };
             let share = count as f64 / sample.len() as f64;
-            let laid = self.kernel(num_chirps / count).and_then(|kernel| {
+            let lay = |kernel: Kernel| {
                 let of_block = |i: &usize| self.expand(&blocks[*i], &self.ranges(&blocks[*i]), kernel);
                 Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
-            });
+            };
+            let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
+                share * costs.sum::<f64>()
+            };
+            let kernels = self.kernels(num_chirps / count);
+            let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
+            // One cell more may spare one mode of a few.
+            let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
+                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
+                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
+            };
+            if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
+                && is_few(narrow)
+                && let Some(wide) = lay(*wider)
+                && costs(wide.0, &wide.1, false) < costs(narrow.0, &narrow.1, false)
+            {
+                laid = Some(wide);
+            }
             let Some((kernel, laid)) = laid else {
                 continue;
             };
-            let costs = |halved: bool| -> f64 {
-                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, halved));
-                share * costs.sum::<f64>()
-            };
-            let (cost, next) = (costs(false), 2.0 * costs(true));
+            let (cost, next) = (costs(kernel, &laid, false), 2.0 * costs(kernel, &laid, true));
             if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                 best = Some((cost, blocks, kernel, laid));
             }
@@ -136,11 +152,21 @@ impl Goal<'_> {
             .hypot(SINGLE_EQUAL_SUM * equal)
     }
 
-    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps.
-    fn kernel(&self, num_chirps: usize) -> Option<Kernel> {
+    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps, and the next one of the same
+    /// precision.
+    fn kernels(&self, num_chirps: usize) -> Vec<Kernel> {
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
-        self.all_kernels(stress, f64::INFINITY)
-            .find(|kernel| kernel.error <= 0.8 * self.tolerance)
+        let fitting = self.all_kernels(stress, f64::INFINITY);
+        let mut kernels: Vec<Kernel> = fitting
+            .filter(|kernel| kernel.error <= 0.8 * self.tolerance)
+            .take(2)
+            .collect();
+        if let [first, second] = kernels[..]
+            && first.is_single != second.is_single
+        {
+            kernels.pop();
+        }
+        kernels
     }
 
     /// Predicted time to spread all paths on the grids of some terms [s].
