@@ -239,9 +239,14 @@ impl Kernel for Search<'_> {
         let none = vec![0.0; paths.len()];
         let all = self.reduce::<I, false>(&mut matrix, &counts, [&zero, &zero], [&none, &none]);
         let power: f64 = all.sums.iter().sum();
-        if power <= 0.0 || !power.is_finite() {
-            // No path has any amplitude.
-            return (power == 0.0).then(|| (Modes::none(), 0.0));
+        if !power.is_finite() {
+            return None;
+        }
+        if power == 0.0 {
+            // No sample has any amplitude; other paths may.
+            let mut modes = Modes::none();
+            self.add_checks(&matrix, &[], &all, &mut modes);
+            return Some((modes, 0.0));
         }
         let bound = self.budget * self.budget;
 
@@ -392,23 +397,41 @@ impl Search<'_> {
         [counted, trained]
     }
 
-    /// Checks at the instants where most is left.
+    /// Checks: half of them at the instants where most is left of the samples, the others, for paths unlike them, far from
+    /// where modes are taken.
     fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
-        let mut sums: Vec<(f64, usize)> = (0..self.instants.len())
-            .map(|x| ((0..self.paths.len()).map(|p| rest.at(p, x).norm_sqr()).sum(), x))
-            .collect();
-        sums.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // Apart from each other in time.
+        let sum = |x: usize| (0..self.paths.len()).map(|p| rest.at(p, x).norm_sqr()).sum::<f64>();
+        let all: Vec<f64> = (0..self.instants.len()).map(sum).collect();
+        // Samples that are all references leave nothing but rounding.
+        let power: f64 = self
+            .paths
+            .iter()
+            .map(|path| path.re[0].powi(2) + path.im[0].powi(2))
+            .sum();
+        let is_exact = left <= 1e-24 * power;
         let count = if self.budget < FINE { MANY_CHECKS } else { NUM_CHECKS };
-        let mut apart: Vec<(f64, usize)> = Vec::new();
-        for (sum, x) in &sums {
-            let distance = |other: &(f64, usize)| (self.instants[other.1].x - self.instants[*x].x).abs();
-            if apart.len() < count && apart.iter().all(|other| distance(other) > 0.5 / count as f64) {
-                apart.push((*sum, *x));
-            }
+        let mut chosen: Vec<usize> = Vec::new();
+        for number in 0..count {
+            let distance = |x: usize| {
+                let taken = modes.instants.iter().chain(chosen.iter().map(|x| &self.instants[*x]));
+                // Residuals are near to even functions of time: what vanishes at x may do so at -x.
+                let distances = taken.map(|other| (other.x.abs() - self.instants[x].x.abs()).abs());
+                distances.fold(2.0, f64::min)
+            };
+            let best = if number % 2 == 0 && !is_exact {
+                let apart = |x: &usize| {
+                    chosen
+                        .iter()
+                        .all(|other| self.instants[*other].x != self.instants[*x].x)
+                };
+                (0..all.len()).filter(apart).max_by(|a, b| all[*a].total_cmp(&all[*b]))
+            } else {
+                (0..all.len()).max_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+            };
+            chosen.extend(best);
         }
-        let sums = apart;
+        let sums: Vec<(f64, usize)> = chosen.iter().map(|x| (all[*x], *x)).collect();
         let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
         modes.check_factor = if at_checks > 0.0 {
             (left / at_checks).clamp(0.2, 1.0)

@@ -59,6 +59,15 @@ def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: floa
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_few_paths_among_silent_ones_are_within_the_tolerance(tolerance: float) -> None:
+    paths, wf = moving(30_000), sweep_waveform(48, 16)
+    silent = np.ones(30_000, dtype=bool)
+    silent[[7001, 7003, 22_222]] = False
+    paths.amplitude[:, silent] = 0.0
+    check(paths, wf, tolerance, method="grid")
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_amplitudes_of_a_few_that_change_are_within_the_tolerance(tolerance: float) -> None:
     paths, wf = moving(20_000), sweep_waveform(32, 16)
     assert paths.rate is not None
