@@ -117,6 +117,13 @@ impl Sample {
         series(&block.delay, &self.delay)
     }
 
+    /// Squared magnitudes of the coefficients of its amplitude in a block.
+    pub fn powers(&self, block: &Block) -> Vec<f64> {
+        let re = series(&block.amplitude, &self.re);
+        let im = series(&block.amplitude, &self.im);
+        re.iter().zip(&im).map(|(re, im)| re * re + im * im).collect()
+    }
+
     /// The path in a block.
     pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
         let delay = self.delay(block);

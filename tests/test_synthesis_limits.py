@@ -58,6 +58,23 @@ def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: floa
     check(paths, wf, tolerance, method="grid")
 
 
+@pytest.mark.parametrize("seed", [*range(30), 41, 161, 402, 430, 741, 1140])
+def test_strays_of_any_kind_are_within_the_tolerance(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    num_paths, num_chirps, num_samples = (
+        int(rng.choice(c)) for c in ([1500, 3000, 7000], [8, 24, 60, 128], [1, 8, 16])
+    )
+    paths, wf = moving(num_paths, seed), sweep_waveform(num_chirps, num_samples)
+    assert paths.acceleration is not None
+    if rng.random() < 0.5:
+        paths.acceleration[:] = 0.0
+    stray = rng.integers(0, num_paths, int(rng.integers(1, 6)))
+    paths.acceleration[:, stray] = 2.0 / C * rng.uniform(-1.0, 1.0, len(stray)) * 10.0 ** rng.uniform(0.0, 2.7)
+    paths.amplitude[:] *= 10.0 ** rng.uniform(-4.0, 0.0)
+    paths.amplitude[:, stray] /= np.abs(paths.amplitude[:, stray])
+    check(paths, wf, 10.0 ** rng.uniform(-8.0, -1.5), method="grid")
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_few_paths_among_silent_ones_are_within_the_tolerance(tolerance: float) -> None:
     paths, wf = moving(30_000), sweep_waveform(48, 16)

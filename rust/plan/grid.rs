@@ -21,6 +21,8 @@ const SINGLE_SUM: f64 = 6e-8;
 const FEW_CHIRPS: f64 = 1.5;
 /// Rounding of residual phases in single precision [rad per turn].
 const SINGLE_TURN: f64 = 5e-7;
+/// Paths are alike if their largest changes are within this factor.
+const ALIKE: f64 = 1.5;
 /// So many modes are few.
 const FEW_MODES: usize = 3;
 /// Largest grid of one block with all its modes [numbers].
@@ -223,6 +225,41 @@ impl Goal<'_> {
         ranges
     }
 
+    /// Whether delays and amplitudes of all paths change no more than those of the samples, as far as it counts.
+    fn are_alike(&self) -> bool {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        // Those that were learned later say nothing of the others.
+        let samples = &self.request.samples[..self.request.num_random];
+        if samples.len() >= self.group.num_paths {
+            return true;
+        }
+        let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
+        let fast = waveform.sample_time(waveform.num_samples - 1).abs();
+        let top = TAU * (waveform.start_frequency.abs() + waveform.slope.abs() * fast);
+        let least = 0.1 * self.tolerance;
+        let mut largest = vec![0.0_f64; self.group.delay.len()];
+        let mut power = vec![0.0; self.group.power.len()];
+        for sample in samples {
+            for (largest, c) in largest.iter_mut().zip(sample.delay(&frame)) {
+                *largest = largest.max(c.abs());
+            }
+            for (power, square) in power.iter_mut().zip(sample.powers(&frame)) {
+                *power += square;
+            }
+        }
+        // The rate counts by the beat frequency that it shifts, other degrees as they are.
+        let weight = |k: usize| if k == 1 { 1e-4 * top } else { top };
+        let delays = (1..largest.len()).all(|k| {
+            let all = self.group.delay[k].magnitude();
+            all <= ALIKE * largest[k] || weight(k) * all <= least
+        });
+        let share = |k: usize| (self.group.power[k].iter().sum::<f64>() / self.own.iter().sum::<f64>()).sqrt();
+        let total: f64 = power.iter().sum();
+        let amplitudes = (1..power.len()).all(|k| share(k) <= ALIKE * (power[k] / total).sqrt() || share(k) <= least);
+        let mean = self.own.iter().sum::<f64>() / self.group.num_paths as f64;
+        delays && amplitudes && ALIKE * ALIKE * total > mean * samples.len() as f64
+    }
+
     /// How the paths are laid out in a block. None if the tolerance cannot be reached.
     fn expand(&self, block: &Block, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
         let waveform = self.request.waveform;
@@ -284,22 +321,21 @@ impl Goal<'_> {
             0
         };
         let level = self.request.level;
-        let (modes, left) = modes::find(waveform, block, &frame, (&paths, num_apart), allowed, level)?;
+        let (modes, left) = modes::find(
+            waveform,
+            block,
+            &frame,
+            (&paths, num_apart),
+            self.are_alike(),
+            allowed,
+            level,
+        )?;
         // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
         let least = 0.02 * budget;
         let top = (carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
         let counts = |k: &usize| top * delay[*k].magnitude() > least;
         let num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
-        let power = |k: usize| {
-            paths
-                .iter()
-                .map(|path| path.re[k].powi(2) + path.im[k].powi(2))
-                .sum::<f64>()
-        };
-        let total: f64 = (0..self.request.series.num_amplitude_terms()).map(power).sum();
-        let counts = |k: &usize| power(*k) > least * least * total;
-        let last = (1..self.request.series.num_amplitude_terms()).rev().find(counts);
-        let num_amplitudes = last.map_or(1, |k| k + 1);
+        let num_amplitudes = num_amplitudes(&paths, least);
         let size = Layout::new(waveform.num_samples, kernel.width, rows).size();
         if modes.num_sets().saturating_mul(size) > MAX_GRID {
             return None;
@@ -329,6 +365,18 @@ impl Goal<'_> {
             interpolation: left,
         })
     }
+}
+
+/// Degrees of amplitudes that change by more than a share.
+fn num_amplitudes(paths: &[Path], least: f64) -> usize {
+    let num_terms = paths.first().map_or(1, |path| path.re.len());
+    let power = |k: usize| {
+        let squares = paths.iter().map(|path| path.re[k].powi(2) + path.im[k].powi(2));
+        squares.sum::<f64>()
+    };
+    let total: f64 = (0..num_terms).map(power).sum();
+    let counts = |k: &usize| power(*k) > least * least * total;
+    (1..num_terms).rev().find(counts).map_or(1, |k| k + 1)
 }
 
 /// How the paths are laid out in a block.
