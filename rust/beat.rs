@@ -1,17 +1,15 @@
 //! The beat signal of a set of paths: checks the input, plans, runs the plan and sees to the tolerance.
 
-use num_complex::{Complex, Complex32, Complex64};
+mod run;
 
-use crate::block::{Block, CHUNK, Class, Selection};
+use num_complex::{Complex32, Complex64};
+
+use crate::block::{Block, Class, Selection};
 use crate::chirp::Waveform;
 use crate::delay::{Basis, PathSeries};
 use crate::direct;
 use crate::error::{Error, Result, fits_memory};
-use crate::expansion::Expansion;
-use crate::grid::{self, Widths};
-use crate::lanes::{self, LaneGrid};
-use crate::parallel;
-use crate::plan::{MAX_PLANNED_TERMS, Method, Part, Plan, Request, Step};
+use crate::plan::{self, MAX_PLANNED_TERMS, Method, Plan, Request};
 use crate::residual::Sample;
 use crate::simd::{Level, Real};
 use crate::survey::{self, Interval, Survey};
@@ -66,7 +64,7 @@ pub struct Report {
     pub rows: usize,
     /// See `rows`.
     pub rows_skipped: usize,
-    /// How many times a plan was run: once more where paths add up in phase.
+    /// How many times a plan was run: again where paths add up in phase, or are unlike the samples that were planned with.
     pub runs: usize,
     /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
     pub gain: f64,
@@ -88,7 +86,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
     loop {
         let plan = job.plan(known_gain)?;
         fits_memory("grids", &[plan.memory()], 1)?;
-        let (samples, outcome) = job.run().all(&plan, is_single);
+        let (samples, outcome) = job.run(&plan, is_single);
         runs += 1;
         let gain = gain(&samples, &job.survey.power, waveform);
         if !gain.is_finite() {
@@ -99,7 +97,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
                 got,
             ));
         }
-        let interpolation = outcome.interpolation(&job.survey.power);
+        let interpolation = outcome.interpolation(&job.survey.power) * plan::fluctuation(waveform);
         let error = plan.error_with(interpolation);
         if error * gain.max(1.0) <= options.tolerance {
             let report = Report {
@@ -142,8 +140,14 @@ struct Job<'a> {
     extra: Vec<(usize, usize)>,
     /// See [`Request::caution`].
     caution: f64,
+    /// See [`Request::allows_single`].
+    allows_single: bool,
+    /// Amplitudes are multiplied by this power of two: it keeps the numbers of single precision in range.
+    scale: f64,
 }
 
+/// Largest caution in single precision.
+const MOST_CAUTION: f64 = 10.0;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
 
@@ -165,6 +169,7 @@ impl<'a> Job<'a> {
             check_phases(waveform, &survey)?;
             survey
         };
+        let scale = scale(survey.largest);
         let mut job = Self {
             waveform,
             series,
@@ -175,6 +180,8 @@ impl<'a> Job<'a> {
             samples: Vec::new(),
             extra: Vec::new(),
             caution: 1.0,
+            allows_single: true,
+            scale,
         };
         if !is_direct {
             if !job.is_split {
@@ -195,6 +202,12 @@ impl<'a> Job<'a> {
     fn draw(&mut self) {
         let selection = self.selection(Class::Moving);
         let mut samples = survey::samples(self.series, selection, NUM_SAMPLES);
+        // One that has much of the power is a sample by itself.
+        let share = 1.0 / NUM_SAMPLES as f64;
+        let most = 2.0 * self.survey.largest.powi(2);
+        if self.survey.power.iter().any(|power| most > share * power) {
+            samples.extend(survey::strongest(self.series, selection, &self.survey.power, share));
+        }
         for (channel, chunk) in &self.extra {
             samples.extend(survey::samples_of(self.series, selection, *channel, *chunk));
         }
@@ -209,17 +222,11 @@ impl<'a> Job<'a> {
             }
         }
         self.caution *= (1.2 * factor).clamp(1.2, 3.0);
-        self.draw();
-    }
-
-    fn run(&self) -> Run<'_> {
-        Run {
-            job: self,
-            waveform: self.waveform,
-            series: self.series,
-            options: self.options,
-            scale: self.scale(),
+        if self.caution > MOST_CAUTION && self.allows_single {
+            // What is left may be rounding.
+            (self.caution, self.allows_single) = (1.0, false);
         }
+        self.draw();
     }
 
     /// Ranges of the coefficients of the delays of moving paths in some blocks.
@@ -250,6 +257,7 @@ impl<'a> Job<'a> {
             method,
             gain,
             caution: self.caution,
+            allows_single: self.allows_single,
             samples: &self.samples,
             num_random: NUM_SAMPLES.min(self.samples.len()),
             level: self.options.level,
@@ -283,18 +291,17 @@ impl<'a> Job<'a> {
 
     /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
     fn gain_of(&self, plan: &Plan) -> f64 {
-        gain(&self.run().all(plan, false).0, &self.survey.power, self.waveform)
+        gain(&self.run(plan, false).0, &self.survey.power, self.waveform)
     }
+}
 
-    /// A power of two near the inverse of the largest amplitude: it keeps the numbers of single precision in range.
-    fn scale(&self) -> f64 {
-        let largest = self.survey.largest;
-        if largest > 0.0 {
-            // Both it and its inverse are numbers.
-            (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
-        } else {
-            1.0
-        }
+/// A power of two near the inverse of the largest amplitude.
+fn scale(largest: f64) -> f64 {
+    if largest > 0.0 {
+        // Both it and its inverse are numbers.
+        (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
     }
 }
 
@@ -343,223 +350,6 @@ fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
                 .sum()
         }
         Basis::Chebyshev => rows.fold(0.0, f64::max),
-    }
-}
-
-struct Run<'a> {
-    job: &'a Job<'a>,
-    waveform: &'a Waveform,
-    series: &'a PathSeries<'a>,
-    options: &'a Options,
-    scale: f64,
-}
-
-/// What a run was like.
-#[derive(Default)]
-struct Outcome {
-    /// Velocity rows that were transformed, and that no path had touched.
-    rows: usize,
-    /// See `rows`.
-    rows_skipped: usize,
-    /// Mean square over the frame of what the interpolation of residuals leaves, summed over paths, per channel.
-    rest: Vec<f64>,
-    /// Chunks `(channel, chunk)` with the largest shares of it.
-    worst: Vec<(usize, usize)>,
-}
-
-impl Outcome {
-    fn join(&mut self, other: Self) {
-        self.rows += other.rows;
-        self.rows_skipped += other.rows_skipped;
-        self.rest.resize(self.rest.len().max(other.rest.len()), 0.0);
-        for (sum, rest) in self.rest.iter_mut().zip(other.rest) {
-            *sum += rest;
-        }
-        self.worst.extend(other.worst);
-    }
-
-    /// Error of the interpolation relative to l2(amplitudes), the largest of all channels.
-    fn interpolation(&self, power: &[f64]) -> f64 {
-        let ratios = self.rest.iter().zip(power).filter(|(_, power)| **power > 0.0);
-        ratios.map(|(rest, power)| (rest / power).sqrt()).fold(0.0, f64::max)
-    }
-}
-
-impl Run<'_> {
-    /// All parts of a plan.
-    fn all(&self, plan: &Plan, is_single: bool) -> (Samples, Outcome) {
-        let size = self.series.num_channels * self.waveform.chirp_times.len() * self.waveform.num_samples;
-        let selection = |part: &Part| self.job.selection(part.class);
-        let needs_double = |part: &Part| !part.step.is_single();
-        let mut outcome = Outcome::default();
-        let mut add = |part: Outcome| outcome.join(part);
-        if plan.parts.iter().any(needs_double) || !is_single {
-            let mut sum = vec![Complex64::ZERO; size];
-            for part in &plan.parts {
-                if needs_double(part) {
-                    add(self.part(part, selection(part), &mut sum));
-                } else {
-                    let mut single = vec![Complex32::ZERO; size];
-                    add(self.single(part, selection(part), &mut single));
-                    for (a, b) in sum.iter_mut().zip(&single) {
-                        *a += Complex64::new(f64::from(b.re), f64::from(b.im));
-                    }
-                }
-            }
-            let back = self.scale.recip();
-            for sample in &mut sum {
-                *sample *= back;
-            }
-            (narrow(sum, is_single), outcome)
-        } else {
-            let mut sum = vec![Complex32::ZERO; size];
-            for part in &plan.parts {
-                add(self.single(part, selection(part), &mut sum));
-            }
-            if self.scale != 1.0 {
-                // In double: the scale may be beyond single precision where the samples are not.
-                let back = self.scale.recip();
-                for sample in &mut sum {
-                    *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
-                }
-            }
-            (Samples::Single(sum), outcome)
-        }
-    }
-
-    /// Add the paths of one part.
-    fn part<T: Widths>(&self, part: &Part, selection: Selection, out: &mut [Complex<T>]) -> Outcome {
-        match &part.step {
-            Step::Direct => {
-                let (level, is_parallel) = (self.options.level, self.options.is_parallel);
-                let samples = direct::beat_signal(self.waveform, self.series, selection.class, level, is_parallel);
-                for (sum, sample) in out.iter_mut().zip(samples) {
-                    *sum = *sum + Complex::new(T::of(sample.re * self.scale), T::of(sample.im * self.scale));
-                }
-                Outcome::default()
-            }
-            Step::Recurrence { .. } => {
-                self.lanes(selection, out, |job, samples| {
-                    lanes::add_recurrence(self.options.level, job, samples);
-                });
-                Outcome::default()
-            }
-            Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
-            Step::Grid { width, expansions, .. } => self.grid(selection, *width, expansions, out),
-        }
-    }
-
-    /// Add the paths of one part whose sums are in single precision.
-    fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
-        if let Step::Lanes { width, follows_sweep } = part.step {
-            let grid = LaneGrid::new(self.waveform, width, follows_sweep);
-            self.lanes(selection, out, |job, samples| {
-                grid.add(self.options.level, job, samples);
-            });
-            return Outcome::default();
-        }
-        self.part(part, selection, out)
-    }
-
-    /// Every channel in groups of chirps.
-    fn lanes<T: Widths>(
-        &self,
-        selection: Selection,
-        out: &mut [Complex<T>],
-        add: impl Fn(&lanes::Job, &mut [Complex<T>]) + Sync + Send,
-    ) {
-        const GROUP: usize = 16;
-        let (num_chirps, num_samples) = (self.waveform.chirp_times.len(), self.waveform.num_samples);
-        let tasks: Vec<_> = out
-            .chunks_mut(num_chirps * num_samples)
-            .enumerate()
-            .flat_map(|(channel, samples)| {
-                let groups = samples.chunks_mut(GROUP * num_samples).enumerate();
-                groups.map(move |(group, samples)| (channel, group * GROUP, samples))
-            })
-            .collect();
-        parallel::map(self.options.is_parallel, tasks, |(channel, first, samples)| {
-            let job = lanes::Job {
-                waveform: self.waveform,
-                series: self.series,
-                channel,
-                selection,
-                paths: 0..self.series.num_paths,
-                chirps: first..(first + GROUP).min(num_chirps),
-                scale: self.scale,
-            };
-            add(&job, samples);
-        });
-    }
-
-    /// Every channel and block of chirps on its grid.
-    fn grid<T: Widths>(
-        &self,
-        selection: Selection,
-        width: usize,
-        expansions: &[Expansion],
-        out: &mut [Complex<T>],
-    ) -> Outcome {
-        let num_samples = self.waveform.num_samples;
-        // One task per channel and block, in the order of the samples.
-        let mut tasks = Vec::new();
-        let mut rest = out;
-        for channel in 0..self.series.num_channels {
-            for expansion in expansions {
-                let (samples, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
-                tasks.push((channel, expansion, samples));
-                rest = behind;
-            }
-        }
-        let num_chunks = self.series.num_paths.div_ceil(CHUNK);
-        let num_parts = if tasks.len() >= 4 {
-            1
-        } else {
-            (num_chunks / 256).clamp(1, grid::MAX_PARTS)
-        };
-        let outcomes = parallel::map(self.options.is_parallel, tasks, |(channel, expansion, samples)| {
-            let job = grid::Job {
-                waveform: self.waveform,
-                series: self.series,
-                channel,
-                selection,
-                scale: self.scale,
-                expansion,
-                width,
-                level: self.options.level,
-                num_parts,
-                is_parallel: self.options.is_parallel,
-                keep_empty_rows: !self.options.skip_rows,
-            };
-            let (used, checked) = job.add_to(samples);
-            let mut rest = vec![0.0; self.series.num_channels];
-            let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
-            rest[channel] = share * checked.sum;
-            Outcome {
-                rows: used,
-                rows_skipped: expansion.rows - used,
-                rest,
-                worst: vec![(channel, checked.worst.0)],
-            }
-        });
-        outcomes.into_iter().fold(Outcome::default(), |mut sum, outcome| {
-            sum.join(outcome);
-            sum
-        })
-    }
-}
-
-/// Samples in the precision that is asked for.
-fn narrow(samples: Vec<Complex64>, is_single: bool) -> Samples {
-    if is_single {
-        Samples::Single(
-            samples
-                .iter()
-                .map(|s| Complex32::new(s.re as f32, s.im as f32))
-                .collect(),
-        )
-    } else {
-        Samples::Double(samples)
     }
 }
 

@@ -287,20 +287,36 @@ pub trait Widths: Precision {
 /// Most numbers of grids that are kept for the next sum.
 const MAX_KEPT: usize = 1 << 22;
 
-/// Plans of transforms are made once per length.
-macro_rules! planned_fft {
-    ($scalar:ty) => {
+/// What both precisions do alike; vectors of f64 that fill one of the precision.
+macro_rules! alike {
+    ($scalar:ty, $vectors:literal) => {
+        const LANES: usize = 8 * $vectors;
+
+        fn place(
+            job: &Job,
+            map: &Map<Self>,
+            first: usize,
+            rows: &mut Rows,
+            tracks: &mut Tracks<Self>,
+            points: &mut Points<Self>,
+        ) -> f64 {
+            job.level.run(place::Place::<Self, $vectors> {
+                job,
+                map,
+                first,
+                rows,
+                tracks,
+                points,
+            })
+        }
+
+        // Plans of transforms are made once per length.
         fn fft(n: usize) -> Arc<dyn Fft<Self>> {
             static PLANNER: Mutex<Option<FftPlanner<$scalar>>> = Mutex::new(None);
             let mut planner = PLANNER.lock().unwrap_or_else(PoisonError::into_inner);
             planner.get_or_insert_with(FftPlanner::new).plan_fft_inverse(n)
         }
-    };
-}
 
-/// Grids are kept from sum to sum.
-macro_rules! kept_grids {
-    ($scalar:ty) => {
         fn take_zeros(len: usize) -> Vec<Self> {
             let mut memory = Self::kept().pop().unwrap_or_default();
             memory.clear();
@@ -323,25 +339,7 @@ macro_rules! kept_grids {
 }
 
 impl Widths for f32 {
-    const LANES: usize = 16;
-
-    fn place(
-        job: &Job,
-        map: &Map<Self>,
-        first: usize,
-        rows: &mut Rows,
-        tracks: &mut Tracks<Self>,
-        points: &mut Points<Self>,
-    ) -> f64 {
-        job.level.run(place::Place::<Self, 2> {
-            job,
-            map,
-            first,
-            rows,
-            tracks,
-            points,
-        })
-    }
+    alike!(f32, 2);
 
     fn add_points(chunk: spread::Patches<Self>) {
         match chunk.width {
@@ -353,31 +351,10 @@ impl Widths for f32 {
             _ => chunk.add::<8, 1, true>(),
         }
     }
-
-    planned_fft!(f32);
-    kept_grids!(f32);
 }
 
 impl Widths for f64 {
-    const LANES: usize = 8;
-
-    fn place(
-        job: &Job,
-        map: &Map<Self>,
-        first: usize,
-        rows: &mut Rows,
-        tracks: &mut Tracks<Self>,
-        points: &mut Points<Self>,
-    ) -> f64 {
-        job.level.run(place::Place::<Self, 1> {
-            job,
-            map,
-            first,
-            rows,
-            tracks,
-            points,
-        })
-    }
+    alike!(f64, 1);
 
     fn add_points(chunk: spread::Patches<Self>) {
         // Wider patches do not fit into the registers that merging needs.
@@ -388,7 +365,4 @@ impl Widths for f64 {
             _ => chunk.add::<14, 4, false>(),
         }
     }
-
-    planned_fft!(f64);
-    kept_grids!(f64);
 }

@@ -127,14 +127,12 @@ pub struct Tables {
     pub inverse_root: Vec<f64>,
 }
 
-/// The polynomial table of a width, for all numbers of cells of a vector: `[power][lane]`, lanes `0..half` and
-/// `half..2 half` both hold the cells, zero beyond the width.
-pub fn tap_table<T: Real>(kernel: &KaiserBessel, half: usize) -> Vec<T> {
+/// The polynomials of a width for `lanes` numbers at once, `[power][lane]`; those that are of no cell are zero.
+pub fn tap_table<T: Real>(kernel: &KaiserBessel, lanes: usize, cell: impl Fn(usize) -> usize) -> Vec<T> {
     let mut table = Vec::new();
     for row in &kernel.tables().polynomials {
-        for _ in 0..2 {
-            table.extend((0..half).map(|cell| row.get(cell).map_or(T::zero(), |c| T::of(*c))));
-        }
+        let tap = |lane: usize| row.get(cell(lane)).map_or(T::zero(), |c| T::of(*c));
+        table.extend((0..lanes).map(tap));
     }
     table
 }

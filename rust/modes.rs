@@ -12,6 +12,8 @@
 //! of samples (paths, instants), one after the other, until what is left is small. All paths are held to the result where
 //! they are put on the grid, at [`Check`]s.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
 use crate::block::Block;
@@ -39,7 +41,7 @@ pub struct Modes {
     pub checks: Vec<Check>,
     /// Mean square over the block of what is left of the samples, relative to that at the checks.
     pub check_factor: f64,
-    /// rms of the residual phases of the samples [turns].
+    /// rms of the residual phases of the samples, by power [turns].
     pub turns: f64,
 }
 
@@ -92,6 +94,8 @@ const NUM_FAST: usize = 3;
 /// The same where errors are small.
 const MANY_CHIRPS: usize = 28;
 const MANY_FAST: usize = 5;
+/// Most chirps, where residuals turn by much: twice as many as there may be modes.
+const MOST_CHIRPS: usize = 2 * MAX_MODES;
 /// Instants apart from these, for checks.
 const NUM_OTHERS: usize = 8;
 /// How many checks there are.
@@ -106,7 +110,8 @@ const SHARE: f64 = 0.85;
 /// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
 /// they are too many.
 ///
-/// If other paths may not be alike, there are many checks.
+/// If other paths may not be alike, there are many checks. Nothing below the `rounding` of strengths, relative to the rms
+/// of residuals, makes a mode.
 ///
 /// Every second of the first `num_apart` paths is kept apart, to see what error those have that are no samples; if it has
 /// too much of it, none is.
@@ -116,7 +121,7 @@ pub fn find(
     frame: &Frame,
     (paths, num_apart): (&[Path], usize),
     are_alike: bool,
-    budget: f64,
+    (budget, rounding): (f64, f64),
     level: Level,
 ) -> Option<(Modes, f64)> {
     let is_fine = budget < FINE;
@@ -125,6 +130,10 @@ pub fn find(
     } else {
         (NUM_CHIRPS, NUM_FAST)
     };
+    // exp(2 pi j z T_2(x)) is a polynomial of degree 4 pi z and a few more.
+    let bends = |path: &Path| path.bends.iter().map(|bend| bend.abs()).sum::<f64>();
+    let most = paths.iter().map(bends).fold(0.0, f64::max);
+    let chirps = chirps.max(((2.0 * TAU * most) as usize).saturating_add(6).min(MOST_CHIRPS));
     let instant = |chirp: usize, sample: usize| {
         let fine = waveform.sample_time(sample) - waveform.middle_time();
         Instant {
@@ -171,6 +180,7 @@ pub fn find(
             num_trained,
             max_modes: max_modes.min(MAX_MODES),
             budget: SHARE * budget,
+            rounding,
         })
     };
     let found = search(num_apart);
@@ -218,6 +228,7 @@ struct Search<'a> {
     num_trained: usize,
     max_modes: usize,
     budget: f64,
+    rounding: f64,
 }
 
 /// Residuals of all samples, (path, instant), in whole vectors; the last instant is repeated.
@@ -287,7 +298,7 @@ impl Kernel for Search<'_> {
             let pivot = matrix.at(path, column);
             // What is left is in paths that are kept apart; a mode of rounding errors would magnify those of its evaluation.
             let mean = power / (num_instants * paths.len()) as f64;
-            if pivot.norm_sqr() <= mean * (0.01 * bound).max(1e-28) {
+            if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
                 return None;
             }
             let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
@@ -315,7 +326,7 @@ impl Kernel for Search<'_> {
 }
 
 impl Search<'_> {
-    /// The residuals, and the rms of their phases [turns].
+    /// The residuals, and the rms of their phases by power [turns].
     #[inline(always)]
     fn residuals<I: Isa>(&self) -> (Matrix, f64) {
         let stride = self.instants.len().next_multiple_of(8);
@@ -326,9 +337,11 @@ impl Search<'_> {
         };
         let [times, sweeps] = self.times(stride);
         let splat = <I::F64 as Vector>::splat;
-        let mut squares = splat(0.0);
+        let (mut squares, mut power) = (splat(0.0), 0.0);
         for p in 0..self.paths.len() {
             let path = &self.paths[p];
+            let own = path.re[0] * path.re[0] + path.im[0] * path.im[0];
+            power += own;
             for at in (0..stride).step_by(8) {
                 let x = I::F64::load(&times[at..]);
                 let (mut before, mut current) = (splat(1.0), x);
@@ -339,7 +352,7 @@ impl Search<'_> {
                     (before, current) = (current, x.add(x).mul(current).sub(before));
                 }
                 let phase = self.phases::<I>(path, x, I::F64::load(&sweeps[at..]));
-                squares = phase.mul_add(phase, squares);
+                squares = phase.mul(splat(own)).mul_add(phase, squares);
                 let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
                 let to = p * stride + at;
                 im.mul_add(sin, re.mul(cos)).store(&mut matrix.re[to..]);
@@ -348,7 +361,12 @@ impl Search<'_> {
         }
         let mut lanes = [0.0; 8];
         squares.store(&mut lanes);
-        let turns = (lanes.iter().sum::<f64>() / matrix.re.len() as f64).sqrt();
+        let total = power * stride as f64;
+        let turns = if total > 0.0 {
+            (lanes.iter().sum::<f64>() / total).sqrt()
+        } else {
+            0.0
+        };
         (matrix, turns)
     }
 
@@ -651,7 +669,8 @@ mod tests {
         let mut last = 0;
         for budget in [1e-2, 1e-4, 1e-8] {
             for level in Level::available() {
-                let (modes, error) = find(&wf, &block, &frame, (&paths[..200], 200), true, budget, level).unwrap();
+                let (modes, error) =
+                    find(&wf, &block, &frame, (&paths[..200], 200), true, (budget, 1e-14), level).unwrap();
                 assert!(error <= budget);
                 assert!(modes.num_sets() >= last, "{} modes for {budget}", modes.num_sets());
                 last = modes.num_sets();
@@ -693,11 +712,11 @@ mod tests {
             path.re.truncate(1);
             path.im.truncate(1);
         }
-        let (modes, error) = find(&wf, &block, &frame, (&paths, 0), true, 1e-3, Level::best()).unwrap();
+        let (modes, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
         assert!(modes.are_flat() && modes.num_sets() == 1 && error < 1e-3);
         assert_eq!(modes.checks.len(), NUM_CHECKS);
         // A rounding error is within no sum of a few.
-        assert!(find(&wf, &block, &frame, (&paths, 0), true, 1e-18, Level::best()).is_none());
+        assert!(find(&wf, &block, &frame, (&paths, 0), true, (1e-18, 1e-14), Level::best()).is_none());
     }
 
     #[test]

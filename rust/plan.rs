@@ -5,6 +5,7 @@
 
 mod grid;
 
+use std::cell::OnceCell;
 use std::f64::consts::TAU;
 use std::fmt;
 
@@ -131,6 +132,8 @@ pub struct Request<'a> {
     pub gain: f64,
     /// Divides the error that the samples may have: more than 1 where other paths turned out to have more.
     pub caution: f64,
+    /// Grids may be in single precision.
+    pub allows_single: bool,
     /// Paths that stand for all moving ones.
     pub samples: &'a [Sample],
     /// So many of them, the first, were drawn from all.
@@ -148,6 +151,16 @@ const DOUBLE_RECURRENCE: f64 = 5e-13;
 const MARGIN: f64 = 0.9;
 /// Most rows of a series that are planned for; beyond it, the direct sum.
 pub const MAX_PLANNED_TERMS: usize = 64;
+
+/// Errors of paths add up with phases of their own: in a frame of few samples, to so much more than on average.
+pub fn fluctuation(waveform: &Waveform) -> f64 {
+    let num_samples = (waveform.chirp_times.len() * waveform.num_samples) as f64;
+    // Three standard deviations of the mean of squares of normal numbers.
+    (1.0 + 3.0 / num_samples.sqrt()).sqrt()
+}
+
+/// Neighbours on a smooth surface that are as one path where errors of a kernel add up.
+const IN_PHASE: f64 = 64.0;
 
 impl Request<'_> {
     /// The plan for some paths. None if the allowed steps cannot reach the tolerance.
@@ -179,12 +192,17 @@ impl Request<'_> {
             let goal = Goal {
                 request: self,
                 // Paths in phase are as one path, and their place may be the worst.
-                effective_paths: if self.gain > 1.5 { 1.0 } else { frame.effective_paths() },
+                effective_paths: if self.gain > 1.5 {
+                    1.0
+                } else {
+                    (frame.effective_paths() / IN_PHASE).max(1.0)
+                },
                 class,
                 group,
                 own: group.own_power(),
                 tolerance: tolerance.max(self.tolerance).min(0.1_f64.max(self.tolerance)),
                 share: share.min(1.0),
+                are_alike: OnceCell::new(),
             };
             plan.parts.push(goal.part(&look)?);
         }
@@ -239,6 +257,8 @@ struct Goal<'a> {
     share: f64,
     /// See [`Survey::effective_paths`].
     effective_paths: f64,
+    /// Whether all paths are like the samples, once that is known.
+    are_alike: OnceCell<bool>,
 }
 
 impl Goal<'_> {

@@ -422,7 +422,7 @@ impl Report {
         self.0.rows_skipped
     }
 
-    /// How many plans were run: more than one where paths add up in phase.
+    /// How many plans were run: more than one where paths add up in phase, or differ from the samples.
     #[getter]
     fn runs(&self) -> usize {
         self.0.runs

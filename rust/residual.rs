@@ -82,9 +82,10 @@ impl Path {
 /// The numbers of one path as its series has them: where rows are values, those after the first are differences from it.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    delay: Vec<f64>,
-    re: Vec<f64>,
-    im: Vec<f64>,
+    num_delays: usize,
+    /// Of the delay, of the real and of the imaginary part of the amplitude: there are hundreds of samples, and one piece
+    /// of memory is faster to get than three.
+    numbers: Vec<f64>,
 }
 
 impl Sample {
@@ -98,51 +99,60 @@ impl Sample {
                 series.amplitude[j][index] - first
             }
         };
-        let amplitude = || (0..series.num_amplitude_terms()).map(change);
         let base = if series.basis == Basis::Chebyshev {
             series.delay[0][index]
         } else {
             0.0
         };
-        let delay = |(j, row): (usize, &&[f64])| if j == 0 { row[index] } else { row[index] - base };
-        Self {
-            delay: series.delay.iter().enumerate().map(delay).collect(),
-            re: amplitude().map(|a| a.re).collect(),
-            im: amplitude().map(|a| a.im).collect(),
+        let (num_delays, num_amplitudes) = (series.num_delay_terms(), series.num_amplitude_terms());
+        let mut numbers = Vec::with_capacity(num_delays + 2 * num_amplitudes);
+        for (j, row) in series.delay.iter().enumerate() {
+            numbers.push(if j == 0 { row[index] } else { row[index] - base });
         }
+        numbers.extend((0..num_amplitudes).map(|j| change(j).re));
+        numbers.extend((0..num_amplitudes).map(|j| change(j).im));
+        Self { num_delays, numbers }
     }
 
     /// Coefficients of its delay in a block [s].
-    pub fn delay(&self, block: &Block) -> Vec<f64> {
-        series(&block.delay, &self.delay)
+    pub fn delay<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = f64> + 'a {
+        series(&block.delay, &self.numbers[..self.num_delays])
+    }
+
+    /// Real and imaginary parts of the coefficients of its amplitude in a block.
+    fn amplitude<'a>(&'a self, block: &'a Block) -> [impl Iterator<Item = f64> + 'a; 2] {
+        let numbers = &self.numbers[self.num_delays..];
+        let (re, im) = numbers.split_at(numbers.len() / 2);
+        [re, im].map(|rows| series(&block.amplitude, rows))
     }
 
     /// Squared magnitudes of the coefficients of its amplitude in a block.
-    pub fn powers(&self, block: &Block) -> Vec<f64> {
-        let re = series(&block.amplitude, &self.re);
-        let im = series(&block.amplitude, &self.im);
-        re.iter().zip(&im).map(|(re, im)| re * re + im * im).collect()
+    pub fn powers<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = f64> + 'a {
+        let [re, im] = self.amplitude(block);
+        re.zip(im).map(|(re, im)| re * re + im * im)
     }
 
     /// The path in a block.
     pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
-        let delay = self.delay(block);
+        let mut delay = self.delay(block);
+        let (offset, rate) = (delay.next().unwrap_or(0.0), delay.next().unwrap_or(0.0));
+        let [re, im] = self.amplitude(block);
         Path {
-            offset: frame.stretch * (delay[0] - frame.middle_delay),
-            rate: frame.carrier * delay.get(1).unwrap_or(&0.0),
-            bends: delay.iter().skip(2).map(|c| frame.carrier * c).collect(),
-            re: series(&block.amplitude, &self.re),
-            im: series(&block.amplitude, &self.im),
+            offset: frame.stretch * (offset - frame.middle_delay),
+            rate: frame.carrier * rate,
+            bends: delay.map(|c| frame.carrier * c).collect(),
+            re: re.collect(),
+            im: im.collect(),
         }
     }
 }
 
 /// Coefficients from rows.
-fn series(matrix: &[Vec<f64>], rows: &[f64]) -> Vec<f64> {
-    let change = |factors: &Vec<f64>| rows.iter().zip(factors).skip(1).map(|(row, f)| row * f).sum::<f64>();
-    let mut series: Vec<f64> = matrix.iter().map(change).collect();
-    series[0] += rows[0];
-    series
+fn series<'a>(matrix: &'a [Vec<f64>], rows: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    matrix.iter().enumerate().map(|(k, factors)| {
+        let change: f64 = rows.iter().zip(factors).skip(1).map(|(row, f)| row * f).sum();
+        if k == 0 { rows[0] + change } else { change }
+    })
 }
 
 /// R in turns; `delta` is f_c D, the others are as in [`Path`], [`Instant`] and [`Frame`].

@@ -92,21 +92,33 @@ pub trait Vector: Copy {
     unsafe fn store_unchecked(self, to: *mut Self::Scalar);
 }
 
+/// `re0, im0, re1, im1, ...`
+#[inline(always)]
+pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
+    let (zero, one) = (V::Scalar::of(0.0), V::Scalar::of(1.0));
+    let (real, imaginary) = (V::alternate(one, zero), V::alternate(zero, one));
+    let (mut sides, im) = (re.pairs(), im.pairs());
+    for i in 0..2 {
+        sides[i] = im[i].mul_add(imaginary, sides[i].mul(real));
+    }
+    sides
+}
+
 /// Rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
 #[inline(always)]
 pub fn add_rows<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
     start: usize,
     stride: usize,
-    taps: &[V::Scalar],
+    taps: &[V::Scalar; W],
     values: &[V; N],
 ) {
-    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len() && taps.len() >= W);
+    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
     for j in 0..W {
         for i in 0..N {
             // SAFETY: checked for all rows above.
             unsafe {
-                let tap = V::splat(*taps.get_unchecked(j));
+                let tap = V::splat(taps[j]);
                 let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
                 tap.mul_add(values[i], V::load_unchecked(at)).store_unchecked(at);
             }

@@ -8,6 +8,7 @@ use crate::hash::mix;
 use crate::parallel;
 use crate::residual::Sample;
 use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::wide;
 
 /// A closed range of numbers; empty if `low > high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -248,6 +249,30 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
         .collect()
 }
 
+/// All selected paths whose first amplitude has more than a share of the power of their channel.
+pub fn strongest(series: &PathSeries, selection: Selection, power: &[f64], share: f64) -> Vec<Sample> {
+    let first = series.amplitude[0];
+    let is_strong = |channel: usize, path: usize| {
+        power[channel] > 0.0 && first[channel * series.num_paths + path].norm_sqr() > share * power[channel]
+    };
+    let mut samples = Vec::new();
+    for channel in 0..series.num_channels {
+        for chunk in 0..series.num_paths.div_ceil(CHUNK) {
+            let paths = chunk * CHUNK..series.num_paths.min((chunk + 1) * CHUNK);
+            if !paths.clone().any(|path| is_strong(channel, path)) {
+                continue;
+            }
+            for rank in 0..selection.count(series, channel, chunk) {
+                let path = chunk * CHUNK + selection.place(series, channel, chunk, rank);
+                if is_strong(channel, path) {
+                    samples.push(Sample::new(series, channel * series.num_paths + path));
+                }
+            }
+        }
+    }
+    samples
+}
+
 fn sample(series: &PathSeries, selection: Selection, (channel, chunk): (usize, usize), rank: usize) -> Sample {
     let place = selection.place(series, channel, chunk, rank);
     Sample::new(series, channel * series.num_paths + chunk * CHUNK + place)
@@ -304,21 +329,24 @@ impl Kernel for LookAtBlocks<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Vec<Vec<Interval>> {
-        let mut ranges = vec![vec![Interval::EMPTY; self.series.num_delay_terms()]; self.blocks.len()];
+        let num_delays = self.series.num_delay_terms();
+        let mut ranges = vec![Ends::<I::F64>::empty(); self.blocks.len() * num_delays];
         let mut rows = Rows::of_delays(self.series);
         for index in self.chunks {
             rows.gather(self.series, self.channel, index * CHUNK, self.selection);
             if rows.len == 0 {
                 continue;
             }
-            for number in 0..self.blocks.len() {
-                for k in 0..ranges[number].len() {
-                    let range = extent::<I>(&self.blocks[number], &rows, k, None);
-                    ranges[number][k] = ranges[number][k].join(range);
-                }
+            for i in 0..ranges.len() {
+                let (block, k) = (&self.blocks[i / num_delays], i % num_delays);
+                ranges[i].take_in::<I>(block, &rows, k, None);
             }
         }
-        ranges
+        let mut intervals = Vec::new();
+        for block in ranges.chunks(num_delays) {
+            intervals.push(Ends::intervals::<I>(block));
+        }
+        intervals
     }
 }
 
@@ -337,158 +365,211 @@ impl Kernel for Look<'_> {
         let (series, channel, frame) = (self.series, self.channel, self.frame);
         let mut survey = Survey::empty(series);
         let mut rows = Rows::new(series);
+        let zero = wide::splat::<I, AT_ONCE>(0.0);
+        let (mut nothing, mut largest, mut fourth) = (zero, zero, zero);
+        let ends = vec![Ends::<I::F64>::empty(); series.num_delay_terms()];
+        let mut ranges = [ends.clone(), ends];
+        let sums = vec![zero; series.num_amplitude_terms()];
+        let mut powers = [sums.clone(), sums];
+        let mut counts = [0, 0];
         for index in self.chunks {
             rows.gather(series, channel, index * CHUNK, Selection::ALL);
             let mask = rows.moving();
             survey.masks.push(mask);
-            survey.is_finite &= is_finite::<I>(frame, &rows);
-            for lane in rows.re.iter().chain(&rows.im) {
-                survey.largest = survey.largest.max(magnitude::<I>(lane));
+            nothing = wide::add(nothing, times_zero::<I>(frame, &rows));
+            for j in 0..rows.re.len() {
+                largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
             }
-            survey.fourth[channel] += fourth::<I>(&rows.re[0], &rows.im[0]);
+            fourth = add_fourth::<I>(&rows.re[0], &rows.im[0], fourth);
             let num_moving = mask.count_ones() as usize;
-            let is_mixed = num_moving > 0 && num_moving < rows.len;
-            if num_moving > 0 {
-                let members = is_mixed.then(|| lanes_of(mask));
-                let group = &mut survey.moving;
-                group.num_paths += num_moving;
-                for k in 0..group.delay.len() {
-                    group.delay[k] = group.delay[k].join(extent::<I>(frame, &rows, k, members.as_ref()));
+            let numbers = [rows.len - num_moving, num_moving];
+            let is_mixed = numbers[0] > 0 && numbers[1] > 0;
+            for (class, bits) in [!mask, mask].into_iter().enumerate() {
+                if numbers[class] == 0 {
+                    continue;
                 }
-                for k in 0..group.power.len() {
-                    group.power[k][channel] += power_of::<I>(frame, &rows, k, members.as_ref());
+                counts[class] += numbers[class];
+                let members = is_mixed.then(|| lanes_of(bits, [0.0, 1.0]));
+                let far = is_mixed.then(|| lanes_of(bits, [FAR, 0.0]));
+                // Those that stand still have one coefficient.
+                let most = if class == 0 { 1 } else { usize::MAX };
+                for k in 0..ranges[class].len().min(most) {
+                    ranges[class][k].take_in::<I>(frame, &rows, k, far.as_ref());
                 }
-            }
-            if num_moving < rows.len {
-                let members = is_mixed.then(|| lanes_of(!mask));
-                let group = &mut survey.still;
-                group.num_paths += rows.len - num_moving;
-                group.delay[0] = group.delay[0].join(extent::<I>(frame, &rows, 0, members.as_ref()));
-                for k in 1..group.delay.len() {
-                    group.delay[k] = Interval::ZERO;
+                for k in 0..powers[class].len().min(most) {
+                    powers[class][k] = add_power::<I>(frame, &rows, k, members.as_ref(), powers[class][k]);
                 }
-                group.power[0][channel] += power_of::<I>(frame, &rows, 0, members.as_ref());
             }
         }
-        // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
-        for group in [&survey.still, &survey.moving] {
-            for (degree, power) in group.power.iter().enumerate() {
-                survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power[channel];
+        survey.is_finite = sum_of::<I>(nothing) == 0.0;
+        survey.largest = -least_of::<I>(wide::sub(zero, largest));
+        survey.fourth[channel] = sum_of::<I>(fourth);
+        for (class, group) in [&mut survey.still, &mut survey.moving].into_iter().enumerate() {
+            group.num_paths = counts[class];
+            if counts[class] == 0 {
+                continue;
+            }
+            group.delay = Ends::intervals::<I>(&ranges[class]);
+            if class == 0 {
+                group.delay[1..].fill(Interval::ZERO);
+            }
+            for (degree, sums) in powers[class].iter().enumerate() {
+                let power = sum_of::<I>(*sums);
+                group.power[degree][channel] = power;
+                // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
+                survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
             }
         }
         survey
     }
 }
 
-/// One where the bit is set, else zero.
+/// One number where the bit is not set, another where it is.
 #[inline(always)]
-fn lanes_of(bits: u128) -> Lane {
+fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
     let halves = [bits as u64, (bits >> 64) as u64];
     let mut lanes = [0.0; CHUNK];
     for i in 0..CHUNK {
-        lanes[i] = if halves[i / 64] >> (i % 64) & 1 == 1 { 1.0 } else { 0.0 };
+        let is_set = halves[i / 64] >> (i % 64) & 1 == 1;
+        lanes[i] = if is_set { numbers[1] } else { numbers[0] };
     }
     lanes
 }
 
-/// Whether no number is infinite or NaN: then means over the frame are numbers; false as well where these are beyond the
+/// Vectors at once: what a loop over rows costs is shared by all of them.
+const AT_ONCE: usize = 4;
+type Wide<I> = wide::Wide<I, AT_ONCE>;
+
+/// Sum of all numbers.
+#[inline(always)]
+fn sum_of<I: Isa>(vectors: Wide<I>) -> f64 {
+    let mut numbers = [0.0; 8 * AT_ONCE];
+    wide::store(vectors, &mut numbers);
+    numbers.iter().sum()
+}
+
+/// The least number.
+#[inline(always)]
+fn least_of<I: Isa>(vectors: Wide<I>) -> f64 {
+    let mut numbers = [0.0; 8 * AT_ONCE];
+    wide::store(vectors, &mut numbers);
+    numbers.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// Coefficient k of the paths from `at` on.
+#[inline(always)]
+fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I> {
+    let value = coefficient::<I, AT_ONCE>(matrix, rows, k, at);
+    if k == 0 {
+        return wide::add(value, wide::load::<I, AT_ONCE>(&rows[0][at..]));
+    }
+    value
+}
+
+/// Zero if no number is infinite or NaN: then means over the frame are numbers; not so as well where these are beyond the
 /// largest.
 #[inline(always)]
-fn is_finite<I: Isa>(frame: &Block, rows: &Rows) -> bool {
-    let zero = I::F64::splat(0.0);
+fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
+    let zero = wide::splat::<I, AT_ONCE>(0.0);
     let mut sum = zero;
     for (matrix, lanes) in [
         (&frame.delay, &rows.delay),
         (&frame.amplitude, &rows.re),
         (&frame.amplitude, &rows.im),
     ] {
-        for at in (0..CHUNK).step_by(8) {
-            let [change] = coefficient::<I, 1>(matrix, lanes, 0, at);
+        for at in (0..CHUNK).step_by(8 * AT_ONCE) {
             // No number times zero is zero, if it is none.
-            sum = change.add(I::F64::load(&lanes[0][at..])).mul_add(zero, sum);
+            sum = wide::mul_add(whole::<I>(matrix, lanes, 0, at), zero, sum);
         }
     }
-    let mut lanes = [0.0; 8];
-    sum.store(&mut lanes);
-    lanes == [0.0; 8]
+    sum
 }
 
-/// Largest absolute value.
+/// The larger absolute values.
 #[inline(always)]
-fn magnitude<I: Isa>(lane: &Lane) -> f64 {
-    let zero = I::F64::splat(0.0);
-    let mut largest = zero;
-    for at in (0..CHUNK).step_by(8) {
-        let value = I::F64::load(&lane[at..]);
-        largest = value.max(zero.sub(value)).max(largest);
+fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
+    let zero = wide::splat::<I, AT_ONCE>(0.0);
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        let value = wide::load::<I, AT_ONCE>(&lane[at..]);
+        largest = wide::max(wide::max(value, wide::sub(zero, value)), largest);
     }
-    let mut lanes = [0.0; 8];
-    largest.store(&mut lanes);
-    lanes.iter().copied().fold(0.0, f64::max)
+    largest
 }
 
-/// Sum of the fourth powers of the magnitudes.
+/// Add the fourth powers of the magnitudes.
 #[inline(always)]
-fn fourth<I: Isa>(re: &Lane, im: &Lane) -> f64 {
-    let mut sum = I::F64::splat(0.0);
-    for at in (0..CHUNK).step_by(8) {
-        let (re, im) = (I::F64::load(&re[at..]), I::F64::load(&im[at..]));
-        let square = re.mul_add(re, im.mul(im));
-        sum = square.mul_add(square, sum);
+fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        let (re, im) = (wide::load::<I, AT_ONCE>(&re[at..]), wide::load::<I, AT_ONCE>(&im[at..]));
+        let square = wide::mul_add(re, re, wide::mul(im, im));
+        sum = wide::mul_add(square, square, sum);
     }
-    let mut lanes = [0.0; 8];
-    sum.store(&mut lanes);
-    lanes.iter().sum()
+    sum
+}
+
+/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last path
+/// has none.
+#[inline(always)]
+fn add_power<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>, mut power: Wide<I>) -> Wide<I> {
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        for lanes in [&rows.re, &rows.im] {
+            let mut value = whole::<I>(&block.amplitude, lanes, k, at);
+            if let Some(members) = members {
+                value = wide::mul(value, wide::load::<I, AT_ONCE>(&members[at..]));
+            }
+            power = wide::mul_add(value, value, power);
+        }
+    }
+    power
 }
 
 /// Beyond every delay.
 const FAR: f64 = 1e300;
 
-/// Range of coefficient k of the delay, of all paths or of the members. What follows the last path of a chunk is a copy of
-/// it.
-#[inline(always)]
-fn extent<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>) -> Interval {
-    let (mut low, mut high) = (I::F64::splat(f64::INFINITY), I::F64::splat(f64::NEG_INFINITY));
-    for at in (0..CHUNK).step_by(8) {
-        let [mut value] = coefficient::<I, 1>(&block.delay, &rows.delay, k, at);
-        if k == 0 {
-            value = value.add(I::F64::load(&rows.delay[0][at..]));
-        }
-        if let Some(members) = members {
-            // Far outside if it does not take part.
-            let far = I::F64::load(&members[at..]).neg_mul_add(I::F64::splat(FAR), I::F64::splat(FAR));
-            (low, high) = (value.add(far).min(low), value.sub(far).max(high));
-        } else {
-            (low, high) = (value.min(low), value.max(high));
-        }
-    }
-    let mut lanes = [[0.0; 8]; 2];
-    low.store(&mut lanes[0]);
-    high.store(&mut lanes[1]);
-    Interval {
-        low: lanes[0].iter().copied().fold(f64::INFINITY, f64::min),
-        high: lanes[1].iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    }
+/// Ranges in the making, one per number of the vectors.
+#[derive(Clone, Copy)]
+struct Ends<V> {
+    low: [V; AT_ONCE],
+    high: [V; AT_ONCE],
 }
 
-/// Sum of the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last
-/// path has none.
-#[inline(always)]
-fn power_of<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>) -> f64 {
-    let mut power = I::F64::splat(0.0);
-    for at in (0..CHUNK).step_by(8) {
-        for lanes in [&rows.re, &rows.im] {
-            let [mut value] = coefficient::<I, 1>(&block.amplitude, lanes, k, at);
-            if k == 0 {
-                value = value.add(I::F64::load(&lanes[0][at..]));
-            }
-            if let Some(members) = members {
-                value = value.mul(I::F64::load(&members[at..]));
-            }
-            power = value.mul_add(value, power);
+impl<V: Vector<Scalar = f64>> Ends<V> {
+    /// No number.
+    #[inline(always)]
+    fn empty() -> Self {
+        Self {
+            low: [V::splat(f64::INFINITY); AT_ONCE],
+            high: [V::splat(f64::NEG_INFINITY); AT_ONCE],
         }
     }
-    let mut lanes = [0.0; 8];
-    power.store(&mut lanes);
-    lanes.iter().sum()
+
+    /// Coefficient k of the delay of all paths, or of those that are not `far`. What follows the last path of a chunk is a copy
+    /// of it.
+    #[inline(always)]
+    fn take_in<I: Isa<F64 = V>>(&mut self, block: &Block, rows: &Rows, k: usize, far: Option<&Lane>) {
+        let Self { mut low, mut high } = *self;
+        for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+            let value = whole::<I>(&block.delay, &rows.delay, k, at);
+            let mut ends = [value; 2];
+            if let Some(far) = far {
+                let far = wide::load::<I, AT_ONCE>(&far[at..]);
+                ends = [wide::add(value, far), wide::sub(value, far)];
+            }
+            (low, high) = (wide::min(ends[0], low), wide::max(ends[1], high));
+        }
+        *self = Self { low, high };
+    }
+
+    #[inline(always)]
+    fn intervals<I: Isa<F64 = V>>(ranges: &[Self]) -> Vec<Interval> {
+        let mut intervals = Vec::new();
+        for i in 0..ranges.len() {
+            let opposite = wide::sub(wide::splat::<I, AT_ONCE>(0.0), ranges[i].high);
+            intervals.push(Interval {
+                low: least_of::<I>(ranges[i].low),
+                high: -least_of::<I>(opposite),
+            });
+        }
+        intervals
+    }
 }

@@ -21,6 +21,16 @@ pub fn load<I: Isa, const P: usize>(from: &[f64]) -> Wide<I, P> {
     wide
 }
 
+/// The same of any vectors.
+#[inline(always)]
+pub fn load_vectors<V: Vector, const P: usize>(from: &[V::Scalar]) -> [V; P] {
+    let mut vectors = [V::load(from); P];
+    for p in 1..P {
+        vectors[p] = V::load(&from[V::LANES * p..]);
+    }
+    vectors
+}
+
 /// Into the first numbers of a slice.
 #[inline(always)]
 pub fn store<V: Vector, const P: usize>(wide: [V; P], to: &mut [V::Scalar]) {

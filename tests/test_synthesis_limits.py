@@ -58,7 +58,7 @@ def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: floa
     check(paths, wf, tolerance, method="grid")
 
 
-@pytest.mark.parametrize("seed", [*range(30), 41, 161, 402, 430, 741, 1140])
+@pytest.mark.parametrize("seed", [*range(30), 41, 161, 270, 402, 430, 455, 591, 741, 938, 1140, 1421, 2016, 2497, 2515])
 def test_strays_of_any_kind_are_within_the_tolerance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     num_paths, num_chirps, num_samples = (
@@ -287,11 +287,13 @@ def test_plate_that_faces_the_radar_in_another_frame_is_no_ghost(
 
 
 @pytest.mark.xfail(reason="errors of paths that add up in phase outside of the frame are predicted as if they did not")
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+@pytest.mark.parametrize(("num_paths", "tolerance"), [(3_000, 3e-5), (20_000, 5e-3)])
 @pytest.mark.parametrize("frames", [-2.0, 2.0])
-def test_plate_that_faces_the_radar_in_another_frame_is_within_the_tolerance(frames: float, tolerance: float) -> None:
+def test_plate_that_faces_the_radar_in_another_frame_is_within_the_tolerance(
+    frames: float, num_paths: int, tolerance: float
+) -> None:
     wf = sweep_waveform(24, 24)
-    check(plate_that_faces(wf, frames, 700), wf, tolerance, method="grid")
+    check(plate_that_faces(wf, frames, num_paths), wf, tolerance, method="grid")
 
 
 # --- time ----------------------------------------------------------------------------------------------------------
@@ -358,12 +360,13 @@ def test_up_and_down_chirps_of_equal_middle_mirror_range(method: str) -> None:
     up = sweep_waveform(2, 33, adc_delay=0.0)
     t = up.sample_times[-1]
     down = sweep_waveform(2, 33, -1, adc_delay=0.0, start_frequency=up.start_frequency + up.slope * t)
-    rising, falling = (paths.samples(wf, method=method, tolerance=1e-5).astype(complex) for wf in (up, down))
+    tolerance = 2e-5 if method == "lanes" else 1e-5
+    rising, falling = (paths.samples(wf, method=method, tolerance=tolerance).astype(complex) for wf in (up, down))
     # Same frequency at mirrored times; -S tau^2 / 2 changes its sign: 2 pi S tau^2 = 0.16 rad at 3 m.
     video = np.exp(2j * np.pi * up.slope * paths.delay**2)
     turned = Paths(paths.delay, np.conj(video) * paths.amplitude, paths.rate)
-    expected = turned.samples(up, method=method, tolerance=1e-5)[:, :, ::-1].astype(complex)
-    assert relative_error(falling, expected, paths) <= 3e-5
+    expected = turned.samples(up, method=method, tolerance=tolerance)[:, :, ::-1].astype(complex)
+    assert relative_error(falling, expected, paths) <= 3.0 * tolerance
     assert relative_error(falling, rising[:, :, ::-1], paths) > 1e-2
 
 

@@ -124,7 +124,7 @@ class Report:
         """Velocity rows that no path had touched."""
     @property
     def runs(self) -> int:
-        """How many plans were run: more than one where paths add up in phase."""
+        """How many plans were run: more than one where paths add up in phase, or differ from the samples."""
     @property
     def gain(self) -> float:
         """Largest rms of the samples of a channel relative to its l2(amplitudes)."""

@@ -3,7 +3,7 @@
 use super::{Job, Layout, PAD, Widths, origin};
 use crate::block::{CHUNK, Class, Rows, coefficient};
 use crate::residual::{Instant, turns};
-use crate::simd::{Isa, Kernel, Vector};
+use crate::simd::{Isa, Kernel, Vector, interleave};
 use crate::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 
 /// Numbers from which places, phases and strengths follow, the same for all paths of a job.
@@ -132,8 +132,8 @@ pub struct Points<T> {
     pub zx: Vec<T>,
     /// See `zx`.
     pub zy: Vec<T>,
-    /// Strengths of every mode, real and imaginary parts.
-    pub strengths: Vec<(Vec<T>, Vec<T>)>,
+    /// Strengths of every mode: real and imaginary part of a path side by side.
+    pub strengths: Vec<Vec<T>>,
 }
 
 impl<T: Widths> Points<T> {
@@ -148,7 +148,7 @@ impl<T: Widths> Points<T> {
             start: vec![0; room],
             zx: zero(),
             zy: zero(),
-            strengths: (0..num_modes).map(|_| (zero(), zero())).collect(),
+            strengths: vec![vec![T::zero(); 2 * room]; num_modes],
         }
     }
 }
@@ -165,6 +165,8 @@ pub struct Tracks<T> {
     rows: [Vec<Lane<T>>; 2],
     /// Its coefficients by degree.
     amplitude: [Vec<Lane<T>>; 2],
+    /// Strengths of every mode, real and imaginary parts.
+    strengths: Vec<[Lane<T>; 2]>,
 }
 
 impl<T: Widths> Tracks<T> {
@@ -187,6 +189,7 @@ impl<T: Widths> Tracks<T> {
                 vec![zero; job.expansion.num_amplitudes],
                 vec![zero; job.expansion.num_amplitudes],
             ],
+            strengths: vec![[zero; 2]; job.expansion.modes.num_sets()],
         }
     }
 }
@@ -223,7 +226,7 @@ impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
         expand::<T, I, P>(map, rows.len, tracks);
         let is_flat = job.expansion.modes.are_flat();
         for mode in 0..points.strengths.len() {
-            let (re, im) = &mut points.strengths[mode];
+            let strengths = &mut points.strengths[mode][2 * to..];
             for at in (0..rows.len).step_by(8 * P) {
                 let [a, b] = if is_flat {
                     let load = <T::In<I> as Vector>::load;
@@ -234,12 +237,14 @@ impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
                     let phase = residual_turns::<T, I>(map, probe, tracks, at);
                     residual::<T, I>(phase, interpolated::<T, I>(probe, tracks, at), tracks, at)
                 };
-                a.store(&mut re[to + at..]);
-                b.store(&mut im[to + at..]);
+                let [re, im] = &mut tracks.strengths[mode];
+                a.store(&mut re[at..]);
+                b.store(&mut im[at..]);
+                wide::store(interleave(a, b), &mut strengths[2 * at..]);
             }
         }
         points.len += rows.len;
-        check::<T, I, P>(map, is_flat, tracks, points, to)
+        check::<T, I, P>(map, is_flat, tracks, rows.len)
     }
 }
 
@@ -405,18 +410,12 @@ fn residual<T: Widths, I: Isa>(
 
 /// Squared distance of the residuals from their interpolation, the mean over the checks.
 #[inline(always)]
-fn check<T: Widths, I: Isa, const P: usize>(
-    map: &Map<T>,
-    is_flat: bool,
-    tracks: &Tracks<T>,
-    points: &Points<T>,
-    first: usize,
-) -> f64 {
+fn check<T: Widths, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
     let mut sum = splat(T::zero());
     for number in 0..map.checks.len() {
         let (probe, weights) = &map.checks[number];
-        for at in (0..points.len - first).step_by(8 * P) {
+        for at in (0..len).step_by(8 * P) {
             let (mut re, mut im);
             let phase = residual_turns::<T, I>(map, probe, tracks, at);
             if is_flat {
@@ -424,10 +423,8 @@ fn check<T: Widths, I: Isa, const P: usize>(
                 let phase = phase
                     .sub(splat(map.common[number]))
                     .mul(splat(T::of(std::f64::consts::TAU)));
-                let (a, b) = (
-                    load(&points.strengths[0].0[first + at..]),
-                    load(&points.strengths[0].1[first + at..]),
-                );
+                let [a, b] = &tracks.strengths[0];
+                let (a, b) = (load(&a[at..]), load(&b[at..]));
                 (re, im) = (splat(T::zero()).sub(b.mul(phase)), a.mul(phase));
                 if !probe.rows.is_empty() {
                     let [c, d] = turned::<T, I>(exact::<T, I>(probe, tracks, at), tracks, at);
@@ -435,11 +432,9 @@ fn check<T: Widths, I: Isa, const P: usize>(
                 }
             } else {
                 [re, im] = residual::<T, I>(phase, exact::<T, I>(probe, tracks, at), tracks, at);
-                for mode in 0..weights.len().min(points.strengths.len()) {
-                    let (a, b) = (
-                        load(&points.strengths[mode].0[first + at..]),
-                        load(&points.strengths[mode].1[first + at..]),
-                    );
+                for mode in 0..weights.len().min(tracks.strengths.len()) {
+                    let [a, b] = &tracks.strengths[mode];
+                    let (a, b) = (load(&a[at..]), load(&b[at..]));
                     let (c, d) = (splat(weights[mode][0]), splat(weights[mode][1]));
                     re = b.mul_add(d, a.neg_mul_add(c, re));
                     im = b.neg_mul_add(c, a.neg_mul_add(d, im));
@@ -463,6 +458,8 @@ fn store_small<I: Isa, const P: usize>(x: Wide<I, P>, to: &mut [u32]) {
     let shifted = add(x, wide::splat::<I, P>(4_503_599_627_370_496.0)); // 2^52
     let mut numbers = [0.0; 16];
     wide::store(shifted, &mut numbers);
+    // One check of bounds, or the compiler stores number by number.
+    let to = &mut to[..8 * P];
     for i in 0..8 * P {
         to[i] = numbers[i].to_bits() as u32;
     }

@@ -7,7 +7,7 @@ use crate::expansion::offset;
 use crate::kernel::KaiserBessel;
 use crate::parallel;
 use crate::residual::{Path, turns};
-use crate::simd::{Isa, Kernel, Vector};
+use crate::simd::{Isa, Kernel, Vector, interleave};
 use crate::wide::{self, Wide, add, mul, mul_add};
 
 /// Add the samples of all chirps of a block, (chirp, sample).
@@ -314,15 +314,7 @@ impl<T: Widths> Tile<'_, T> {
         let sum = self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
         let [re, im] = product(sum, [cos.mul(weight), sin.mul(weight)]);
-        // Side by side.
-        let real = <T::In<I>>::alternate(T::one(), T::zero());
-        let imaginary = <T::In<I>>::alternate(T::zero(), T::one());
-        let (re, im) = (re.pairs(), im.pairs());
-        for i in 0..2 {
-            im[i]
-                .mul_add(imaginary, re[i].mul(real))
-                .store(&mut out[i * T::LANES..]);
-        }
+        wide::store(interleave(re, im), out);
     }
 
     /// Sums over paths of the residuals, from those at the instants of the modes; symbols as in `modes.rs`.

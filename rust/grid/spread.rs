@@ -7,6 +7,7 @@ use super::{Job, Layout, Widths};
 use crate::block::{CHUNK, Rows};
 use crate::kernel::{KaiserBessel, degree, tap_table};
 use crate::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
+use crate::wide;
 
 /// How far the residuals of paths are from their interpolation.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,15 +35,15 @@ impl Checked {
 /// Spread the paths of some chunks.
 pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
     let is_sorted = is_sorted::<T>(job, layout);
-    // Sorting wants many paths; their taps take 128 kB, half of L1 if it does not.
-    let room_for_taps = if is_sorted { 1 << 17 } else { 1 << 14 };
-    let batch = (room_for_taps / (2 * half(job.width) * size_of::<T>() * CHUNK)).max(1);
+    // Sorting wants many paths; what is known of them shall stay in L1 if it does not.
+    let room_for_paths = if is_sorted { 1 << 17 } else { 1 << 14 };
+    let batch = (room_for_paths / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
     let mut rows = Rows::of_class(job.series, job.selection.class);
     let mut tracks = Tracks::new(job);
     let mut points = Points::new(job.expansion.modes.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
-    let table = tap_table::<T>(&KaiserBessel::new(job.width), half(job.width));
-    let mut room = Room::new(batch * CHUNK, 2 * half(job.width));
+    let tables = Tables::new(job.width);
+    let mut room = Room::new(batch * CHUNK, job.width);
     let mut checked = Checked::default();
     for first in chunks.clone().step_by(batch) {
         points.len = 0;
@@ -59,7 +60,7 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
             width: job.width,
             layout,
             points: &points,
-            table: &table,
+            tables: &tables,
             room: &mut room,
             grid,
         });
@@ -80,28 +81,69 @@ fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {
         && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
 }
 
+/// The kernel's polynomials, `[power][number]`.
+struct Tables<T> {
+    /// Along range: for real and imaginary parts if they [fit](fits), else for all cells, in whole vectors.
+    range: Vec<T>,
+    /// Along velocity: for all cells.
+    velocity: Vec<T>,
+    /// Along range and along velocity, half a vector each, if they fit.
+    both: Vec<T>,
+}
+
+impl<T: Widths> Tables<T> {
+    fn new(width: usize) -> Self {
+        let kernel = KaiserBessel::new(width);
+        let fits = fits::<T>(width);
+        Self {
+            range: if fits {
+                tap_table(&kernel, T::LANES, |lane| lane / 2)
+            } else {
+                tap_table(&kernel, width.next_multiple_of(T::LANES), |lane| lane)
+            },
+            velocity: tap_table(&kernel, width, |lane| lane),
+            both: tap_table(&kernel, if fits { T::LANES } else { 0 }, |lane| lane % (T::LANES / 2)),
+        }
+    }
+}
+
+/// Whether the cells of a row, real and imaginary parts, fit into one vector.
+const fn fits<T: Widths>(width: usize) -> bool {
+    2 * width <= T::LANES
+}
+
 /// What is known of the paths of a batch in the order in which they are spread.
 pub struct Room<T> {
     /// Numbers of the paths.
     order: Vec<u16>,
-    /// Where their patches start.
-    start: Vec<u32>,
-    /// Taps, first those along range, from half of the width of a path's lanes on those along velocity.
-    taps: Vec<T>,
-    /// The same, by column alone.
+    /// Numbers of the paths by column alone.
     by_column: Vec<u16>,
     /// Places in the order by a key.
     ends: Vec<usize>,
+    /// Where their patches start.
+    start: Vec<u32>,
+    /// Places between two cells and between two rows.
+    zx: Vec<T>,
+    /// See `zx`.
+    zy: Vec<T>,
+    /// Taps along range for real and imaginary parts, in whole vectors: (path, number).
+    range: Vec<T>,
+    /// Taps along velocity: (chunk, cell, path).
+    velocity: Vec<[T; CHUNK]>,
 }
 
 impl<T: Widths> Room<T> {
-    fn new(num_paths: usize, lanes: usize) -> Self {
+    fn new(num_paths: usize, width: usize) -> Self {
+        let zero = || vec![T::zero(); num_paths];
         Self {
             order: vec![0; num_paths],
             by_column: vec![0; num_paths],
-            start: vec![0; num_paths],
-            taps: vec![T::zero(); num_paths * lanes],
             ends: Vec::new(),
+            start: vec![0; num_paths],
+            zx: zero(),
+            zy: zero(),
+            range: vec![T::zero(); num_paths * (2 * width).next_multiple_of(T::LANES)],
+            velocity: vec![[T::zero(); CHUNK]; num_paths / CHUNK * width],
         }
     }
 
@@ -116,16 +158,8 @@ impl<T: Widths> Room<T> {
                 *order = i as u16;
             }
             self.start[..len].copy_from_slice(start);
-            return;
-        }
-        if points.strengths.len() == 1 {
-            count(&mut self.ends, layout.rows, row.iter().map(|row| *row as usize));
-            for i in 0..len {
-                let at = &mut self.ends[row[i] as usize];
-                self.order[*at] = i as u16;
-                self.start[*at] = start[i];
-                *at += 1;
-            }
+            self.zx[..len].copy_from_slice(&points.zx[..len]);
+            self.zy[..len].copy_from_slice(&points.zy[..len]);
             return;
         }
         // Two passes of counting: by column, then by row.
@@ -142,6 +176,8 @@ impl<T: Widths> Room<T> {
             let at = &mut self.ends[row[path] as usize];
             self.order[*at] = *i;
             self.start[*at] = start[path];
+            self.zx[*at] = points.zx[path];
+            self.zy[*at] = points.zy[path];
             *at += 1;
         }
     }
@@ -166,7 +202,7 @@ pub struct Patches<'a, T> {
     pub width: usize,
     layout: &'a Layout,
     points: &'a Points<T>,
-    table: &'a [T],
+    tables: &'a Tables<T>,
     room: &'a mut Room<T>,
     grid: &'a mut [T],
 }
@@ -196,115 +232,231 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
         let Patches {
             layout,
             points,
-            table,
+            tables,
             room,
             grid,
             ..
         } = self.0;
-        let (len, half) = (points.len, half(W));
-        let (order, start) = (&room.order[..len], &room.start[..len]);
-        let taps = &mut room.taps[..len * 2 * half];
-        // One set of strengths needs the taps of a path once.
-        let is_single = points.strengths.len() == 1;
-        let step = if is_single { 0 } else { 2 * half };
-        if !is_single {
-            for i in 0..len {
-                let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
-                evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
-            }
-        }
+        let len = points.len;
         let mut repeats = 0;
         for i in 1..len {
-            repeats += usize::from(start[i] == start[i - 1]);
+            repeats += usize::from(room.start[i] == room.start[i - 1]);
+        }
+        let is_merged = MERGES && 2 * repeats > len;
+        // One set of strengths needs the taps of a path once.
+        let is_single = points.strengths.len() == 1;
+        if R > 1 && (is_merged || !is_single || !fits::<T>(W)) {
+            room.evaluate_velocity::<I, W>(&tables.velocity, len);
+        }
+        if !is_single {
+            let polynomials = polynomials::<T, I, W>(&tables.range);
+            for i in 0..len {
+                let taps = range_taps::<T, I, W, N>(&polynomials, &tables.range, room.zx[i]);
+                wide::store(taps, &mut room.range[i * N * <T::In<I>>::LANES..]);
+            }
         }
         // One grid after the other: the rows at work stay in L1.
         for mode in 0..points.strengths.len() {
-            let (re, im) = &points.strengths[mode];
             let grid = &mut grid[mode * layout.size()..][..layout.size()];
-            if MERGES && 2 * repeats > len {
-                let mut i = 0;
-                while i < len {
-                    let cell = start[i];
-                    let mut patch = [[<T::In<I>>::splat(T::zero()); N]; R];
-                    while i < len && start[i] == cell {
-                        let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
-                        if is_single {
-                            evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
-                        }
-                        let value = weighted::<T, I, N>(taps, re[path], im[path]);
-                        for j in 0..R {
-                            let tap = <T::In<I>>::splat(if R == 1 { T::one() } else { taps[half + j] });
-                            for n in 0..N {
-                                patch[j][n] = tap.mul_add(value[n], patch[j][n]);
-                            }
-                        }
-                        i += 1;
-                    }
-                    add_patch(grid, cell as usize, layout.stride, &patch);
-                }
-            } else {
-                for i in 0..len {
-                    let (path, taps) = (usize::from(order[i]), &mut taps[i * step..][..2 * half]);
-                    if is_single {
-                        evaluate_taps::<T, I, W, R>(table, points.zx[path], points.zy[path], taps);
-                    }
-                    let value = weighted::<T, I, N>(taps, re[path], im[path]);
-                    if R == 1 {
-                        add_patch(grid, start[i] as usize, layout.stride, &[value]);
-                    } else {
-                        add_rows::<_, R, N>(grid, start[i] as usize, layout.stride, &taps[half..], &value);
-                    }
+            for first in (0..len).step_by(CHUNK) {
+                let chunk = Chunk {
+                    len: CHUNK.min(len - first),
+                    stride: layout.stride,
+                    strengths: &points.strengths[mode],
+                    tables,
+                    order: &room.order[first..],
+                    start: &room.start[first..],
+                    zx: &room.zx[first..],
+                    zy: &room.zy[first..],
+                    range: &room.range[first * N * <T::In<I>>::LANES..],
+                    velocity: &room.velocity[first / CHUNK * W..],
+                };
+                if is_merged && is_single {
+                    chunk.merge::<I, W, R, N, true>(grid);
+                } else if is_merged {
+                    chunk.merge::<I, W, R, N, false>(grid);
+                } else if is_single {
+                    chunk.add::<I, W, R, N, true>(grid);
+                } else {
+                    chunk.add::<I, W, R, N, false>(grid);
                 }
             }
         }
     }
 }
 
-/// Lanes of the taps of one axis: one vector of single precision holds both axes.
-const fn half(width: usize) -> usize {
-    width.next_multiple_of(8)
+/// Some paths in their order, and the strengths of all.
+struct Chunk<'a, T> {
+    len: usize,
+    stride: usize,
+    strengths: &'a [T],
+    tables: &'a Tables<T>,
+    order: &'a [u16],
+    start: &'a [u32],
+    zx: &'a [T],
+    zy: &'a [T],
+    range: &'a [T],
+    velocity: &'a [[T; CHUNK]],
 }
 
-/// Taps of a path along range times its strength.
+impl<T: Widths> Chunk<'_, T> {
+    /// Add the patch of every path to the grid. `SINGLE`: taps along range are not known yet, nor those along velocity if both
+    /// fit into a vector.
+    #[inline(always)]
+    fn add<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
+        // Shuffles are free here, loads and stores are not.
+        let is_both = SINGLE && R > 1 && fits::<T>(W);
+        let table = if is_both { &self.tables.both } else { &self.tables.range };
+        let polynomials = polynomials::<T, I, W>(table);
+        let len = self.len.min(CHUNK);
+        let (order, start) = (&self.order[..len], &self.start[..len]);
+        let (zx, zy) = (&self.zx[..len], &self.zy[..len]);
+        let velocity = &self.velocity[..if R > 1 { R } else { 0 }];
+        for i in 0..len {
+            let strength = self.strength::<I>(order[i]);
+            let mut taps = [T::one(); R];
+            let mut values = [strength; N];
+            if is_both {
+                let tap = horner(&polynomials[..=degree(W)], <T::In<I>>::halves(zx[i], zy[i]));
+                values[0] = tap.pairs()[0].mul(strength);
+                let mut lanes = [T::zero(); 16];
+                tap.store(&mut lanes);
+                for j in 0..R {
+                    taps[j] = lanes[T::LANES / 2 + j];
+                }
+            } else {
+                let range = if SINGLE {
+                    range_taps::<T, I, W, N>(&polynomials, table, zx[i])
+                } else {
+                    wide::load_vectors(&self.range[i * N * <T::In<I>>::LANES..])
+                };
+                values = wide::mul(range, values);
+                for j in 0..velocity.len() {
+                    taps[j] = velocity[j][i];
+                }
+            }
+            if R > 1 {
+                add_rows::<_, R, N>(grid, start[i] as usize, self.stride, &taps, &values);
+            } else {
+                add_patch(grid, start[i] as usize, self.stride, &[values]);
+            }
+        }
+    }
+
+    /// The same; patches of paths that follow each other in one cell are added up in registers. Taps along velocity are known.
+    #[inline(always)]
+    fn merge<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
+        let table = &self.tables.range;
+        let polynomials = polynomials::<T, I, W>(table);
+        let len = self.len.min(CHUNK);
+        let (order, start, zx) = (&self.order[..len], &self.start[..len], &self.zx[..len]);
+        let velocity = &self.velocity[..if R > 1 { R } else { 0 }];
+        let mut i = 0;
+        while i < len {
+            let cell = start[i];
+            let mut patch = [[<T::In<I>>::splat(T::zero()); N]; R];
+            while i < len && start[i] == cell {
+                let range = if SINGLE {
+                    range_taps::<T, I, W, N>(&polynomials, table, zx[i])
+                } else {
+                    wide::load_vectors(&self.range[i * N * <T::In<I>>::LANES..])
+                };
+                let values = wide::mul(range, [self.strength::<I>(order[i]); N]);
+                for j in 0..R {
+                    let tap = <T::In<I>>::splat(if R == 1 { T::one() } else { velocity[j][i] });
+                    for n in 0..N {
+                        patch[j][n] = tap.mul_add(values[n], patch[j][n]);
+                    }
+                }
+                i += 1;
+            }
+            add_patch(grid, cell as usize, self.stride, &patch);
+        }
+    }
+
+    /// Real and imaginary part of the strength of a path, again and again.
+    #[inline(always)]
+    fn strength<I: Isa>(&self, path: u16) -> T::In<I> {
+        let at = 2 * usize::from(path);
+        let strength = &self.strengths[at..at + 2];
+        <T::In<I>>::alternate(strength[0], strength[1])
+    }
+}
+
+impl<T: Widths> Room<T> {
+    /// Taps along velocity of all paths.
+    #[inline(always)]
+    fn evaluate_velocity<I: Isa, const W: usize>(&mut self, table: &[T], len: usize) {
+        let lanes = <T::In<I> as Vector>::LANES;
+        let table = &table[..(degree(W) + 1) * W];
+        for first in (0..len).step_by(CHUNK) {
+            let zy = &self.zy[first..first + CHUNK];
+            let taps = &mut self.velocity[first / CHUNK * W..][..W];
+            for at in (0..CHUNK.min(len - first)).step_by(lanes) {
+                let z = <T::In<I>>::load(&zy[at..]);
+                for cell in 0..W {
+                    let mut tap = <T::In<I>>::splat(table[degree(W) * W + cell]);
+                    for power in (0..degree(W)).rev() {
+                        tap = tap.mul_add(z, <T::In<I>>::splat(table[power * W + cell]));
+                    }
+                    tap.store(&mut taps[cell][at..]);
+                }
+            }
+        }
+    }
+}
+
+/// Coefficients of the polynomials of one vector.
+type Polynomials<V> = [V; degree(8) + 1];
+
+/// Those of a table, if the cells of a row fit into one.
 #[inline(always)]
-fn weighted<T: Widths, I: Isa, const N: usize>(taps: &[T], re: T, im: T) -> [T::In<I>; N] {
+fn polynomials<T: Widths, I: Isa, const W: usize>(table: &[T]) -> Polynomials<T::In<I>> {
     let lanes = <T::In<I> as Vector>::LANES;
-    let strength = <T::In<I>>::alternate(re, im);
-    let mut value = [strength; N];
-    for i in 0..N.div_ceil(2) {
-        let [low, high] = <T::In<I>>::load(&taps[i * lanes..]).pairs();
-        value[2 * i] = low.mul(strength);
-        if 2 * i + 1 < N {
-            value[2 * i + 1] = high.mul(strength);
+    let mut polynomials = [<T::In<I>>::splat(T::zero()); degree(8) + 1];
+    if fits::<T>(W) {
+        for power in 0..=degree(W) {
+            polynomials[power] = <T::In<I>>::load(&table[power * lanes..]);
         }
     }
-    value
+    polynomials
 }
 
-/// Taps of a path along range, and along velocity if there is more than one row.
+/// Polynomials by Horner's rule.
 #[inline(always)]
-fn evaluate_taps<T: Widths, I: Isa, const W: usize, const R: usize>(table: &[T], x: T, y: T, taps: &mut [T]) {
-    let (lanes, half) = (<T::In<I> as Vector>::LANES, half(W));
-    if lanes == 2 * half {
-        horner::<T, I, W>(table, 0, <T::In<I>>::halves(x, y)).store(taps);
-        return;
+fn horner<V: Vector>(polynomials: &[V], z: V) -> V {
+    let mut sum = polynomials[polynomials.len() - 1];
+    for power in (0..polynomials.len() - 1).rev() {
+        sum = sum.mul_add(z, polynomials[power]);
     }
-    for first in (0..half).step_by(lanes) {
-        horner::<T, I, W>(table, first, <T::In<I>>::splat(x)).store(&mut taps[first..]);
-        if R > 1 {
-            horner::<T, I, W>(table, half + first, <T::In<I>>::splat(y)).store(&mut taps[half + first..]);
-        }
-    }
+    sum
 }
 
-/// The polynomials of the cells from `first` on.
+/// Taps along range of a path, for real and imaginary parts.
 #[inline(always)]
-fn horner<T: Widths, I: Isa, const W: usize>(table: &[T], first: usize, z: T::In<I>) -> T::In<I> {
-    let stride = 2 * half(W);
+fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
+    polynomials: &Polynomials<T::In<I>>,
+    table: &[T],
+    z: T,
+) -> [T::In<I>; N] {
+    let lanes = <T::In<I> as Vector>::LANES;
+    let z = <T::In<I>>::splat(z);
+    if fits::<T>(W) {
+        return [horner(&polynomials[..=degree(W)], z); N];
+    }
+    let mut taps = [z; N];
+    let stride = W.next_multiple_of(lanes);
     let table = &table[..(degree(W) + 1) * stride];
-    let mut tap = <T::In<I>>::load(&table[degree(W) * stride + first..]);
-    for power in (0..degree(W)).rev() {
-        tap = tap.mul_add(z, <T::In<I>>::load(&table[power * stride + first..]));
+    for i in 0..N.div_ceil(2) {
+        let mut tap = <T::In<I>>::load(&table[degree(W) * stride + i * lanes..]);
+        for power in (0..degree(W)).rev() {
+            tap = tap.mul_add(z, <T::In<I>>::load(&table[power * stride + i * lanes..]));
+        }
+        let [low, high] = tap.pairs();
+        taps[2 * i] = low;
+        if 2 * i + 1 < N {
+            taps[2 * i + 1] = high;
+        }
     }
-    tap
+    taps
 }

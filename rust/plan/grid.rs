@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step};
+use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
 use crate::block::{Block, Class};
 use crate::expansion::Expansion;
 use crate::grid::{Layout, MAX_PARTS};
@@ -23,67 +23,29 @@ const FEW_CHIRPS: f64 = 1.5;
 const SINGLE_TURN: f64 = 5e-7;
 /// Paths are alike if their largest changes are within this factor.
 const ALIKE: f64 = 1.5;
+/// Bytes that stay in L2.
+const FAST_MEMORY: f64 = 2e6;
+/// Paths that are spread on one grid after the other.
+const BATCH: f64 = 2048.0;
+/// Time that it takes to plan for more blocks, and to look at all paths in them [s].
+const PLANNING: f64 = 5e-4;
 /// So many modes are few.
 const FEW_MODES: usize = 3;
 /// Largest grid of one block with all its modes [numbers].
 const MAX_GRID: usize = 1 << 23;
+
 impl Goal<'_> {
     /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
     pub(super) fn grid(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
         let request = self.request;
         let (waveform, series) = (request.waveform, request.series);
-        let num_chirps = waveform.chirp_times.len();
-        let counts: Vec<usize> = if self.class == Class::Still {
-            vec![1]
+        // Double precision where single precision is too coarse for the modes.
+        let single = if request.allows_single {
+            self.cheapest(true)
         } else {
-            std::iter::successors(Some(1), |n| Some(2 * n))
-                .take_while(|n| *n <= num_chirps)
-                .collect()
+            None
         };
-        // Estimate by samples of the paths.
-        let mut best: Option<(f64, Vec<Block>, Kernel, Vec<Laid>)> = None;
-        for count in counts {
-            let blocks = Block::split(waveform, series, count);
-            let sample: Vec<usize> = if count > 2 {
-                vec![0, count / 2, count - 1]
-            } else {
-                (0..count).collect()
-            };
-            let share = count as f64 / sample.len() as f64;
-            let lay = |kernel: Kernel| {
-                let of_block = |i: &usize| self.expand(&blocks[*i], &self.ranges(&blocks[*i]), kernel);
-                Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
-            };
-            let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
-                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
-                share * costs.sum::<f64>()
-            };
-            let kernels = self.kernels(num_chirps / count);
-            let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
-            // One cell more may spare one mode of a few.
-            let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
-                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
-                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
-            };
-            if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
-                && is_few(narrow)
-                && let Some(wide) = lay(*wider)
-                && costs(wide.0, &wide.1, false) < costs(narrow.0, &narrow.1, false)
-            {
-                laid = Some(wide);
-            }
-            let Some((kernel, laid)) = laid else {
-                continue;
-            };
-            let (cost, next) = (costs(kernel, &laid, false), 2.0 * costs(kernel, &laid, true));
-            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
-                best = Some((cost, blocks, kernel, laid));
-            }
-            if best.as_ref().is_some_and(|(least, ..)| *least <= next) {
-                break;
-            }
-        }
-        let (estimate, blocks, kernel, mut laid) = best?;
+        let (estimate, blocks, kernel, mut laid) = single.or_else(|| self.cheapest(false))?;
         if estimate >= limit {
             // What is at hand is cheaper: no need to look at the paths again.
             return None;
@@ -118,6 +80,62 @@ impl Goal<'_> {
             cost,
             memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
         })
+    }
+
+    /// The cheapest number of blocks, by samples of the paths.
+    fn cheapest(&self, allows_single: bool) -> Option<Estimate> {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        let num_chirps = waveform.chirp_times.len();
+        let counts: Vec<usize> = if self.class == Class::Still {
+            vec![1]
+        } else {
+            std::iter::successors(Some(1), |n| Some(2 * n))
+                .take_while(|n| *n <= num_chirps)
+                .collect()
+        };
+        let mut best: Option<Estimate> = None;
+        for count in counts {
+            let blocks = Block::split(waveform, series, count);
+            let sample: Vec<usize> = if count > 2 {
+                vec![0, count / 2, count - 1]
+            } else {
+                (0..count).collect()
+            };
+            let share = count as f64 / sample.len() as f64;
+            let lay = |kernel: Kernel| {
+                let of_block = |i: &usize| self.expand(&blocks[*i], &self.ranges(&blocks[*i]), kernel);
+                Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
+            };
+            let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
+                share * costs.sum::<f64>()
+            };
+            let kernels = self.kernels(num_chirps / count, allows_single);
+            let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
+            // One cell more may spare one mode of a few.
+            let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
+                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
+                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
+            };
+            if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
+                && is_few(narrow)
+                && let Some(wide) = lay(*wider)
+                && costs(wide.0, &wide.1, false) < costs(narrow.0, &narrow.1, false)
+            {
+                laid = Some(wide);
+            }
+            let Some((kernel, laid)) = laid else {
+                continue;
+            };
+            let (cost, next) = (costs(kernel, &laid, false), 2.0 * costs(kernel, &laid, true));
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, blocks, kernel, laid));
+            }
+            if best.as_ref().is_some_and(|(least, ..)| *least <= next + PLANNING) {
+                break;
+            }
+        }
+        best
     }
 
     /// All kernels, the fastest first; `stress` multiplies the kernel's error, `most` numbers are added one after the
@@ -156,11 +174,11 @@ impl Goal<'_> {
 
     /// The narrowest kernel that leaves room for other errors in blocks of so many chirps, and the next one of the same
     /// precision.
-    fn kernels(&self, num_chirps: usize) -> Vec<Kernel> {
+    fn kernels(&self, num_chirps: usize, allows_single: bool) -> Vec<Kernel> {
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
         let fitting = self.all_kernels(stress, f64::INFINITY);
         let mut kernels: Vec<Kernel> = fitting
-            .filter(|kernel| kernel.error <= 0.8 * self.tolerance)
+            .filter(|kernel| kernel.error <= 0.8 * self.tolerance && (allows_single || !kernel.is_single))
             .take(2)
             .collect();
         if let [first, second] = kernels[..]
@@ -182,10 +200,14 @@ impl Goal<'_> {
         1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
     }
 
-    /// Predicted time of one block [s]; or of each of its halves, if these had half as many modes, fewer than they have.
+    /// Predicted time of one block [s]; or of each of its halves, with about as many modes as they can be hoped to have:
+    /// delays bend a quarter as much.
     fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
         let divisor = if is_halved { 2 } else { 1 };
-        let num_modes = expansion.modes.num_sets().div_ceil(divisor);
+        let mut num_modes = expansion.modes.num_sets();
+        if is_halved {
+            num_modes = num_modes.div_ceil(2).min(num_modes / 4 + 4);
+        }
         let terms = num_modes as f64;
         let channels = self.request.series.num_channels as f64;
         let samples = self.request.waveform.num_samples as f64 / 128.0;
@@ -201,7 +223,16 @@ impl Goal<'_> {
         let rows =
             2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0) + 3.0 * (series.num_amplitude_terms() as f64 - 1.0);
         let reading = rows * self.group.num_paths as f64;
-        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + channels * (transform + 1e3))
+        // Grids that do not stay in L2 are fetched for every batch of paths.
+        let size = Layout::new(
+            self.request.waveform.num_samples,
+            kernel.width,
+            expansion.rows / divisor,
+        )
+        .size();
+        let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
+        let fetching = 0.02 * (bytes - FAST_MEMORY).max(0.0) * self.group.num_paths as f64 / BATCH;
+        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
     }
 
     /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
@@ -226,7 +257,7 @@ impl Goal<'_> {
     }
 
     /// Whether delays and amplitudes of all paths change no more than those of the samples, as far as it counts.
-    fn are_alike(&self) -> bool {
+    fn look_alike(&self) -> bool {
         let (waveform, series) = (self.request.waveform, self.request.series);
         // Those that were learned later say nothing of the others.
         let samples = &self.request.samples[..self.request.num_random];
@@ -289,20 +320,11 @@ impl Goal<'_> {
             return None;
         }
 
-        // Velocity axis; one part in 10^9 for rounding.
-        let unstretched = Interval {
-            low: 1.0 - frame.stretch * (delay[0].high - middle_delay),
-            high: 1.0 - frame.stretch * (delay[0].low - middle_delay),
-        };
-        let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
-        let rate = rate.scaled(block.half.recip());
-        let keystone = Expansion::max_keystone(waveform, block, carrier);
-        let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
-        let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
-        if !span.is_finite() || span > 1e7 {
-            return None;
-        }
-        let rows = (span.ceil() as usize + kernel.width + 2).next_multiple_of(2);
+        let Axis {
+            middle_rate,
+            step,
+            rows,
+        } = self.velocity_axis(block, delay, &frame, kernel)?;
 
         // Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
         let budget = ((MARGIN * self.tolerance).powi(2) - kernel.error.powi(2))
@@ -314,7 +336,8 @@ impl Goal<'_> {
             .iter()
             .map(|sample| sample.in_block(block, &frame))
             .collect();
-        let allowed = budget / self.request.caution;
+        let fluctuation = fluctuation(waveform);
+        let allowed = budget / self.request.caution / fluctuation;
         let num_apart = if paths.len() < self.group.num_paths {
             self.request.num_random
         } else {
@@ -326,8 +349,15 @@ impl Goal<'_> {
             block,
             &frame,
             (&paths, num_apart),
-            self.are_alike(),
-            allowed,
+            *self.are_alike.get_or_init(|| self.look_alike()),
+            (
+                allowed,
+                if kernel.is_single {
+                    SINGLE_ROUNDING
+                } else {
+                    DOUBLE_ROUNDING
+                },
+            ),
             level,
         )?;
         // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
@@ -345,14 +375,16 @@ impl Goal<'_> {
         } else {
             0.0
         };
-        let error = kernel.error.hypot(left).hypot(rounding);
+        // Checks have it as well.
+        let interpolation = (left * fluctuation).hypot(rounding);
+        let error = kernel.error.hypot(interpolation);
         if error > self.tolerance {
             return None;
         }
         let expansion = Expansion {
             block: block.clone(),
             frame,
-            middle_rate: rate.middle(),
+            middle_rate,
             step,
             rows,
             num_degrees,
@@ -362,7 +394,30 @@ impl Goal<'_> {
         Some(Laid {
             expansion,
             error,
-            interpolation: left,
+            interpolation,
+        })
+    }
+
+    /// The velocity axis of a block. None if it is without measure.
+    fn velocity_axis(&self, block: &Block, delay: &[Interval], frame: &Frame, kernel: Kernel) -> Option<Axis> {
+        let unstretched = Interval {
+            low: 1.0 - frame.stretch * (delay[0].high - frame.middle_delay),
+            high: 1.0 - frame.stretch * (delay[0].low - frame.middle_delay),
+        };
+        let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
+        let rate = rate.scaled(block.half.recip());
+        let keystone = Expansion::max_keystone(self.request.waveform, block, frame.carrier);
+        let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
+        // One part in 10^9 for rounding.
+        let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
+        if !span.is_finite() || span > 1e7 {
+            return None;
+        }
+        let rows = (span.ceil() as usize + kernel.width + 2).next_multiple_of(2);
+        Some(Axis {
+            middle_rate: rate.middle(),
+            step,
+            rows,
         })
     }
 }
@@ -379,12 +434,24 @@ fn num_amplitudes(paths: &[Path], least: f64) -> usize {
     (1..num_terms).rev().find(counts).map_or(1, |k| k + 1)
 }
 
+/// The velocity axis of a grid.
+struct Axis {
+    /// Its middle [s/s].
+    middle_rate: f64,
+    /// From row to row [s/s].
+    step: f64,
+    rows: usize,
+}
+
+/// Time [s], blocks, their kernel and how the paths are laid out in some of them.
+type Estimate = (f64, Vec<Block>, Kernel, Vec<Laid>);
+
 /// How the paths are laid out in a block.
 struct Laid {
     expansion: Expansion,
     /// Predicted error.
     error: f64,
-    /// What the interpolation of residuals has in it.
+    /// What the interpolation of residuals and their rounding have in it.
     interpolation: f64,
 }
 
