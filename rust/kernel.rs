@@ -38,7 +38,11 @@ impl KaiserBessel {
     pub fn new(width: usize) -> Self {
         let w = width as f64;
         let ratio = 1.0 / OVERSAMPLING as f64;
-        let beta = PI * (w * w * (1.0 - 0.5 * ratio).powi(2) - 0.8).sqrt();
+        Self::with_beta(width, PI * (w * w * (1.0 - 0.5 * ratio).powi(2) - 0.8).sqrt())
+    }
+
+    /// The kernel of some shape.
+    pub fn with_beta(width: usize, beta: f64) -> Self {
         Self {
             width,
             beta,
@@ -71,7 +75,11 @@ impl KaiserBessel {
     pub fn transform(&self, xi: f64) -> f64 {
         let square = self.beta.powi(2) - (PI * self.width as f64 * xi).powi(2);
         let r = square.abs().sqrt();
-        let ratio = if square > 0.0 { r.sinh() / r } else { r.sin() / r };
+        let ratio = match r {
+            0.0 => 1.0,
+            _ if square > 0.0 => r.sinh() / r,
+            _ => r.sin() / r,
+        };
         self.width as f64 * ratio / self.norm
     }
 
@@ -163,7 +171,7 @@ pub fn monomials(degree: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// Modified Bessel function of order zero, by its power series: all terms are positive.
-pub fn bessel_i0(x: f64) -> f64 {
+fn bessel_i0(x: f64) -> f64 {
     let quarter = 0.25 * x * x;
     let (mut term, mut sum) = (1.0, 1.0);
     for k in 1..200 {

@@ -15,7 +15,7 @@ use super::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_s
 use crate::block::{CHUNK, Chunk, Lane};
 use crate::chirp::Waveform;
 use crate::grid::good_size;
-use crate::kernel::{bessel_i0, monomials};
+use crate::kernel::{KaiserBessel, monomials};
 use crate::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::wide::{add, mul, mul_add, round, sub};
 
@@ -58,11 +58,12 @@ impl<T: Precision> LaneGrid<T> {
         // Barnett, Magland, af Klinteberg, "A parallel nonuniform fast Fourier transform library", eq. (4.1), for the
         // oversampling that there is.
         let beta = 0.98 * PI * w * (1.0 - 0.5 * num_samples as f64 / num_cells as f64);
+        let kernel = KaiserBessel::with_beta(width, beta);
 
         let mut taps = [[T::zero(); degree(MAX_WIDTH) + 1]; MAX_WIDTH];
         for (i, tap) in taps[..width].iter_mut().enumerate() {
-            let kernel = |z: f64| kaiser_bessel(beta, (2.0 * i as f64 - w + 1.0 + z) / w);
-            for (number, coefficient) in tap.iter_mut().zip(monomials(degree(width), kernel)) {
+            let value = |z: f64| kernel.value(i as f64 + 0.5 * (1.0 + z - w));
+            for (number, coefficient) in tap.iter_mut().zip(monomials(degree(width), value)) {
                 *number = T::of(coefficient);
             }
         }
@@ -70,7 +71,7 @@ impl<T: Precision> LaneGrid<T> {
         let mean = js.clone().map(|j| j * j).sum::<f64>() / num_samples as f64;
         let factors = js
             .map(|j| {
-                let factor = 1.0 / (0.5 * w * kaiser_bessel_transform(beta, PI * w * j / num_cells as f64));
+                let factor = kernel.transform(j / num_cells as f64).recip();
                 [T::of(factor), T::of(factor * (j * j - mean) / mean.max(1.0))]
             })
             .collect();
@@ -121,23 +122,6 @@ impl<T: Precision> LaneGrid<T> {
             }
         }
     }
-}
-
-/// The kernel, 1 in its middle, on -1 to 1.
-fn kaiser_bessel(beta: f64, x: f64) -> f64 {
-    bessel_i0(beta * (1.0 - x * x).max(0.0).sqrt()) / bessel_i0(beta)
-}
-
-/// Integral of the kernel times `exp(-i u x)`.
-fn kaiser_bessel_transform(beta: f64, u: f64) -> f64 {
-    let square = beta * beta - u * u;
-    let root = square.abs().sqrt();
-    let ratio = match root {
-        0.0 => 1.0,
-        _ if square > 0.0 => root.sinh() / root,
-        _ => root.sin() / root,
-    };
-    2.0 * ratio / bessel_i0(beta)
 }
 
 struct AddLanes<'a, T: Precision> {
