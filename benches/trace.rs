@@ -8,8 +8,10 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
+use radarcore::bvh::Ray;
 use radarcore::motion::Pose;
 use radarcore::rays::ImagePlane;
+use radarcore::simd::Level;
 use radarcore::surface::{ShadingMode, Surface};
 use radarcore::trace::Snapshot;
 
@@ -24,7 +26,7 @@ fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {
     Arc::new(Surface::new(vertices, triangles, ShadingMode::Flat).unwrap())
 }
 
-/// Rays per second through `Snapshot::cast_image`, on one thread and on two.
+/// Rays per second through `Snapshot::cast_image` on one thread, at every level and on two; and of rays one by one.
 fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
     let plane = plane();
     let mut group = criterion.benchmark_group("trace");
@@ -35,6 +37,25 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
             bencher.iter(|| pool.install(|| snapshot.cast_image(&plane).unwrap()));
         });
     }
+    let pool = common::pool(1);
+    for level in Level::available() {
+        group.bench_function(BenchmarkId::new(name, level.name()), |bencher| {
+            bencher.iter(|| pool.install(|| snapshot.cast_image_at(&plane, level).unwrap()));
+        });
+    }
+    group.bench_function(BenchmarkId::new(name, "one_by_one"), |bencher| {
+        bencher.iter(|| {
+            let cast = |pixel: usize| {
+                let ray = Ray {
+                    origin: DVec3::ZERO,
+                    direction: plane.direction(pixel / plane.columns, pixel % plane.columns),
+                    start: 1e-9,
+                };
+                snapshot.cast(&ray).distance
+            };
+            (0..plane.num_pixels()).map(cast).fold(0.0, f64::max)
+        });
+    });
     group.finish();
 }
 

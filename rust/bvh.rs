@@ -128,7 +128,7 @@ impl Tree {
         let mut stack = Stack::new(self.bvh.max_depth + 1);
         stack.push(0, near);
         while let Some((index, near)) = stack.pop() {
-            if near > far {
+            if near > far * SLACK {
                 continue;
             }
             let node = &self.bvh.nodes[index as usize];
@@ -155,6 +155,127 @@ impl Tree {
                 [None, None] => {}
             }
         }
+    }
+}
+
+/// Children of a node of a [`WideTree`], and most primitives of one of its leaves.
+pub const WIDTH: usize = 16;
+
+/// The same tree with [`WIDTH`] children per node, for walks that test all of them at once.
+pub struct WideTree {
+    /// Node 0 is the root; children come after their parents.
+    pub nodes: Vec<WideNode>,
+    /// Primitives of every leaf, the last one repeated; how many they are, its parent says.
+    pub leaves: Vec<[u32; WIDTH]>,
+}
+
+/// Boxes of the children, and what they are.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub struct WideNode {
+    /// Smallest coordinates, axis by axis; places without a child hold a box that nothing meets.
+    pub min: [[f32; WIDTH]; 3],
+    /// Largest coordinates.
+    pub max: [[f32; WIDTH]; 3],
+    /// Number of a node, or of a leaf where there are primitives.
+    pub child: [u32; WIDTH],
+    /// Primitives of the child; 0: it is a node.
+    pub num_primitives: [u8; WIDTH],
+}
+
+impl WideNode {
+    const EMPTY: Self = Self {
+        min: [[f32::INFINITY; WIDTH]; 3],
+        max: [[f32::NEG_INFINITY; WIDTH]; 3],
+        child: [0; WIDTH],
+        num_primitives: [0; WIDTH],
+    };
+}
+
+impl Tree {
+    /// The tree with many children per node. Subtrees of at most `most` primitives become a leaf.
+    pub fn widen(&self, most: usize) -> WideTree {
+        let mut wide = WideTree {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+        };
+        let nodes = &self.bvh.nodes;
+        if nodes.is_empty() {
+            return wide;
+        }
+        let counts = self.counts();
+        // Leaves of the binary tree cannot be opened.
+        let is_leaf = |node: usize| counts[node] as usize <= most || nodes[node].prim_count > 0;
+        wide.nodes.push(WideNode::EMPTY);
+        let mut rest = vec![(0, 0)];
+        while let Some((from, to)) = rest.pop() {
+            // Open the largest child until there is no more room.
+            let mut children: Vec<usize> = vec![from];
+            while children.len() < WIDTH {
+                let inner = (0..children.len()).filter(|i| !is_leaf(children[*i]));
+                let area = |i: &usize| nodes[children[*i]].aabb.half_area();
+                let Some(largest) = inner.max_by(|a, b| area(a).total_cmp(&area(b))) else {
+                    break;
+                };
+                let first = nodes[children[largest]].first_index as usize;
+                children[largest] = first;
+                children.push(first + 1);
+            }
+            for (place, child) in children.into_iter().enumerate() {
+                let (min, max) = (nodes[child].aabb.min, nodes[child].aabb.max);
+                for axis in 0..3 {
+                    wide.nodes[to].min[axis][place] = min[axis];
+                    wide.nodes[to].max[axis][place] = max[axis];
+                }
+                if is_leaf(child) {
+                    wide.nodes[to].child[place] = wide.leaves.len() as u32;
+                    wide.nodes[to].num_primitives[place] = counts[child] as u8;
+                    wide.leaves.push(self.primitives(child));
+                } else {
+                    wide.nodes[to].child[place] = wide.nodes.len() as u32;
+                    rest.push((child, wide.nodes.len()));
+                    wide.nodes.push(WideNode::EMPTY);
+                }
+            }
+        }
+        wide
+    }
+
+    /// Primitives below every node.
+    fn counts(&self) -> Vec<u32> {
+        let nodes = &self.bvh.nodes;
+        let mut counts = vec![0; nodes.len()];
+        let mut rest = vec![(0, false)];
+        while let Some((node, is_known)) = rest.pop() {
+            let first = nodes[node].first_index as usize;
+            if nodes[node].prim_count > 0 {
+                counts[node] = nodes[node].prim_count;
+            } else if is_known {
+                counts[node] = counts[first] + counts[first + 1];
+            } else {
+                rest.extend([(node, true), (first, false), (first + 1, false)]);
+            }
+        }
+        counts
+    }
+
+    /// The primitives below a node, at most [`WIDTH`], the last one repeated.
+    fn primitives(&self, node: usize) -> [u32; WIDTH] {
+        let mut primitives = [0; WIDTH];
+        let (mut count, mut rest) = (0, vec![node]);
+        while let Some(node) = rest.pop() {
+            let node = &self.bvh.nodes[node];
+            let first = node.first_index as usize;
+            if node.prim_count > 0 {
+                for primitive in &self.bvh.primitive_indices[first..first + node.prim_count as usize] {
+                    primitives[count..].fill(*primitive);
+                    count += 1;
+                }
+            } else {
+                rest.extend([first + 1, first]);
+            }
+        }
+        primitives
     }
 }
 
@@ -191,6 +312,9 @@ impl Stack {
     }
 }
 
+/// Three roundings per plane: the far bound grows by that much (Ize, Robust BVH Ray Traversal, 2013).
+const SLACK: f64 = 1.0 + 8.0 * f64::EPSILON;
+
 /// A ray prepared for the slab test.
 struct Slabs {
     origin: DVec3,
@@ -215,8 +339,6 @@ impl Slabs {
     /// Along an axis that the ray does not move on, a plane lies at infinity, or, if the ray runs in that plane,
     /// at 0 * inf = NaN, which `min` and `max` of f64 pass over: such a ray is inside.
     fn enter(&self, aabb: &Aabb, far: f64) -> Option<f64> {
-        // Three roundings per plane: the far bound grows by that much (Ize, Robust BVH Ray Traversal, 2013).
-        const SLACK: f64 = 1.0 + 8.0 * f64::EPSILON;
         let (min, max) = (aabb.min.as_dvec3(), aabb.max.as_dvec3());
         let (mut near, mut out) = (self.start, far);
         for axis in 0..3 {

@@ -5,6 +5,9 @@
 //! poses ─────────┴─ Scene ── image tiles ── Hits ── scattering ── Paths ── beat signal
 //! ```
 //!
+//! Images: `rays` (pixels and tiles), `trace` (bodies at their places), `surface` (triangles of one body and the exact test),
+//! `bundle` (rays of a tile that search a tree together), `bvh` (the trees).
+//!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
 //! transforms), `lanes` (chirps side by side) or `direct`; `beat` runs it and sees to the tolerance. Kernels are written
@@ -23,6 +26,7 @@
 pub mod antenna;
 pub mod beat;
 pub mod block;
+pub mod bundle;
 pub mod bvh;
 pub mod chirp;
 pub mod delay;

@@ -70,6 +70,8 @@ pub trait Vector: Copy {
     fn min(self, b: Self) -> Self;
     /// The larger ones; `b` where one is NaN.
     fn max(self, b: Self) -> Self;
+    /// A bit per number: whether it is at most `b`; not where one is NaN.
+    fn at_most(self, b: Self) -> u32;
     /// The first numbers of a slice; panics if there are fewer than [`Self::LANES`].
     #[inline(always)]
     fn load(from: &[Self::Scalar]) -> Self {
@@ -377,6 +379,14 @@ macro_rules! array_vector {
                 self
             }
             #[inline(always)]
+            fn at_most(self, b: Self) -> u32 {
+                let mut bits = 0;
+                for i in 0..$lanes {
+                    bits |= u32::from(self[i] <= b[i]) << i;
+                }
+                bits
+            }
+            #[inline(always)]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 // SAFETY: the caller's.
                 unsafe { from.cast::<Self>().read_unaligned() }
@@ -465,7 +475,7 @@ mod x86 {
     // SSE2 is part of x86-64.
     macro_rules! sse2_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $alternate:expr, $add:ident, $sub:ident, $mul:ident,
-         $min:ident, $max:ident, $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
+         $min:ident, $max:ident, $at_most:ident, $bits:ident, $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
             impl Vector for Four<$register> {
                 type Scalar = $scalar;
                 const LANES: usize = $lanes;
@@ -537,6 +547,14 @@ mod x86 {
                     self
                 }
                 #[inline(always)]
+                fn at_most(self, b: Self) -> u32 {
+                    let mut bits = 0;
+                    for i in 0..4 {
+                        bits |= (unsafe { $bits($at_most(self.0[i], b.0[i])) } as u32) << (i * $lanes / 4);
+                    }
+                    bits
+                }
+                #[inline(always)]
                 unsafe fn load_unchecked(from: *const $scalar) -> Self {
                     let mut v = Self::splat(0.0);
                     for i in 0..4 {
@@ -565,6 +583,8 @@ mod x86 {
         _mm_mul_ps,
         _mm_min_ps,
         _mm_max_ps,
+        _mm_cmple_ps,
+        _mm_movemask_ps,
         _mm_loadu_ps,
         _mm_storeu_ps,
         _mm_unpacklo_ps,
@@ -581,6 +601,8 @@ mod x86 {
         _mm_mul_pd,
         _mm_min_pd,
         _mm_max_pd,
+        _mm_cmple_pd,
+        _mm_movemask_pd,
         _mm_loadu_pd,
         _mm_storeu_pd,
         _mm_unpacklo_pd,
@@ -597,7 +619,7 @@ mod x86 {
 
     macro_rules! avx512_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
-         $fnmadd:ident, $min:ident, $max:ident, $loadu:ident, $storeu:ident, $blend:ident, $upper:literal, $odd:literal, $permute:ident,
+         $fnmadd:ident, $min:ident, $max:ident, $compare:ident, $loadu:ident, $storeu:ident, $blend:ident, $upper:literal, $odd:literal, $permute:ident,
          $low:expr, $high:expr) => {
             impl Vector for One<$register> {
                 type Scalar = $scalar;
@@ -647,6 +669,10 @@ mod x86 {
                     Self(unsafe { $max(self.0, b.0) })
                 }
                 #[inline(always)]
+                fn at_most(self, b: Self) -> u32 {
+                    u32::from(unsafe { $compare::<_CMP_LE_OQ>(self.0, b.0) })
+                }
+                #[inline(always)]
                 unsafe fn load_unchecked(from: *const $scalar) -> Self {
                     Self(unsafe { $loadu(from) })
                 }
@@ -670,6 +696,7 @@ mod x86 {
         _mm512_fnmadd_ps,
         _mm512_min_ps,
         _mm512_max_ps,
+        _mm512_cmp_ps_mask,
         _mm512_loadu_ps,
         _mm512_storeu_ps,
         _mm512_mask_blend_ps,
@@ -691,6 +718,7 @@ mod x86 {
         _mm512_fnmadd_pd,
         _mm512_min_pd,
         _mm512_max_pd,
+        _mm512_cmp_pd_mask,
         _mm512_loadu_pd,
         _mm512_storeu_pd,
         _mm512_mask_blend_pd,
@@ -703,7 +731,8 @@ mod x86 {
 
     macro_rules! avx2_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
-         $fnmadd:ident, $min:ident, $max:ident, $loadu:ident, $storeu:ident, $blend:ident, $odd:literal, $pairs:ident) => {
+         $fnmadd:ident, $min:ident, $max:ident, $compare:ident, $bits:ident, $loadu:ident, $storeu:ident, $blend:ident,
+         $odd:literal, $pairs:ident) => {
             impl Vector for Two<$register> {
                 type Scalar = $scalar;
                 const LANES: usize = $lanes;
@@ -757,6 +786,12 @@ mod x86 {
                     unsafe { Self($max(self.0, b.0), $max(self.1, b.1)) }
                 }
                 #[inline(always)]
+                fn at_most(self, b: Self) -> u32 {
+                    let low = unsafe { $bits($compare::<_CMP_LE_OQ>(self.0, b.0)) } as u32;
+                    let high = unsafe { $bits($compare::<_CMP_LE_OQ>(self.1, b.1)) } as u32;
+                    low | high << ($lanes / 2)
+                }
+                #[inline(always)]
                 unsafe fn load_unchecked(from: *const $scalar) -> Self {
                     unsafe { Self($loadu(from), $loadu(from.add($lanes / 2))) }
                 }
@@ -803,6 +838,8 @@ mod x86 {
         _mm256_fnmadd_ps,
         _mm256_min_ps,
         _mm256_max_ps,
+        _mm256_cmp_ps,
+        _mm256_movemask_ps,
         _mm256_loadu_ps,
         _mm256_storeu_ps,
         _mm256_blend_ps,
@@ -821,6 +858,8 @@ mod x86 {
         _mm256_fnmadd_pd,
         _mm256_min_pd,
         _mm256_max_pd,
+        _mm256_cmp_pd,
+        _mm256_movemask_pd,
         _mm256_loadu_pd,
         _mm256_storeu_pd,
         _mm256_blend_pd,

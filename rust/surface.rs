@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 
-use crate::bvh::{Bounds, Ray, Tree};
+use crate::bundle::{Bundle, Leaf, MOST_RAYS, Triangles, farthest};
+use crate::bvh::{Bounds, Ray, Tree, WIDTH, WideTree};
 use crate::error::{Error, Result};
 use crate::hash::mix;
 use crate::shading::Shading;
+use crate::simd::Level;
 
 /// Triangles below this area are dropped [m^2].
 const MIN_AREA: f64 = 1e-18;
@@ -30,6 +32,9 @@ pub struct Surface {
     triangles: Vec<[DVec3; 3]>,
     kept: Vec<u32>,
     tree: Tree,
+    /// The same tree for bundles of rays.
+    wide: WideTree,
+    leaves: Vec<Leaf>,
     shading: Shading,
     bounds: Bounds,
     fingerprint: u64,
@@ -93,10 +98,18 @@ impl Surface {
             .flatten()
             .flat_map(DVec3::to_array)
             .fold(0, |state, x| mix(state ^ x.to_bits()));
+        let tree = Tree::build(&boxes);
+        let wide = tree.widen(WIDTH);
+        let leaves = wide
+            .leaves
+            .iter()
+            .map(|leaf| Leaf::new(leaf.map(|i| &triangles[i as usize])));
         Ok(Self {
             fingerprint,
             kept,
-            tree: Tree::build(&boxes),
+            leaves: leaves.collect(),
+            wide,
+            tree,
             shading,
             bounds,
             triangles,
@@ -156,6 +169,48 @@ impl Surface {
             distance
         });
         best
+    }
+
+    /// Offer the triangles that rays of unit directions from one origin meet, near ones first, as far as they may be nearer
+    /// than the rays' `best` distances: `offer` of a ray and where it meets a triangle returns the ray's best distance.
+    pub fn search(
+        &self,
+        level: Level,
+        rays: &[Ray],
+        best: &mut [f64; MOST_RAYS],
+        mut offer: impl FnMut(usize, TriangleHit) -> f64,
+    ) {
+        let Some(first) = rays.first() else {
+            return;
+        };
+        let mut directions = [DVec3::ZERO; MOST_RAYS];
+        for (direction, ray) in directions.iter_mut().zip(rays) {
+            *direction = ray.direction;
+        }
+        let bundle = Bundle::new(first.origin, &directions[..rays.len()]);
+        let far = farthest(&best[..rays.len()]);
+        let mut exact: [Option<Woop>; MOST_RAYS] = [const { None }; MOST_RAYS];
+        let triangles = Triangles {
+            bundle: &bundle,
+            leaves: &self.leaves,
+            best,
+            test: |ray: usize, leaf: usize, place: usize, best: f64| {
+                let triangle = self.wide.leaves[leaf][place];
+                let woop = exact[ray].get_or_insert_with(|| Woop::new(&rays[ray]));
+                match woop.intersect(&self.triangles[triangle as usize]) {
+                    Some((distance, barycentric)) if distance <= best => offer(
+                        ray,
+                        TriangleHit {
+                            distance,
+                            triangle,
+                            barycentric,
+                        },
+                    ),
+                    _ => best,
+                }
+            },
+        };
+        bundle.walk(level, &self.wide, far, triangles);
     }
 }
 
