@@ -25,6 +25,8 @@ def test_readme_examples_run_and_print_what_they_should(
     middle = 0.5 * names["waveform"].duration  # type: ignore[attr-defined]  # the example's own name
     assert f"sphere at {((2.0 - 1.5 * middle) ** 2 + 0.01) ** 0.5 - 0.1:.2f} m" in printed
     assert "4 (4, 2, 64, 128)" in printed
+    (plan,) = re.findall(r"^prints `(.*?)`\.$", README.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert plan in printed
 
 
 def test_readme_names_both_commands() -> None:
