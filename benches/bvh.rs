@@ -6,7 +6,7 @@
 mod common;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use radarcore::bvh::{Bounds, Tree};
+use radarcore::bvh::{Bounds, Tree, WIDTH};
 use radarcore::surface::{ShadingMode, Surface};
 
 fn build(criterion: &mut Criterion) {
@@ -20,7 +20,7 @@ fn build(criterion: &mut Criterion) {
         let room = format!("room_{}", common::size_id(size));
         group.throughput(Throughput::Elements(triangles.len() as u64));
         group.bench_function(BenchmarkId::new("tree", &room), |bencher| {
-            bencher.iter(|| Tree::build(&boxes));
+            bencher.iter(|| Tree::build(boxes.len(), WIDTH, |i| boxes[i]));
         });
         for (name, mode) in [
             ("surface_flat", ShadingMode::Flat),

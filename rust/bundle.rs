@@ -1,293 +1,568 @@
-//! Rays from one origin, searched together: a bundle walks a tree once, all children of a node and all its rays at a time.
+//! Rays of one origin that search a tree together: all children of a node, and 16 rays, at a time.
 //!
-//! What the bundle's box of directions cannot meet is left out in single precision, with bounds on every rounding; what
-//! remains, pairs of a ray and a triangle, is for an exact test. Nothing is ever missed: hits are those of rays one by one.
-//!
-//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, only if `D . ((a + b) x (b - a))` and its like
-//! for the other edges have one sign (Plücker coordinates for a common origin).
+//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a triangle,
+//! or which of two triangles is nearer, an exact test decides: what is found is what rays one by one find.
 
 use glam::DVec3;
 
-use crate::bvh::{WIDTH, WideNode, WideTree};
-use crate::rays::TILE;
-use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::bvh::{Child, Kind, Node, Tree, WIDTH};
+use crate::leaf::{Leaf, Table, UNIT};
+use crate::motion::Pose;
+use crate::rays::{ImagePlane, TILE, Tile};
+use crate::simd::{Isa, Vector, prefetch};
 
+/// Rays whose tests are one vector.
+pub const PACKET: usize = 16;
+/// Packets of a bundle.
+pub const PACKETS: usize = 4;
 /// Most rays of a bundle: those of a tile of an image.
-pub const MOST_RAYS: usize = TILE * TILE;
+pub const MOST_RAYS: usize = PACKET * PACKETS;
 
-/// Half the distance of 1 from the next number of single precision.
-const UNIT: f32 = 0.5 * f32::EPSILON;
+/// Side of the square of pixels that a packet holds.
+const SIDE: usize = TILE / 2;
 
-/// Triangles of a leaf as the search reads them, axis by axis: corners, and the largest coordinate.
-pub struct Leaf {
-    corners: [[[f32; WIDTH]; 3]; 3],
-    reach: f32,
+/// Place of every ray in the tile, packet by packet.
+const PLACES: [[f64; MOST_RAYS]; 2] = {
+    let mut places = [[0.0; MOST_RAYS]; 2];
+    let mut ray = 0;
+    while ray < MOST_RAYS {
+        let (packet, lane) = (ray / PACKET, ray % PACKET);
+        places[0][ray] = (packet / 2 * SIDE + lane / SIDE) as f64;
+        places[1][ray] = (packet % 2 * SIDE + lane % SIDE) as f64;
+        ray += 1;
+    }
+    places
+};
+
+/// Directions `(1, u, v)` of the rays of a tile, in the sensor frame.
+#[repr(C, align(64))]
+pub struct Fan {
+    /// To the left.
+    pub u: [f64; MOST_RAYS],
+    /// Up.
+    pub v: [f64; MOST_RAYS],
+    /// A bit per ray of every packet; the others repeat rays at the edge of the tile.
+    pub valid: [u32; PACKETS],
+    /// Middle of `u` and `v` of every packet, and of all; half of what they span.
+    middle: [[f64; 2]; PACKETS + 1],
+    half: [[f64; 2]; PACKETS + 1],
 }
 
-impl Leaf {
-    /// From the corners of [`WIDTH`] triangles, of which those beyond the leaf's own do not count.
-    pub fn new(triangles: [&[DVec3; 3]; WIDTH]) -> Self {
-        let mut leaf = Self {
-            corners: [[[0.0; WIDTH]; 3]; 3],
-            reach: 0.0,
-        };
-        for (lane, triangle) in triangles.into_iter().enumerate() {
-            for (corner, position) in triangle.iter().enumerate() {
-                for axis in 0..3 {
-                    let number = position[axis] as f32;
-                    leaf.corners[corner][axis][lane] = number;
-                    leaf.reach = leaf.reach.max(number.abs());
-                }
-            }
+impl Fan {
+    /// Without rays.
+    pub const EMPTY: Self = Self {
+        u: [0.0; MOST_RAYS],
+        v: [0.0; MOST_RAYS],
+        valid: [0; PACKETS],
+        middle: [[0.0; 2]; PACKETS + 1],
+        half: [[0.0; 2]; PACKETS + 1],
+    };
+
+    /// Through the centres of the pixels of a tile, in squares of 4 x 4.
+    #[inline(always)]
+    pub fn aim<I: Isa>(&mut self, plane: &ImagePlane, tile: &Tile) {
+        self.valid = [0; PACKETS];
+        let splat = <I::F64 as Vector>::splat;
+        let last_row = splat((tile.rows - 1) as f64);
+        let last_column = splat((tile.columns - 1) as f64);
+        let first_row = splat(tile.row as f64 + 0.5);
+        let first_column = splat(tile.column as f64 + 0.5);
+        for first in (0..MOST_RAYS).step_by(I::F64::LANES) {
+            // As `ImagePlane::center` does.
+            let row = I::F64::load(&PLACES[0][first..]);
+            let column = I::F64::load(&PLACES[1][first..]);
+            let u = splat(plane.axis_column).sub(column.min(last_column).add(first_column));
+            let v = splat(plane.axis_row).sub(row.min(last_row).add(first_row));
+            u.mul(splat(plane.du)).store(&mut self.u[first..]);
+            v.mul(splat(plane.dv)).store(&mut self.v[first..]);
+            let is_valid = row.at_most(last_row) & column.at_most(last_column);
+            self.valid[first / PACKET] |= is_valid << (first % PACKET);
         }
-        leaf
+        // Pixels of a packet fill a rectangle from its first to its last, and so do those of the tile.
+        for packet in 0..=PACKETS {
+            let first = packet % PACKETS * PACKET;
+            let last = if packet == PACKETS { MOST_RAYS } else { first + PACKET } - 1;
+            self.middle[packet] = [
+                0.5 * (self.u[first] + self.u[last]),
+                0.5 * (self.v[first] + self.v[last]),
+            ];
+            self.half[packet] = [
+                0.5 * (self.u[first] - self.u[last]),
+                0.5 * (self.v[first] - self.v[last]),
+            ];
+        }
+    }
+
+    /// Bounds the coordinates of all directions, in any frame.
+    fn length(&self) -> f64 {
+        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
+        1.0 + middle[0].abs() + half[0] + middle[1].abs() + half[1]
+    }
+
+    /// Visit all leaves of a tree in the sensor frame whose boxes some ray may meet, near ones first.
+    #[inline(always)]
+    pub fn walk<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
+        let (mut low, mut high) = ([1.0; 3], [1.0; 3]);
+        for axis in 0..2 {
+            low[axis + 1] = ((middle[axis] - half[axis]) as f32).next_down();
+            high[axis + 1] = ((middle[axis] + half[axis]) as f32).next_up();
+        }
+        let slabs = Slabs::new(&[0.0; 3], 0.0, &low, &high);
+        walk::<I>(&slabs, tree, f32::MAX, stack, visitor);
+    }
+
+    /// Number of the ray of a row and a column of the tile; the next columns follow to the end of the packet.
+    pub fn ray(row: usize, column: usize) -> usize {
+        let packet = row / SIDE * 2 + column / SIDE;
+        packet * PACKET + row % SIDE * SIDE + column % SIDE
+    }
+
+    /// Direction of a ray.
+    pub fn direction(&self, ray: usize) -> DVec3 {
+        DVec3::new(1.0, self.u[ray], self.v[ray])
     }
 }
 
-/// Directions of some rays from one origin.
+/// Where the sensor is, and how it is turned, in the frame of a body.
+pub struct View {
+    /// The sensor's place [m].
+    pub origin: DVec3,
+    /// Axes of the sensor frame.
+    pub axes: [DVec3; 3],
+}
+
+impl View {
+    /// From a body's pose in the sensor frame.
+    pub fn new(pose: &Pose) -> Self {
+        Self {
+            origin: pose.point_to_body(DVec3::ZERO),
+            axes: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.direction_to_body(axis)),
+        }
+    }
+
+    /// Direction in the frame of the body, as [`Pose::direction_to_body`] rounds it.
+    #[inline(always)]
+    pub fn direction<V: Vector<Scalar = f64>>(&self, u: V, v: V) -> [V; 3] {
+        let mut direction = [u; 3];
+        for axis in 0..3 {
+            let [x, y, z] = &self.axes;
+            let (x, y, z) = (V::splat(x[axis]), V::splat(y[axis]), V::splat(z[axis]));
+            direction[axis] = x.add(u.mul(y)).add(v.mul(z));
+        }
+        direction
+    }
+}
+
+/// A [`Fan`] as a tree sees it.
+#[repr(C, align(64))]
 pub struct Bundle {
-    /// How many there are.
-    pub num_rays: usize,
     origin: [f32; 3],
-    /// Largest coordinate of the origin.
+    /// Bounds coordinates of the origin.
     reach: f32,
-    /// Directions, axis by axis; after the last ray, copies of it.
+    /// Bounds the coordinates of directions.
+    length: f32,
+    /// Axis by axis.
     directions: [[f32; MOST_RAYS]; 3],
-    /// Smallest and largest coordinates of the directions.
-    low: [f32; 3],
-    high: [f32; 3],
+    /// Their inverses, where the tree is fine.
+    inverses: [[f32; MOST_RAYS]; 3],
+    valid: [u32; PACKETS],
+    /// Centre and half the sides of the box round the directions of every packet, and of all.
+    center: [[f32; 3]; PACKETS + 1],
+    half: [[f32; 3]; PACKETS + 1],
 }
 
 impl Bundle {
-    /// At most [`MOST_RAYS`] rays, at least one.
-    pub fn new(origin: DVec3, rays: &[DVec3]) -> Self {
-        let mut bundle = Self {
-            num_rays: rays.len(),
-            origin: origin.to_array().map(|x| x as f32),
-            reach: origin.abs().max_element() as f32,
-            directions: [[0.0; MOST_RAYS]; 3],
-            low: [0.0; 3],
-            high: [0.0; 3],
-        };
-        for axis in 0..3 {
-            let directions = &mut bundle.directions[axis];
-            for (number, ray) in directions.iter_mut().zip(rays) {
-                *number = ray[axis] as f32;
+    /// Without rays.
+    pub const EMPTY: Self = Self {
+        origin: [0.0; 3],
+        reach: 0.0,
+        length: 0.0,
+        directions: [[0.0; MOST_RAYS]; 3],
+        inverses: [[0.0; MOST_RAYS]; 3],
+        valid: [0; PACKETS],
+        center: [[0.0; 3]; PACKETS + 1],
+        half: [[0.0; 3]; PACKETS + 1],
+    };
+
+    /// In the frame of a body, relative to a point of it.
+    #[inline(always)]
+    pub fn aim<I: Isa>(&mut self, fan: &Fan, view: &View, middle: DVec3, is_fine: bool) {
+        let origin = view.origin - middle;
+        let axes = &view.axes;
+        self.origin = [origin.x as f32, origin.y as f32, origin.z as f32];
+        self.reach = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
+        self.valid = fan.valid;
+        for packet in 0..PACKETS {
+            let first = packet * PACKET;
+            let middle = first + PACKET / 2;
+            let u = I::narrow(I::F64::load(&fan.u[first..]), I::F64::load(&fan.u[middle..]));
+            let v = I::narrow(I::F64::load(&fan.v[first..]), I::F64::load(&fan.v[middle..]));
+            for axis in 0..3 {
+                let x = <I::F32 as Vector>::splat(axes[0][axis] as f32);
+                let y = <I::F32 as Vector>::splat(axes[1][axis] as f32);
+                let z = <I::F32 as Vector>::splat(axes[2][axis] as f32);
+                let direction = v.mul_add(z, u.mul_add(y, x));
+                direction.store(&mut self.directions[axis][first..]);
+                if is_fine {
+                    let inverse = <I::F32 as Vector>::splat(1.0).div(direction);
+                    let most = <I::F32 as Vector>::splat(1e30);
+                    let least = <I::F32 as Vector>::splat(-1e30);
+                    inverse.max(least).min(most).store(&mut self.inverses[axis][first..]);
+                }
             }
-            let last = directions[rays.len() - 1];
-            directions[rays.len()..].fill(last);
-            let (mut low, mut high) = (last, last);
-            for number in directions {
-                low = if *number < low { *number } else { low };
-                high = if *number > high { *number } else { high };
-            }
-            // A direction is at most half a step from its number.
-            (bundle.low[axis], bundle.high[axis]) = (low.next_down(), high.next_up());
         }
-        bundle
+        // More than directions are rounded.
+        let length = fan.length();
+        let pad = 8.0 * f64::from(UNIT) * length;
+        for packet in 0..=PACKETS {
+            let ([u, v], [du, dv]) = (fan.middle[packet], fan.half[packet]);
+            for axis in 0..3 {
+                let (x, y, z) = (axes[0][axis], axes[1][axis], axes[2][axis]);
+                self.center[packet][axis] = (x + y * u + z * v) as f32;
+                self.half[packet][axis] = (y.abs() * du + z.abs() * dv + pad) as f32;
+            }
+        }
+        self.length = length as f32 * (1.0 + UNIT);
+    }
+
+    /// Smallest and largest directions.
+    #[inline(always)]
+    fn slabs(&self) -> Slabs {
+        let (center, half) = (&self.center[PACKETS], &self.half[PACKETS]);
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            (low[axis], high[axis]) = (center[axis] - half[axis], center[axis] + half[axis]);
+        }
+        Slabs::new(&self.origin, self.reach, &low, &high)
     }
 
     /// Visit all leaves whose boxes some ray may meet before `far`, near ones first.
-    pub fn walk(&self, level: Level, tree: &WideTree, far: f32, visitor: impl Visit) {
-        if !tree.nodes.is_empty() {
-            level.run(Walk {
-                bundle: self,
-                tree,
-                far,
-                visitor,
-            });
-        }
+    #[inline(always)]
+    pub fn walk<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+        walk::<I>(&self.slabs(), tree, far, stack, visitor);
     }
 }
 
 /// What is done at leaves.
 pub trait Visit {
-    /// Look at the primitives of a leaf, `count` of them. Returns the distance beyond which nothing is wanted any more if
-    /// that may have changed.
-    fn visit<I: Isa>(&mut self, leaf: usize, count: usize) -> Option<f32>;
+    /// Whether a leaf, child of a node, is to be visited.
+    fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool;
+
+    /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is wanted.
+    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
 }
 
-struct Walk<'a, V> {
-    bundle: &'a Bundle,
-    tree: &'a WideTree,
-    far: f32,
-    visitor: V,
-}
-
-/// A node or a leaf that is still to be visited.
-#[derive(Clone, Copy)]
-struct Entry {
-    near: f32,
-    child: u32,
-    /// 0: a node.
-    num_primitives: u8,
-}
-
-impl<V: Visit> Kernel for Walk<'_, V> {
-    type Output = ();
-
-    #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(mut self) {
-        let slabs = Slabs::new(self.bundle);
-        let mut stack = Vec::with_capacity(128);
-        stack.push(Entry {
-            near: 0.0,
-            child: 0,
-            num_primitives: 0,
-        });
-        while let Some(entry) = stack.pop() {
-            if entry.near > self.far {
+/// Visit all leaves whose boxes some direction may meet before `far`, near ones first.
+#[inline(always)]
+fn walk<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+    if tree.nodes.is_empty() {
+        return;
+    }
+    // Distance above, child below: distances are not negative, and ordered as their bits.
+    let bottom = stack.len();
+    stack.push(0);
+    while stack.len() > bottom {
+        let Some(entry) = stack.pop() else { break };
+        let near = f32::from_bits((entry >> 32) as u32);
+        if near > far {
+            continue;
+        }
+        let node = match Child(entry as u32).kind() {
+            Kind::Leaf(leaf, count) => {
+                far = visitor.visit::<I>(leaf, count, near);
                 continue;
             }
-            if entry.num_primitives > 0 {
-                let far = self
-                    .visitor
-                    .visit::<I>(entry.child as usize, usize::from(entry.num_primitives));
-                self.far = far.unwrap_or(self.far);
-                continue;
-            }
-            let node = &self.tree.nodes[entry.child as usize];
-            let mut near = [0.0; WIDTH];
-            let mut met = slabs.enter::<I>(node, self.far, &mut near);
-            let first = stack.len();
-            while met != 0 {
-                let place = met.trailing_zeros() as usize;
-                met &= met - 1;
-                stack.push(Entry {
-                    near: near[place],
-                    child: node.child[place],
-                    num_primitives: node.num_primitives[place],
-                });
-            }
-            // The nearest on top.
-            let hits = &mut stack[first..];
-            for i in 1..hits.len() {
-                let mut j = i;
-                while j > 0 && hits[j - 1].near < hits[j].near {
-                    hits.swap(j - 1, j);
-                    j -= 1;
+            Kind::Node(node) => &tree.nodes[node],
+        };
+        let mut nears = [0.0; WIDTH];
+        let mut met = slabs.enter::<I>(node, far, &mut nears);
+        let first = stack.len();
+        while met != 0 {
+            let place = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let child = node.child[place];
+            match child.kind() {
+                Kind::Node(node) => prefetch(&tree.nodes[node]),
+                Kind::Leaf(leaf, _) => {
+                    if !visitor.expects::<I>(leaf, node, place) {
+                        continue;
+                    }
                 }
             }
+            let entry = u64::from(nears[place].to_bits()) << 32 | u64::from(child.0);
+            // The nearest on top.
+            let mut at = stack.len();
+            stack.push(entry);
+            while at > first && stack[at - 1] < entry {
+                stack[at] = stack[at - 1];
+                at -= 1;
+            }
+            stack[at] = entry;
         }
     }
 }
 
-/// Offers every pair of a ray and a triangle that may meet: `test` of a ray, a leaf, a place in it and the ray's best
-/// distance returns the new one.
-pub struct Triangles<'a, F> {
+/// Nearest triangles of the rays of a bundle, over all bodies.
+#[repr(C, align(64))]
+pub struct Best {
+    /// Least distance in lengths of the direction, where something was met.
+    near: [f32; MOST_RAYS],
+    /// Largest distance.
+    far: [f32; MOST_RAYS],
+    /// Largest of every packet.
+    farthest: [f32; PACKETS],
+    /// Number of the body.
+    pub body: [[u32; PACKET]; PACKETS],
+    /// Number of its triangle.
+    pub triangle: [[u32; PACKET]; PACKETS],
+}
+
+impl Best {
+    /// Of no rays.
+    pub const EMPTY: Self = Self {
+        near: [f32::INFINITY; MOST_RAYS],
+        far: [f32::INFINITY; MOST_RAYS],
+        farthest: [f32::NEG_INFINITY; PACKETS],
+        body: [[u32::MAX; PACKET]; PACKETS],
+        triangle: [[u32::MAX; PACKET]; PACKETS],
+    };
+
+    /// Nothing was met so far.
+    #[inline(always)]
+    pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS]) {
+        for packet in 0..PACKETS {
+            let all = packet * PACKET..(packet + 1) * PACKET;
+            let everywhere = <I::F32 as Vector>::splat(f32::INFINITY);
+            let nowhere = <I::F32 as Vector>::splat(f32::NEG_INFINITY);
+            everywhere.store(&mut self.near[all.clone()]);
+            everywhere.select(valid[packet], nowhere).store(&mut self.far[all]);
+            I::put(&mut self.body[packet], u32::MAX, u32::MAX);
+            I::put(&mut self.triangle[packet], u32::MAX, u32::MAX);
+            self.farthest[packet] = if valid[packet] == 0 {
+                f32::NEG_INFINITY
+            } else {
+                f32::INFINITY
+            };
+        }
+    }
+
+    /// Distance beyond which nothing is wanted.
+    #[inline(always)]
+    pub fn farthest(&self) -> f32 {
+        let [a, b, c, d] = self.farthest;
+        a.max(b).max(c.max(d))
+    }
+}
+
+impl<E: Exact> Search<'_, E> {
+    /// Whether some ray meets the box of a child before what it has met so far.
+    #[inline(always)]
+    fn some_ray_meets<I: Isa>(&self, node: &Node, place: usize) -> bool {
+        let splat = <I::F32 as Vector>::splat;
+        let bundle = self.bundle;
+        // Directions are rounded: by less than that where a ray is within reach.
+        let pad = 32.0 * UNIT * (self.reach + bundle.reach);
+        let mut sides = [[splat(0.0); 2]; 3];
+        for axis in 0..3 {
+            sides[axis] = [
+                splat(node.min[axis][place] - bundle.origin[axis] - pad),
+                splat(node.max[axis][place] - bundle.origin[axis] + pad),
+            ];
+        }
+        for packet in 0..PACKETS {
+            let first = packet * PACKET;
+            let (mut entry, mut exit) = (splat(0.0), I::F32::load(&self.best.far[first..]));
+            for axis in 0..3 {
+                let inverse = I::F32::load(&bundle.inverses[axis][first..]);
+                let (a, b) = (sides[axis][0].mul(inverse), sides[axis][1].mul(inverse));
+                (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
+            }
+            let is_met = entry
+                .mul(splat(1.0 - 16.0 * UNIT))
+                .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
+            if is_met & bundle.valid[packet] != 0 {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+impl Best {
+    /// Ask the exact test whether a triangle is the nearest of a ray so far; of several at the same distance the first is.
+    #[inline(never)]
+    fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
+        let ray = packet * PACKET + lane;
+        let Some(distance) = exact.distance(ray, body, triangle) else {
+            return false;
+        };
+        if distance > f64::from(self.far[ray]) {
+            return false;
+        }
+        if distance >= f64::from(self.near[ray]) {
+            let before = (self.body[packet][lane], self.triangle[packet][lane]);
+            let other = exact.distance(ray, before.0, before.1).unwrap_or(f64::INFINITY);
+            if distance > other || (distance == other && before <= (body, triangle)) {
+                return false;
+            }
+        }
+        self.near[ray] = (distance as f32).next_down();
+        self.far[ray] = (distance as f32).next_up();
+        (self.body[packet][lane], self.triangle[packet][lane]) = (body, triangle);
+        true
+    }
+}
+
+/// The exact test: the distance of a triangle (body and number) that a ray meets.
+pub trait Exact {
+    /// In lengths of the direction; none where the ray misses.
+    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<f64>;
+}
+
+/// Looks for the nearest triangles of one body.
+pub struct Search<'a, E> {
     /// The rays.
     pub bundle: &'a Bundle,
-    /// The triangles of every leaf of the tree.
+    /// The triangles of every leaf.
     pub leaves: &'a [Leaf],
-    /// The best distance of every ray.
-    pub best: &'a mut [f64; MOST_RAYS],
+    /// Bounds coordinates of the triangles.
+    pub reach: f32,
+    /// Number of the body.
+    pub body: u32,
+    /// Whether leaves are so small that rays may pass between.
+    pub is_fine: bool,
+    /// Nothing is nearer.
+    pub start: f32,
+    /// What was found so far.
+    pub best: &'a mut Best,
     /// The exact test.
-    pub test: F,
+    pub exact: &'a E,
+    /// Of the leaf at hand.
+    pub table: &'a mut Table,
 }
 
-/// Largest of the best distances, rounded up.
-pub fn farthest(best: &[f64]) -> f32 {
-    // Directions have length one to rounding.
-    (best.iter().fold(0.0, |far: f64, x| far.max(*x)) * (1.0 + 1e-6)) as f32
-}
+impl<E: Exact> Visit for Search<'_, E> {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool {
+        if self.is_fine && !self.some_ray_meets::<I>(node, place) {
+            return false;
+        }
+        prefetch(&self.leaves[leaf]);
+        true
+    }
 
-impl<F: FnMut(usize, usize, usize, f64) -> f64> Visit for Triangles<'_, F> {
     #[inline(always)] // part of a kernel
-    fn visit<I: Isa>(&mut self, number: usize, count: usize) -> Option<f32> {
-        let (bundle, leaf) = (self.bundle, &self.leaves[number]);
-        let splat = <I::F32 as Vector>::splat;
-        let zero = splat(0.0);
-        // Corners relative to the origin, and their edges: normals of the planes through the origin and an edge.
-        let mut corners = [[zero; 3]; 3];
-        for corner in 0..3 {
-            for axis in 0..3 {
-                corners[corner][axis] = I::F32::load(&leaf.corners[corner][axis]).sub(splat(bundle.origin[axis]));
-            }
+    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32 {
+        let (bundle, leaf) = (self.bundle, &self.leaves[leaf]);
+        let planes = leaf.planes::<I>(&bundle.origin, self.reach + bundle.reach, bundle.length);
+        let all = planes.may_meet(&bundle.center[PACKETS], &bundle.half[PACKETS]) & ((1 << count) - 1);
+        if all == 0 {
+            return self.best.farthest();
         }
-        let mut normals = [[zero; 3]; 3];
-        let mut longest = zero;
-        for edge in 0..3 {
-            let (a, b) = (corners[edge], corners[(edge + 1) % 3]);
-            let (mut sum, mut difference, mut length) = ([zero; 3], [zero; 3], zero);
-            for axis in 0..3 {
-                sum[axis] = a[axis].add(b[axis]);
-                difference[axis] = b[axis].sub(a[axis]);
-                length = length.add(difference[axis].max(zero.sub(difference[axis])));
+        planes.store(self.table);
+        let table = &*self.table;
+        for packet in 0..PACKETS {
+            if near > self.best.farthest[packet] {
+                continue;
             }
-            longest = longest.max(length);
-            for axis in 0..3 {
-                let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
-                normals[edge][axis] = sum[k].neg_mul_add(difference[j], sum[j].mul(difference[k]));
+            let mut triangles = all & planes.may_meet(&bundle.center[packet], &bundle.half[packet]);
+            if triangles == 0 {
+                continue;
             }
-        }
-        // A corner is off by its own rounding, the origin's and that of their difference, 6 units of the reach along every
-        // axis; for a ray that meets the triangle that changes D . n by at most 2 x 6 sqrt(3) units times the two distances to
-        // the corners of an edge, each at most the longest edge. Products, sums and directions add some 40 units. Twice that.
-        let reach = leaf.reach + bundle.reach;
-        let tolerance = longest.mul(splat(256.0 * UNIT * reach));
-
-        // Triangles that the box of directions may meet: those with all planes on one side of some direction.
-        let (mut may_be_above, mut may_be_below) = (u32::MAX, u32::MAX);
-        for edge in 0..3 {
-            let (mut most, mut least) = (zero, zero);
+            let first = packet * PACKET;
+            let mut directions = [<I::F32 as Vector>::splat(0.0); 3];
             for axis in 0..3 {
-                let ends = [
-                    normals[edge][axis].mul(splat(bundle.low[axis])),
-                    normals[edge][axis].mul(splat(bundle.high[axis])),
-                ];
-                most = most.add(ends[0].max(ends[1]));
-                least = least.add(ends[0].min(ends[1]));
+                directions[axis] = I::F32::load(&bundle.directions[axis][first..]);
             }
-            let twice = tolerance.add(tolerance);
-            may_be_above &= zero.sub(twice).at_most(most);
-            may_be_below &= least.at_most(twice);
-        }
-        let mut survivors = (may_be_above | may_be_below) & ((1_u32 << count) - 1);
-        if survivors == 0 {
-            return None;
-        }
-
-        // Now with rays as lanes.
-        let mut planes = [[[0.0; WIDTH]; 3]; 3];
-        let mut tolerances = [0.0; WIDTH];
-        for edge in 0..3 {
-            for axis in 0..3 {
-                normals[edge][axis].store(&mut planes[edge][axis]);
-            }
-        }
-        tolerance.store(&mut tolerances);
-        let mut has_changed = false;
-        while survivors != 0 {
-            let lane = survivors.trailing_zeros() as usize;
-            survivors &= survivors - 1;
-            for first in (0..bundle.num_rays).step_by(16) {
-                let (mut least, mut most) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
-                for edge in 0..3 {
-                    let mut side = zero;
-                    for axis in 0..3 {
-                        let direction = I::F32::load(&bundle.directions[axis][first..]);
-                        side = direction.mul_add(splat(planes[edge][axis][lane]), side);
+            let mut has_changed = false;
+            while triangles != 0 {
+                let lane = triangles.trailing_zeros() as usize;
+                triangles &= triangles - 1;
+                let number = leaf.triangles[lane];
+                let (mut unsure, least) = table.meet(lane, &directions);
+                if planes.unclear >> lane & 1 == 1 {
+                    unsure = table.meet_unclear(lane, &directions) & bundle.valid[packet];
+                } else {
+                    unsure &= bundle.valid[packet];
+                    if unsure == 0 {
+                        continue;
                     }
-                    (least, most) = (least.min(side), most.max(side));
+                    let crossing = table.cross(lane, &directions, least);
+                    let best_near = I::F32::load(&self.best.near[first..]);
+                    let best_far = I::F32::load(&self.best.far[first..]);
+                    let is_behind = best_far.at_most(crossing.near) & crossing.measured;
+                    let is_nearest = unsure
+                        & crossing.measured
+                        & crossing.certain
+                        & crossing.far.at_most(best_near)
+                        & <I::F32 as Vector>::splat(self.start).at_most(crossing.near);
+                    if is_nearest != 0 {
+                        crossing
+                            .near
+                            .select(is_nearest, best_near)
+                            .store(&mut self.best.near[first..]);
+                        crossing
+                            .far
+                            .select(is_nearest, best_far)
+                            .store(&mut self.best.far[first..]);
+                        I::put(&mut self.best.body[packet], is_nearest, self.body);
+                        I::put(&mut self.best.triangle[packet], is_nearest, number);
+                        has_changed = true;
+                    }
+                    unsure &= !(is_behind | is_nearest);
                 }
-                let tolerance = splat(tolerances[lane]);
-                let mut met = zero.sub(tolerance).at_most(least) | most.at_most(tolerance);
-                while met != 0 {
-                    let ray = first + met.trailing_zeros() as usize;
-                    met &= met - 1;
-                    if ray < bundle.num_rays {
-                        let best = (self.test)(ray, number, lane, self.best[ray]);
-                        has_changed |= best < self.best[ray];
-                        self.best[ray] = best;
-                    }
+                while unsure != 0 {
+                    let ray = unsure.trailing_zeros() as usize;
+                    unsure &= unsure - 1;
+                    has_changed |= self.best.decide(packet, ray, self.body, number, self.exact);
                 }
             }
+            if has_changed {
+                self.best.farthest[packet] = I::F32::load(&self.best.far[first..]).largest();
+            }
         }
-        has_changed.then(|| farthest(&self.best[..bundle.num_rays]))
+        self.best.farthest()
     }
 }
 
-/// The bundle's box of directions, prepared for boxes of children.
+/// One ray.
+pub struct Single {
+    origin: [f32; 3],
+    reach: f32,
+    direction: [f32; 3],
+    length: f32,
+}
+
+impl Single {
+    /// From an origin relative to a point of the body.
+    pub fn new(origin: DVec3, direction: DVec3) -> Self {
+        Self {
+            origin: origin.to_array().map(|x| x as f32),
+            reach: origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT),
+            direction: direction.to_array().map(|x| x as f32),
+            length: direction.abs().element_sum() as f32 * (1.0 + 2.0 * UNIT),
+        }
+    }
+
+    /// Visit all leaves whose boxes the ray may meet before `far`, near ones first.
+    #[inline(always)]
+    pub fn walk<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+        let low = self.direction.map(f32::next_down);
+        let high = self.direction.map(f32::next_up);
+        let slabs = Slabs::new(&self.origin, self.reach, &low, &high);
+        walk::<I>(&slabs, tree, far, stack, visitor);
+    }
+
+    /// A bit per triangle of a leaf that the ray may meet; `reach` bounds coordinates of the triangles.
+    #[inline(always)]
+    pub fn may_meet<I: Isa>(&self, leaf: &Leaf, count: usize, reach: f32) -> u32 {
+        let planes = leaf.planes::<I>(&self.origin, reach + self.reach, self.length);
+        planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
+    }
+}
+
+/// A box of directions from one origin, prepared for boxes of children.
 struct Slabs {
     /// The origin, moved outwards for both sides of a box: by more than all coordinates are rounded.
     origin: [[f32; 2]; 3],
@@ -295,7 +570,7 @@ struct Slabs {
     sign: [Sign; 3],
 }
 
-/// Where a bundle goes along an axis.
+/// Where directions go along an axis.
 #[derive(Clone, Copy, PartialEq)]
 enum Sign {
     Forward,
@@ -304,15 +579,15 @@ enum Sign {
 }
 
 impl Slabs {
-    fn new(bundle: &Bundle) -> Self {
-        let inverse = |x: f32| x.recip().clamp(-1e30, 1e30);
+    #[inline(always)]
+    fn new(origin: &[f32; 3], reach: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
         let mut slabs = Self {
             origin: [[0.0; 2]; 3],
             inverse: [[0.0; 2]; 3],
             sign: [Sign::Both; 3],
         };
         for axis in 0..3 {
-            let (low, high) = (bundle.low[axis], bundle.high[axis]);
+            let (low, high) = (low[axis], high[axis]);
             slabs.sign[axis] = if low > 0.0 {
                 Sign::Forward
             } else if high < 0.0 {
@@ -320,22 +595,22 @@ impl Slabs {
             } else {
                 Sign::Both
             };
-            slabs.inverse[axis] = [inverse(low), inverse(high)];
-            let pad = 8.0 * UNIT * bundle.reach;
-            slabs.origin[axis] = [bundle.origin[axis] + pad, bundle.origin[axis] - pad];
+            slabs.inverse[axis] = [low.recip().clamp(-1e30, 1e30), high.recip().clamp(-1e30, 1e30)];
+            let pad = 8.0 * UNIT * reach;
+            slabs.origin[axis] = [origin[axis] + pad, origin[axis] - pad];
         }
         slabs
     }
 
     /// A bit per child whose box some direction may meet before `far`, and where.
     #[inline(always)]
-    fn enter<I: Isa>(&self, node: &WideNode, far: f32, near: &mut [f32; WIDTH]) -> u32 {
+    fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
         let splat = <I::F32 as Vector>::splat;
         let (mut entry, mut exit) = (splat(0.0), splat(far));
         for axis in 0..3 {
             let low = I::F32::load(&node.min[axis]).sub(splat(self.origin[axis][0]));
             let high = I::F32::load(&node.max[axis]).sub(splat(self.origin[axis][1]));
-            let [first, last] = self.inverse[axis].map(splat);
+            let (first, last) = (splat(self.inverse[axis][0]), splat(self.inverse[axis][1]));
             let (enters, exits) = match self.sign[axis] {
                 Sign::Forward => (low.mul(first).min(low.mul(last)), high.mul(first).max(high.mul(last))),
                 Sign::Backward => (high.mul(first).min(high.mul(last)), low.mul(first).max(low.mul(last))),

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Images: `rays` (pixels and tiles), `trace` (bodies at their places), `surface` (triangles of one body and the exact test),
-//! `bundle` (rays of a tile that search a tree together), `bvh` (the trees).
+//! `bundle` (rays of a tile that search a tree together), `leaf` (their triangles in single precision), `bvh` (the trees).
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
@@ -37,6 +37,7 @@ pub mod grid;
 pub mod hash;
 pub mod kernel;
 pub mod lanes;
+pub mod leaf;
 pub mod material;
 pub mod mesh;
 pub mod modes;

@@ -491,9 +491,15 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
-    /// Rows of the triangles that were kept.
-    fn kept<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.0.kept())
+    /// Rows of the triangles that were kept; none where all were.
+    fn kept<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u32>>> {
+        self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
+    }
+
+    /// Memory of triangles, tree and shading, and of the vertices [bytes].
+    #[getter]
+    fn memory(&self) -> (usize, usize) {
+        (self.0.memory(), self.0.vertex_memory())
     }
 }
 

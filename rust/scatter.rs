@@ -194,28 +194,31 @@ pub fn shaded(snapshot: &Snapshot, hits: &Hits) -> (Vec<f64>, Vec<[f64; 3]>) {
 
 /// What the hit of one pixel shows.
 fn patch(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<Patch> {
-    let hit = hits.get(pixel);
-    if hit.body == NO_BODY {
+    let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);
+    if body == NO_BODY {
         return None;
     }
-    let (surface, pose) = (snapshot.surface(hit.body), snapshot.pose(hit.body));
-    let direction = hits
+    let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
+    let (u, v) = hits
         .plane
-        .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
-    let corners = surface.corners(hit.triangle);
+        .center(pixel / hits.plane.columns, pixel % hits.plane.columns);
+    let direction = DVec3::new(1.0, u, v);
+    let barycentric = snapshot.barycentric(body, triangle, direction);
+    let direction = direction.normalize();
+    let corners = surface.corners(triangle);
     let face_normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
     let (normal, correction) = shade(
         corners,
-        surface.corner_normals(hit.triangle),
-        hit.barycentric,
+        surface.corner_normals(triangle),
+        barycentric,
         face_normal,
         pose.direction_to_body(direction),
     );
     Some(Patch {
         pixel,
-        body: hit.body,
+        body,
         direction,
-        distance: hit.distance + correction,
+        distance: hits.distance[pixel] + correction,
         normal: pose.direction(normal),
     })
 }

@@ -50,15 +50,13 @@ impl Shading {
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
     pub fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
-        // Twice the area times the normal: sums of these are weighted by area.
-        let area_normals: Vec<DVec3> = triangles
-            .iter()
-            .map(|triangle| {
-                let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
-                (b - a).cross(c - a)
-            })
-            .collect();
-        let groups = smooth_groups(vertices, triangles, &area_normals, crease_angle);
+        Self::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
+    }
+
+    /// The same for vertices that have moved since the groups were found.
+    pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
+        let area_normals = area_normals(vertices, triangles);
+        let groups = &groups.0;
 
         // Sum over each group, in the order of the triangles.
         let mut sums = vec![DVec3::ZERO; groups.iter().max().map_or(0, |&group| group as usize + 1)];
@@ -81,12 +79,43 @@ impl Shading {
         shading
     }
 
+    /// Memory [bytes].
+    pub fn memory(&self) -> usize {
+        size_of_val(self.place.as_slice()) + size_of_val(self.normals.as_slice())
+    }
+
     /// Unit normals at the three corners (to f32 precision), None where the triangle is flat.
     pub fn corner_normals(&self, triangle: usize) -> Option<[DVec3; 3]> {
         let place = *self.place.get(triangle)?;
         let normals = self.normals.get(place as usize)?;
         Some(normals.map(Vec3::as_dvec3))
     }
+}
+
+/// Corners of triangles that share a normal: a number per corner.
+#[derive(Debug, Clone)]
+pub struct Groups(Vec<u32>);
+
+impl Groups {
+    /// See [`Shading::smooth`].
+    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
+        let area_normals = area_normals(vertices, triangles);
+        Self(smooth_groups(vertices, triangles, &area_normals, crease_angle))
+    }
+
+    /// Memory [bytes].
+    pub fn memory(&self) -> usize {
+        size_of_val(self.0.as_slice())
+    }
+}
+
+/// Twice the area times the normal of every triangle: sums of these are weighted by area.
+fn area_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let normal = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
+        (b - a).cross(c - a)
+    };
+    triangles.iter().map(normal).collect()
 }
 
 /// Normal of the surface that a hit facet stands for, and how much farther along the ray it lies (metres).

@@ -66,12 +66,20 @@ pub trait Vector: Copy {
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// `c - self * b`, rounded once where the level can.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
+    /// `self / b`
+    fn div(self, b: Self) -> Self;
+    /// Square roots.
+    fn sqrt(self) -> Self;
     /// The smaller ones; `b` where one is NaN.
     fn min(self, b: Self) -> Self;
     /// The larger ones; `b` where one is NaN.
     fn max(self, b: Self) -> Self;
     /// A bit per number: whether it is at most `b`; not where one is NaN.
     fn at_most(self, b: Self) -> u32;
+    /// Numbers of `self` where the bit is set, of `b` elsewhere.
+    fn select(self, bits: u32, b: Self) -> Self;
+    /// The largest number; none may be NaN.
+    fn largest(self) -> Self::Scalar;
     /// The first numbers of a slice; panics if there are fewer than [`Self::LANES`].
     #[inline(always)]
     fn load(from: &[Self::Scalar]) -> Self {
@@ -160,6 +168,26 @@ pub trait Isa {
     type F64: Vector<Scalar = f64>;
     /// Nearest f32 of twice 8 numbers.
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32;
+    /// A bit per number: whether it is `number`.
+    fn equal(numbers: &[u32; 16], number: u32) -> u32;
+    /// `number` where the bit is set.
+    fn put(numbers: &mut [u32; 16], bits: u32, number: u32);
+}
+
+/// Ask for what will be read soon, first and second cache line.
+#[inline(always)]
+pub fn prefetch<T>(what: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let at = std::ptr::from_ref(what).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // SAFETY: SSE is part of x86-64; addresses are within the object, and prefetching reads nothing.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = what;
 }
 
 /// A kernel's number type, and its vector in an instruction set.
@@ -230,7 +258,8 @@ impl Level {
 
     /// The fastest level of this processor.
     pub fn best() -> Self {
-        *Self::available().last().unwrap_or(&Self(Set::Baseline))
+        static BEST: std::sync::OnceLock<Level> = std::sync::OnceLock::new();
+        *BEST.get_or_init(|| *Self::available().last().unwrap_or(&Self(Set::Baseline)))
     }
 
     /// `baseline`, `avx2`, `avx512`.
@@ -271,6 +300,14 @@ impl Isa for Baseline {
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
         x86::narrow_sse2(low, high)
     }
+    #[inline(always)]
+    fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+        x86::equal_sse2(numbers, number)
+    }
+    #[inline(always)]
+    fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+        x86::put_sse2(numbers, bits, number);
+    }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
@@ -282,6 +319,20 @@ impl Isa for Baseline {
     #[inline(always)]
     fn narrow(low: [f64; 8], high: [f64; 8]) -> [f32; 16] {
         std::array::from_fn(|i| if i < 8 { low[i] as f32 } else { high[i - 8] as f32 })
+    }
+    #[inline(always)]
+    fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+        let mut bits = 0;
+        for i in 0..16 {
+            bits |= u32::from(numbers[i] == number) << i;
+        }
+        bits
+    }
+    #[inline(always)]
+    fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+        for i in 0..16 {
+            numbers[i] = if bits >> i & 1 == 1 { number } else { numbers[i] };
+        }
     }
 }
 
@@ -387,6 +438,35 @@ macro_rules! array_vector {
                 bits
             }
             #[inline(always)]
+            fn div(mut self, b: Self) -> Self {
+                for i in 0..$lanes {
+                    self[i] /= b[i];
+                }
+                self
+            }
+            #[inline(always)]
+            fn sqrt(mut self) -> Self {
+                for i in 0..$lanes {
+                    self[i] = self[i].sqrt();
+                }
+                self
+            }
+            #[inline(always)]
+            fn select(mut self, bits: u32, b: Self) -> Self {
+                for i in 0..$lanes {
+                    self[i] = if bits >> i & 1 == 1 { self[i] } else { b[i] };
+                }
+                self
+            }
+            #[inline(always)]
+            fn largest(self) -> $scalar {
+                let mut largest = self[0];
+                for i in 1..$lanes {
+                    largest = if self[i] > largest { self[i] } else { largest };
+                }
+                largest
+            }
+            #[inline(always)]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 // SAFETY: the caller's.
                 unsafe { from.cast::<Self>().read_unaligned() }
@@ -438,6 +518,28 @@ mod x86 {
                 )
             }
         }
+        #[inline(always)]
+        fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+            let mut bits = 0;
+            for i in 0..2 {
+                unsafe {
+                    let v = _mm256_loadu_si256(numbers.as_ptr().add(8 * i).cast());
+                    let is_equal = _mm256_cmpeq_epi32(v, _mm256_set1_epi32(number.cast_signed()));
+                    bits |= _mm256_movemask_ps(_mm256_castsi256_ps(is_equal)).cast_unsigned() << (8 * i);
+                }
+            }
+            bits
+        }
+        #[inline(always)]
+        fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+            for i in 0..2 {
+                unsafe {
+                    let at = numbers.as_mut_ptr().add(8 * i).cast();
+                    let mask = _mm256_castps_si256(mask_ps(bits >> (8 * i)));
+                    _mm256_maskstore_epi32(at, mask, _mm256_set1_epi32(number.cast_signed()));
+                }
+            }
+        }
     }
 
     struct Avx512;
@@ -453,6 +555,20 @@ mod x86 {
                 let (low, high) = (_mm512_cvtpd_ps(low.0), _mm512_cvtpd_ps(high.0));
                 let low = _mm512_castps_pd(_mm512_castps256_ps512(low));
                 One(_mm512_castpd_ps(_mm512_insertf64x4::<1>(low, _mm256_castps_pd(high))))
+            }
+        }
+        #[inline(always)]
+        fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+            unsafe {
+                let v = _mm512_loadu_si512(numbers.as_ptr().cast());
+                u32::from(_mm512_cmpeq_epi32_mask(v, _mm512_set1_epi32(number.cast_signed())))
+            }
+        }
+        #[inline(always)]
+        fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+            unsafe {
+                let number = _mm512_set1_epi32(number.cast_signed());
+                _mm512_mask_storeu_epi32(numbers.as_mut_ptr().cast(), bits as u16, number);
             }
         }
     }
@@ -475,7 +591,8 @@ mod x86 {
     // SSE2 is part of x86-64.
     macro_rules! sse2_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $alternate:expr, $add:ident, $sub:ident, $mul:ident,
-         $min:ident, $max:ident, $at_most:ident, $bits:ident, $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
+         $div:ident, $sqrt:ident, $min:ident, $max:ident, $at_most:ident, $bits:ident, $select:ident, $largest:ident,
+         $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
             impl Vector for Four<$register> {
                 type Scalar = $scalar;
                 const LANES: usize = $lanes;
@@ -555,6 +672,32 @@ mod x86 {
                     bits
                 }
                 #[inline(always)]
+                fn div(mut self, b: Self) -> Self {
+                    for i in 0..4 {
+                        self.0[i] = unsafe { $div(self.0[i], b.0[i]) };
+                    }
+                    self
+                }
+                #[inline(always)]
+                fn sqrt(mut self) -> Self {
+                    for i in 0..4 {
+                        self.0[i] = unsafe { $sqrt(self.0[i]) };
+                    }
+                    self
+                }
+                #[inline(always)]
+                fn largest(self) -> $scalar {
+                    let [a, b, c, d] = self.0;
+                    unsafe { $largest($max($max(a, b), $max(c, d))) }
+                }
+                #[inline(always)]
+                fn select(mut self, bits: u32, b: Self) -> Self {
+                    for i in 0..4 {
+                        self.0[i] = $select(bits >> (i * $lanes / 4), self.0[i], b.0[i]);
+                    }
+                    self
+                }
+                #[inline(always)]
                 unsafe fn load_unchecked(from: *const $scalar) -> Self {
                     let mut v = Self::splat(0.0);
                     for i in 0..4 {
@@ -581,10 +724,14 @@ mod x86 {
         _mm_add_ps,
         _mm_sub_ps,
         _mm_mul_ps,
+        _mm_div_ps,
+        _mm_sqrt_ps,
         _mm_min_ps,
         _mm_max_ps,
         _mm_cmple_ps,
         _mm_movemask_ps,
+        select_sse2_ps,
+        largest_ps,
         _mm_loadu_ps,
         _mm_storeu_ps,
         _mm_unpacklo_ps,
@@ -599,15 +746,86 @@ mod x86 {
         _mm_add_pd,
         _mm_sub_pd,
         _mm_mul_pd,
+        _mm_div_pd,
+        _mm_sqrt_pd,
         _mm_min_pd,
         _mm_max_pd,
         _mm_cmple_pd,
         _mm_movemask_pd,
+        select_sse2_pd,
+        largest_pd,
         _mm_loadu_pd,
         _mm_storeu_pd,
         _mm_unpacklo_pd,
         _mm_unpackhi_pd
     );
+
+    #[inline(always)]
+    unsafe fn largest_ps(v: __m128) -> f32 {
+        unsafe {
+            let v = _mm_max_ps(v, _mm_movehl_ps(v, v));
+            _mm_cvtss_f32(_mm_max_ss(v, _mm_shuffle_ps::<1>(v, v)))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn largest_pd(v: __m128d) -> f64 {
+        unsafe { _mm_cvtsd_f64(_mm_max_sd(v, _mm_unpackhi_pd(v, v))) }
+    }
+
+    #[inline(always)]
+    fn select_sse2_ps(bits: u32, a: __m128, b: __m128) -> __m128 {
+        unsafe {
+            let mask = mask_sse2(bits);
+            _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b))
+        }
+    }
+
+    #[inline(always)]
+    fn select_sse2_pd(bits: u32, a: __m128d, b: __m128d) -> __m128d {
+        unsafe {
+            let mask = mask_sse2(bits);
+            let mask = _mm_castps_pd(_mm_unpacklo_ps(mask, mask));
+            _mm_or_pd(_mm_and_pd(mask, a), _mm_andnot_pd(mask, b))
+        }
+    }
+
+    /// All bits of a number set where its bit is.
+    #[inline(always)]
+    fn mask_sse2(bits: u32) -> __m128 {
+        unsafe {
+            let places = _mm_setr_epi32(1, 2, 4, 8);
+            let bits = _mm_and_si128(_mm_set1_epi32(bits.cast_signed()), places);
+            _mm_castsi128_ps(_mm_cmpeq_epi32(bits, places))
+        }
+    }
+
+    /// See `Isa::equal`.
+    #[inline(always)]
+    pub fn equal_sse2(numbers: &[u32; 16], number: u32) -> u32 {
+        let mut bits = 0;
+        for i in 0..4 {
+            unsafe {
+                let v = _mm_loadu_si128(numbers.as_ptr().add(4 * i).cast());
+                let is_equal = _mm_cmpeq_epi32(v, _mm_set1_epi32(number.cast_signed()));
+                bits |= _mm_movemask_ps(_mm_castsi128_ps(is_equal)).cast_unsigned() << (4 * i);
+            }
+        }
+        bits
+    }
+
+    /// See `Isa::put`.
+    #[inline(always)]
+    pub fn put_sse2(numbers: &mut [u32; 16], bits: u32, number: u32) {
+        for i in 0..4 {
+            unsafe {
+                let at: *mut __m128i = numbers.as_mut_ptr().add(4 * i).cast();
+                let mask = _mm_castps_si128(mask_sse2(bits >> (4 * i)));
+                let new = _mm_and_si128(mask, _mm_set1_epi32(number.cast_signed()));
+                _mm_storeu_si128(at, _mm_or_si128(new, _mm_andnot_si128(mask, _mm_loadu_si128(at))));
+            }
+        }
+    }
 
     /// Nearest f32 of twice 8 numbers.
     #[inline(always)]
@@ -619,8 +837,8 @@ mod x86 {
 
     macro_rules! avx512_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
-         $fnmadd:ident, $min:ident, $max:ident, $compare:ident, $loadu:ident, $storeu:ident, $blend:ident, $upper:literal, $odd:literal, $permute:ident,
-         $low:expr, $high:expr) => {
+         $fnmadd:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident, $compare:ident, $mask:ty, $largest:ident, $loadu:ident,
+         $storeu:ident, $blend:ident, $upper:literal, $odd:literal, $permute:ident, $low:expr, $high:expr) => {
             impl Vector for One<$register> {
                 type Scalar = $scalar;
                 const LANES: usize = $lanes;
@@ -669,8 +887,24 @@ mod x86 {
                     Self(unsafe { $max(self.0, b.0) })
                 }
                 #[inline(always)]
+                fn div(self, b: Self) -> Self {
+                    Self(unsafe { $div(self.0, b.0) })
+                }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    Self(unsafe { $sqrt(self.0) })
+                }
+                #[inline(always)]
                 fn at_most(self, b: Self) -> u32 {
                     u32::from(unsafe { $compare::<_CMP_LE_OQ>(self.0, b.0) })
+                }
+                #[inline(always)]
+                fn largest(self) -> $scalar {
+                    unsafe { $largest(self.0) }
+                }
+                #[inline(always)]
+                fn select(self, bits: u32, b: Self) -> Self {
+                    Self(unsafe { $blend(bits as $mask, b.0, self.0) })
                 }
                 #[inline(always)]
                 unsafe fn load_unchecked(from: *const $scalar) -> Self {
@@ -694,9 +928,13 @@ mod x86 {
         _mm512_mul_ps,
         _mm512_fmadd_ps,
         _mm512_fnmadd_ps,
+        _mm512_div_ps,
+        _mm512_sqrt_ps,
         _mm512_min_ps,
         _mm512_max_ps,
         _mm512_cmp_ps_mask,
+        __mmask16,
+        _mm512_reduce_max_ps,
         _mm512_loadu_ps,
         _mm512_storeu_ps,
         _mm512_mask_blend_ps,
@@ -716,9 +954,13 @@ mod x86 {
         _mm512_mul_pd,
         _mm512_fmadd_pd,
         _mm512_fnmadd_pd,
+        _mm512_div_pd,
+        _mm512_sqrt_pd,
         _mm512_min_pd,
         _mm512_max_pd,
         _mm512_cmp_pd_mask,
+        __mmask8,
+        _mm512_reduce_max_pd,
         _mm512_loadu_pd,
         _mm512_storeu_pd,
         _mm512_mask_blend_pd,
@@ -731,8 +973,9 @@ mod x86 {
 
     macro_rules! avx2_vector {
         ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
-         $fnmadd:ident, $min:ident, $max:ident, $compare:ident, $bits:ident, $loadu:ident, $storeu:ident, $blend:ident,
-         $odd:literal, $pairs:ident) => {
+         $fnmadd:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident, $compare:ident, $bits:ident, $loadu:ident,
+         $storeu:ident, $blend:ident, $odd:literal, $pairs:ident, $blendv:ident, $mask:ident,
+         $extract:ident, $max128:ident, $largest:ident) => {
             impl Vector for Two<$register> {
                 type Scalar = $scalar;
                 const LANES: usize = $lanes;
@@ -786,6 +1029,26 @@ mod x86 {
                     unsafe { Self($max(self.0, b.0), $max(self.1, b.1)) }
                 }
                 #[inline(always)]
+                fn div(self, b: Self) -> Self {
+                    unsafe { Self($div(self.0, b.0), $div(self.1, b.1)) }
+                }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    unsafe { Self($sqrt(self.0), $sqrt(self.1)) }
+                }
+                #[inline(always)]
+                fn largest(self) -> $scalar {
+                    unsafe {
+                        let v = $max(self.0, self.1);
+                        $largest($max128($extract::<0>(v), $extract::<1>(v)))
+                    }
+                }
+                #[inline(always)]
+                fn select(self, bits: u32, b: Self) -> Self {
+                    let (low, high) = ($mask(bits), $mask(bits >> ($lanes / 2)));
+                    unsafe { Self($blendv(b.0, self.0, low), $blendv(b.1, self.1, high)) }
+                }
+                #[inline(always)]
                 fn at_most(self, b: Self) -> u32 {
                     let low = unsafe { $bits($compare::<_CMP_LE_OQ>(self.0, b.0)) } as u32;
                     let high = unsafe { $bits($compare::<_CMP_LE_OQ>(self.1, b.1)) } as u32;
@@ -826,6 +1089,26 @@ mod x86 {
         }
     }
 
+    /// All bits of a number set where its bit is.
+    #[inline(always)]
+    fn mask_ps(bits: u32) -> __m256 {
+        unsafe {
+            let places = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let bits = _mm256_and_si256(_mm256_set1_epi32(bits.cast_signed()), places);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(bits, places))
+        }
+    }
+
+    /// The same for double precision.
+    #[inline(always)]
+    fn mask_pd(bits: u32) -> __m256d {
+        unsafe {
+            let places = _mm256_setr_epi64x(1, 2, 4, 8);
+            let bits = _mm256_and_si256(_mm256_set1_epi64x(i64::from(bits)), places);
+            _mm256_castsi256_pd(_mm256_cmpeq_epi64(bits, places))
+        }
+    }
+
     avx2_vector!(
         __m256,
         f32,
@@ -836,6 +1119,8 @@ mod x86 {
         _mm256_mul_ps,
         _mm256_fmadd_ps,
         _mm256_fnmadd_ps,
+        _mm256_div_ps,
+        _mm256_sqrt_ps,
         _mm256_min_ps,
         _mm256_max_ps,
         _mm256_cmp_ps,
@@ -844,7 +1129,12 @@ mod x86 {
         _mm256_storeu_ps,
         _mm256_blend_ps,
         0xaa,
-        pairs_ps
+        pairs_ps,
+        _mm256_blendv_ps,
+        mask_ps,
+        _mm256_extractf128_ps,
+        _mm_max_ps,
+        largest_ps
     );
     avx2_vector!(
         __m256d,
@@ -856,6 +1146,8 @@ mod x86 {
         _mm256_mul_pd,
         _mm256_fmadd_pd,
         _mm256_fnmadd_pd,
+        _mm256_div_pd,
+        _mm256_sqrt_pd,
         _mm256_min_pd,
         _mm256_max_pd,
         _mm256_cmp_pd,
@@ -864,7 +1156,12 @@ mod x86 {
         _mm256_storeu_pd,
         _mm256_blend_pd,
         0b1010,
-        pairs_pd
+        pairs_pd,
+        _mm256_blendv_pd,
+        mask_pd,
+        _mm256_extractf128_pd,
+        _mm_max_pd,
+        largest_pd
     );
 }
 
@@ -896,12 +1193,42 @@ mod tests {
                 v.neg_mul_add(c, low),
                 v.min(c),
                 v.max(c),
+                v.mul(v).div(<T::In<I>>::splat(T::of(2.0))),
+                v.mul(v).sqrt(),
+                v.select(0b1010_0110_1101_0011, c),
+                <T::In<I>>::splat(v.largest()),
             ];
             let mut out = vec![T::zero(); results.len() * lanes];
             for (result, chunk) in results.iter().zip(out.chunks_mut(lanes)) {
                 result.store(chunk);
             }
             out
+        }
+    }
+
+    struct Integers<'a>(&'a [u32; 16]);
+
+    impl Kernel for Integers<'_> {
+        type Output = (u32, [u32; 16]);
+        #[inline(always)]
+        fn run<I: Isa>(self) -> Self::Output {
+            let mut numbers = *self.0;
+            I::put(&mut numbers, 0b1000_0110_0000_1001, u32::MAX);
+            (I::equal(self.0, 7), numbers)
+        }
+    }
+
+    #[test]
+    fn integers_are_compared_and_put_in_their_places() {
+        let mut numbers: [u32; 16] = std::array::from_fn(|i| i as u32);
+        (numbers[1], numbers[15]) = (7, 7);
+        for level in Level::available() {
+            let (equal, put) = level.run(Integers(&numbers));
+            assert_eq!(equal, 0b1000_0000_1000_0010, "{level:?}");
+            for i in 0..16 {
+                let is_put = [0, 3, 9, 10, 15].contains(&i);
+                assert_eq!(put[i], if is_put { u32::MAX } else { numbers[i] }, "{level:?}");
+            }
         }
     }
 

@@ -1,19 +1,28 @@
 //! The surface of one body: checked triangles, their tree and their shading; built once and shared.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::DVec3;
 
-use crate::bundle::{Bundle, Leaf, MOST_RAYS, Triangles, farthest};
-use crate::bvh::{Bounds, Ray, Tree, WIDTH, WideTree};
+use rayon::prelude::*;
+
+use crate::bundle::{Best, Bundle, Exact, Search, Single, Visit};
+use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
 use crate::hash::mix;
-use crate::shading::Shading;
-use crate::simd::Level;
+use crate::leaf::{Leaf, Table};
+use crate::shading::{Groups, Shading};
+use crate::simd::{Isa, Kernel, Level, prefetch};
 
 /// Triangles below this area are dropped [m^2].
 const MIN_AREA: f64 = 1e-18;
 
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
+
+/// Leaves of a tree from which on rays are tested against their boxes one by one: it saves a fifth of the time of a million
+/// triangles, and costs as much with five thousand.
+const FINE: usize = 2000;
 
 /// How normals follow from triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,16 +38,38 @@ pub enum ShadingMode {
 
 /// A mesh ready to be traced, in body coordinates.
 pub struct Surface {
-    triangles: Vec<[DVec3; 3]>,
-    kept: Vec<u32>,
+    mesh: Arc<Mesh>,
+    /// Where the vertices of the mesh are now.
+    vertices: Arc<Vec<DVec3>>,
+    /// Over boxes relative to the middle of `bounds`.
     tree: Tree,
-    /// The same tree for bundles of rays.
-    wide: WideTree,
     leaves: Vec<Leaf>,
+    /// Cost of the tree when it was built.
+    built_cost: f64,
+    /// Largest coordinate relative to the middle.
+    reach: f32,
     shading: Shading,
     bounds: Bounds,
+    middle: DVec3,
+}
+
+/// What stays when a surface is deformed.
+struct Mesh {
+    /// Where the vertices were when the surface was made.
+    rest: Arc<Vec<DVec3>>,
+    /// Triangles that were kept.
+    triangles: Vec<[u32; 3]>,
+    /// Their rows in the mesh they came from, unless that is all of them.
+    kept: Option<Vec<u32>>,
+    mode: ShadingMode,
+    /// Corners that share a normal; for surfaces that were deformed.
+    groups: OnceLock<Groups>,
     fingerprint: u64,
 }
+
+/// Share of its first cost by which a tree may become dearer before it is built anew: deformed bodies of
+/// `cargo bench --bench bvh` are cast as much slower then as a build takes in some ten images.
+const DECAY: f64 = 1.5;
 
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -54,21 +85,7 @@ pub struct TriangleHit {
 impl Surface {
     /// Check a mesh, drop its degenerate triangles (area below 1e-18 m^2) and build its tree.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode) -> Result<Self> {
-        if let Some(bad) = vertices.iter().position(|v| !v.is_finite()) {
-            return Err(Error::value(
-                "vertices",
-                "finite coordinates [m]",
-                format!("{} at row {bad}", vertices[bad]),
-            ));
-        }
-        if let Some(bad) = vertices.iter().position(|v| v.abs().max_element() > LARGEST) {
-            let got = format!("{} at row {bad}", vertices[bad]);
-            return Err(Error::value(
-                "vertices",
-                format!("coordinates below {LARGEST:e} m"),
-                got,
-            ));
-        }
+        check_vertices(vertices)?;
         if let Some(bad) = triangles
             .iter()
             .position(|t| t.iter().any(|&i| i as usize >= vertices.len()))
@@ -82,53 +99,135 @@ impl Surface {
         }
 
         let corners = |t: &[u32; 3]| t.map(|i| vertices[i as usize]);
-        let kept: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|&i| area(&corners(&triangles[i as usize])) >= MIN_AREA)
-            .collect();
-        let indices: Vec<[u32; 3]> = kept.iter().map(|&i| triangles[i as usize]).collect();
-        let shading = match mode {
-            ShadingMode::Flat => Shading::flat(indices.len()),
-            ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &indices, crease_angle),
+        let is_kept = |t: &[u32; 3]| area(&corners(t)) >= MIN_AREA;
+        let kept: Option<Vec<u32>> = (!triangles.iter().all(is_kept)).then(|| {
+            let rows = 0..triangles.len() as u32;
+            rows.filter(|&row| is_kept(&triangles[row as usize])).collect()
+        });
+        let triangles: Vec<[u32; 3]> = match &kept {
+            None => triangles.to_vec(),
+            Some(kept) => kept.iter().map(|&row| triangles[row as usize]).collect(),
         };
-        let triangles: Vec<[DVec3; 3]> = indices.iter().map(corners).collect();
-        let boxes: Vec<Bounds> = triangles.iter().map(|t| Bounds::of(*t)).collect();
-        let bounds = Bounds::of(triangles.iter().flatten().copied());
         let fingerprint = triangles
             .iter()
-            .flatten()
-            .flat_map(DVec3::to_array)
+            .flat_map(corners)
+            .flat_map(|corner| corner.to_array())
             .fold(0, |state, x| mix(state ^ x.to_bits()));
-        let tree = Tree::build(&boxes);
-        let wide = tree.widen(WIDTH);
-        let leaves = wide
-            .leaves
-            .iter()
-            .map(|leaf| Leaf::new(leaf.map(|i| &triangles[i as usize])));
-        Ok(Self {
-            fingerprint,
+        let shading = match mode {
+            ShadingMode::Flat => Shading::flat(triangles.len()),
+            ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &triangles, crease_angle),
+        };
+        let rest = Arc::new(vertices.to_vec());
+        let mesh = Mesh {
+            rest: rest.clone(),
+            triangles,
             kept,
-            leaves: leaves.collect(),
-            wide,
+            mode,
+            groups: OnceLock::new(),
+            fingerprint,
+        };
+        Ok(Self::build(Arc::new(mesh), rest, shading))
+    }
+
+    /// With a tree of its own.
+    fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading) -> Self {
+        let bounds = mesh.bounds(&vertices);
+        let middle = bounds.middle();
+        let relative = |triangle: usize| mesh.corners(&vertices, triangle).map(|corner| corner - middle);
+        let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of(relative(i)));
+        let leaf = |triangles: &Primitives| Leaf::new(*triangles, |i| relative(i as usize));
+        Self {
+            leaves: primitives.par_iter().map(leaf).collect(),
+            built_cost: tree.cost(),
             tree,
+            reach: reach(&bounds),
             shading,
             bounds,
-            triangles,
+            middle,
+            vertices,
+            mesh,
+        }
+    }
+
+    /// The same triangles between vertices at other places: the tree keeps its shape and gets new boxes, unless it has become
+    /// much worse than it was when it was built; then a new one is built.
+    pub fn deform(&self, vertices: Vec<DVec3>) -> Result<Self> {
+        if vertices.len() != self.vertices.len() {
+            let expected = format!("{} as the mesh has", self.vertices.len());
+            return Err(Error::value("vertices", expected, vertices.len()));
+        }
+        check_vertices(&vertices)?;
+        let (mesh, vertices) = (self.mesh.clone(), Arc::new(vertices));
+        let shading = match mesh.mode {
+            ShadingMode::Flat => Shading::flat(mesh.triangles.len()),
+            ShadingMode::Smooth { crease_angle } => {
+                let groups = mesh
+                    .groups
+                    .get_or_init(|| Groups::new(&mesh.rest, &mesh.triangles, crease_angle));
+                Shading::of_groups(&vertices, &mesh.triangles, groups)
+            }
+        };
+        let bounds = mesh.bounds(&vertices);
+        let middle = bounds.middle();
+        let relative = |triangle: u32| {
+            let corners = mesh.corners(&vertices, triangle as usize);
+            corners.map(|corner| corner - middle)
+        };
+        let tree = self.tree.refit(|leaf| {
+            let triangles = self.leaves[leaf].triangles;
+            Bounds::of(triangles.into_iter().flat_map(relative))
+        });
+        if tree.cost() > DECAY * self.built_cost {
+            return Ok(Self::build(mesh, vertices, shading));
+        }
+        let leaf = |leaf: &Leaf| Leaf::new(leaf.triangles, relative);
+        Ok(Self {
+            leaves: self.leaves.par_iter().map(leaf).collect(),
+            tree,
+            built_cost: self.built_cost,
+            reach: reach(&bounds),
+            shading,
+            bounds,
+            middle,
+            vertices,
+            mesh,
         })
+    }
+
+    /// Memory of triangles, tree and shading [bytes], without that of the vertices.
+    pub fn memory(&self) -> usize {
+        let mesh = &self.mesh;
+        size_of_val(mesh.triangles.as_slice())
+            + mesh.kept.as_ref().map_or(0, |kept| size_of_val(kept.as_slice()))
+            + mesh.groups.get().map_or(0, Groups::memory)
+            + self.tree.memory()
+            + size_of_val(self.leaves.as_slice())
+            + self.shading.memory()
+    }
+
+    /// Memory of the vertices [bytes].
+    pub fn vertex_memory(&self) -> usize {
+        let both = if Arc::ptr_eq(&self.vertices, &self.mesh.rest) {
+            1
+        } else {
+            2
+        };
+        both * size_of_val(self.vertices.as_slice())
     }
 
     /// Number of triangles that were kept.
     pub fn num_triangles(&self) -> usize {
-        self.triangles.len()
+        self.mesh.triangles.len()
     }
 
-    /// For every triangle that was kept, its row in the mesh it came from.
-    pub fn kept(&self) -> &[u32] {
-        &self.kept
+    /// For every triangle that was kept, its row in the mesh it came from; none where all were.
+    pub fn kept(&self) -> Option<&[u32]> {
+        self.mesh.kept.as_deref()
     }
 
     /// A number that belongs to these triangles in this order.
     pub fn fingerprint(&self) -> u64 {
-        self.fingerprint
+        self.mesh.fingerprint
     }
 
     /// Box round all triangles.
@@ -137,8 +236,24 @@ impl Surface {
     }
 
     /// Corners of a triangle.
+    #[inline]
     pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.triangles[triangle as usize]
+        self.mesh.corners(&self.vertices, triangle as usize)
+    }
+
+    /// The vertices of a triangle.
+    pub fn vertices_of(&self, triangle: u32) -> [u32; 3] {
+        self.mesh.triangles[triangle as usize]
+    }
+
+    /// Where all vertices are.
+    pub fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+
+    /// Corners of a triangle before the surface was deformed.
+    pub fn rest_corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.mesh.corners(&self.mesh.rest, triangle as usize)
     }
 
     /// Normals at the corners of a triangle that stands for a curved surface.
@@ -148,69 +263,190 @@ impl Surface {
 
     /// Nearest triangle that the ray meets before `far`; of several at the same distance the first.
     pub fn nearest(&self, ray: &Ray, far: f64) -> Option<TriangleHit> {
-        let woop = Woop::new(ray);
-        let mut best: Option<TriangleHit> = None;
-        self.tree.walk(ray, far, |triangle, far| {
-            let Some((distance, barycentric)) = woop.intersect(&self.triangles[triangle as usize]) else {
-                return far;
-            };
-            let is_nearer = match &best {
-                None => distance <= far,
-                Some(hit) => distance < hit.distance || (distance <= hit.distance && triangle < hit.triangle),
-            };
-            if !is_nearer {
-                return far;
-            }
-            best = Some(TriangleHit {
-                distance,
-                triangle,
-                barycentric,
-            });
-            distance
-        });
-        best
+        self.nearest_at(ray, far, Level::best())
     }
 
-    /// Offer the triangles that rays of unit directions from one origin meet, near ones first, as far as they may be nearer
-    /// than the rays' `best` distances: `offer` of a ray and where it meets a triangle returns the ray's best distance.
-    pub fn search(
+    /// The same with an instruction set.
+    pub fn nearest_at(&self, ray: &Ray, far: f64, level: Level) -> Option<TriangleHit> {
+        level.run(Nearest {
+            surface: self,
+            ray,
+            far,
+            is_any_enough: false,
+        })
+    }
+
+    /// Whether the ray meets any triangle before `far`; ends at the first that is found.
+    pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
+        let nearest = Nearest {
+            surface: self,
+            ray,
+            far,
+            is_any_enough: true,
+        };
+        Level::best().run(nearest).is_some()
+    }
+
+    /// Whether leaves are so many that rays of a bundle may pass between.
+    pub fn is_fine(&self) -> bool {
+        self.leaves.len() > FINE
+    }
+
+    /// Point that the tree's coordinates are relative to.
+    pub fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
+    /// Look for triangles that are nearer than those that rays have met so far; see [`Search`].
+    #[inline(always)]
+    pub fn search<I: Isa, E: Exact>(
         &self,
-        level: Level,
-        rays: &[Ray],
-        best: &mut [f64; MOST_RAYS],
-        mut offer: impl FnMut(usize, TriangleHit) -> f64,
+        body: u32,
+        bundle: &Bundle,
+        start: f32,
+        best: &mut Best,
+        exact: &E,
+        (table, stack): (&mut Table, &mut Vec<u64>),
     ) {
-        let Some(first) = rays.first() else {
-            return;
-        };
-        let mut directions = [DVec3::ZERO; MOST_RAYS];
-        for (direction, ray) in directions.iter_mut().zip(rays) {
-            *direction = ray.direction;
-        }
-        let bundle = Bundle::new(first.origin, &directions[..rays.len()]);
-        let far = farthest(&best[..rays.len()]);
-        let mut exact: [Option<Woop>; MOST_RAYS] = [const { None }; MOST_RAYS];
-        let triangles = Triangles {
-            bundle: &bundle,
+        let far = best.farthest();
+        let mut search = Search {
+            bundle,
             leaves: &self.leaves,
+            reach: self.reach,
+            body,
+            is_fine: self.is_fine(),
+            start,
             best,
-            test: |ray: usize, leaf: usize, place: usize, best: f64| {
-                let triangle = self.wide.leaves[leaf][place];
-                let woop = exact[ray].get_or_insert_with(|| Woop::new(&rays[ray]));
-                match woop.intersect(&self.triangles[triangle as usize]) {
-                    Some((distance, barycentric)) if distance <= best => offer(
-                        ray,
-                        TriangleHit {
-                            distance,
-                            triangle,
-                            barycentric,
-                        },
-                    ),
-                    _ => best,
-                }
-            },
+            exact,
+            table,
         };
-        bundle.walk(level, &self.wide, far, triangles);
+        bundle.walk::<I>(&self.tree, far, stack, &mut search);
+    }
+}
+
+impl Mesh {
+    fn corners(&self, vertices: &[DVec3], triangle: usize) -> [DVec3; 3] {
+        let [a, b, c] = self.triangles[triangle];
+        [vertices[a as usize], vertices[b as usize], vertices[c as usize]]
+    }
+
+    fn bounds(&self, vertices: &[DVec3]) -> Bounds {
+        let all = self.triangles.iter().flatten();
+        Bounds::of(all.map(|vertex| vertices[*vertex as usize]))
+    }
+}
+
+/// Refuses coordinates that cannot be traced.
+fn check_vertices(vertices: &[DVec3]) -> Result<()> {
+    if let Some(bad) = vertices.iter().position(|v| !v.is_finite()) {
+        return Err(Error::value(
+            "vertices",
+            "finite coordinates [m]",
+            format!("{} at row {bad}", vertices[bad]),
+        ));
+    }
+    if let Some(bad) = vertices.iter().position(|v| v.abs().max_element() > LARGEST) {
+        let got = format!("{} at row {bad}", vertices[bad]);
+        return Err(Error::value(
+            "vertices",
+            format!("coordinates below {LARGEST:e} m"),
+            got,
+        ));
+    }
+    Ok(())
+}
+
+/// Largest coordinate of a box relative to its middle.
+fn reach(bounds: &Bounds) -> f32 {
+    let half = 0.5 * (bounds.max - bounds.min);
+    (half.max_element().max(0.0) as f32).next_up()
+}
+
+/// Looks for the nearest triangle of a ray.
+pub struct Nearest<'a> {
+    /// Where.
+    pub surface: &'a Surface,
+    /// In body coordinates.
+    pub ray: &'a Ray,
+    /// Nothing beyond is wanted.
+    pub far: f64,
+    /// Whether to end at the first that is found.
+    pub is_any_enough: bool,
+}
+
+impl Kernel for Nearest<'_> {
+    type Output = Option<TriangleHit>;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Self::Output {
+        let surface = self.surface;
+        let single = Single::new(self.ray.origin - surface.middle(), self.ray.direction);
+        let mut visitor = NearestVisitor {
+            surface,
+            single: &single,
+            woop: Woop::new(self.ray),
+            best: None,
+            far: self.far,
+            is_any_enough: self.is_any_enough,
+        };
+        single.walk::<I>(
+            &surface.tree,
+            above(self.far),
+            &mut Vec::with_capacity(64),
+            &mut visitor,
+        );
+        visitor.best
+    }
+}
+
+/// A distance in single precision that is no nearer.
+pub fn above(distance: f64) -> f32 {
+    let distance = distance.min(f64::from(f32::MAX)) as f32;
+    distance.next_up()
+}
+
+struct NearestVisitor<'a> {
+    surface: &'a Surface,
+    single: &'a Single,
+    woop: Woop,
+    best: Option<TriangleHit>,
+    far: f64,
+    is_any_enough: bool,
+}
+
+impl Visit for NearestVisitor<'_> {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, leaf: usize, _: &Node, _: usize) -> bool {
+        prefetch(&self.surface.leaves[leaf]);
+        true
+    }
+
+    #[inline(always)] // part of a kernel
+    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, _near: f32) -> f32 {
+        let leaf = &self.surface.leaves[leaf];
+        let mut met = self.single.may_meet::<I>(leaf, count, self.surface.reach);
+        while met != 0 {
+            let triangle = leaf.triangles[met.trailing_zeros() as usize];
+            met &= met - 1;
+            let Some((distance, barycentric)) = self.woop.intersect(&self.surface.corners(triangle)) else {
+                continue;
+            };
+            let is_first = self
+                .best
+                .is_none_or(|best| distance < best.distance || triangle < best.triangle);
+            if distance < self.far || (distance <= self.far && is_first) {
+                self.far = distance;
+                self.best = Some(TriangleHit {
+                    distance,
+                    triangle,
+                    barycentric,
+                });
+            }
+        }
+        if self.is_any_enough && self.best.is_some() {
+            return -1.0;
+        }
+        above(self.far)
     }
 }
 
@@ -223,14 +459,15 @@ pub fn area(t: &[DVec3; 3]) -> f64 {
 ///
 /// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
 /// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
-struct Woop {
+pub struct Woop {
     ray: Ray,
     axes: [usize; 3],
     shear: DVec3,
 }
 
 impl Woop {
-    fn new(ray: &Ray) -> Self {
+    /// Prepare a ray.
+    pub fn new(ray: &Ray) -> Self {
         let d = ray.direction;
         let z = if d.x.abs() >= d.y.abs().max(d.z.abs()) {
             0
@@ -247,16 +484,24 @@ impl Woop {
         }
     }
 
-    /// Distance and barycentric weights where the ray meets the triangle behind its start; edges belong to it.
-    fn intersect(&self, triangle: &[DVec3; 3]) -> Option<(f64, [f64; 3])> {
+    /// Twice the areas of the ray's point with the edges, seen along the ray.
+    fn sides(&self, triangle: &[DVec3; 3]) -> [f64; 3] {
         let [x, y, z] = self.axes;
         let [a, b, c] = triangle.map(|v| v - self.ray.origin);
         let shear = |v: DVec3| (v[x] - self.shear.x * v[z], v[y] - self.shear.y * v[z]);
         let ((ax, ay), (bx, by), (cx, cy)) = (shear(a), shear(b), shear(c));
+        [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax]
+    }
 
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
+    /// Barycentric weights where the ray meets the triangle's plane.
+    pub fn weights(&self, triangle: &[DVec3; 3]) -> [f64; 3] {
+        let [u, v, w] = self.sides(triangle);
+        [u, v, w].map(|side| side / (u + v + w))
+    }
+
+    /// Distance and barycentric weights where the ray meets the triangle behind its start; edges belong to it.
+    pub fn intersect(&self, triangle: &[DVec3; 3]) -> Option<(f64, [f64; 3])> {
+        let [u, v, w] = self.sides(triangle);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
@@ -266,6 +511,7 @@ impl Woop {
         }
 
         // The distance to the plane, from the normal: the interpolated one is less exact on needles.
+        let [a, b, c] = triangle.map(|v| v - self.ray.origin);
         let normal = (b - a).cross(c - a);
         let distance = normal.dot(a) / normal.dot(self.ray.direction);
         (distance > self.ray.start && distance.is_finite()).then(|| (distance, [u / sum, v / sum, w / sum]))
@@ -361,6 +607,54 @@ mod tests {
         (vertices, triangles)
     }
 
+    #[test]
+    fn a_deformed_surface_is_hit_as_one_made_of_its_vertices() {
+        let (vertices, triangles) = icosphere(3);
+        let mode = ShadingMode::Smooth { crease_angle: 0.8 };
+        let before = Surface::new(&vertices, &triangles, mode).unwrap();
+        let bend = |p: &DVec3| DVec3::new(p.x + 0.4 * p.y * p.y, 1.3 * p.y, p.z + 0.2 * (3.0 * p.x).sin());
+        let bent: Vec<DVec3> = vertices.iter().map(bend).collect();
+        // So much that the tree is of no use any more.
+        let torn: Vec<DVec3> = (0..vertices.len())
+            .map(|i| vertices[i * 389 % vertices.len()])
+            .collect();
+        for (places, is_rebuilt) in [(bent, false), (torn, true)] {
+            let deformed = before.deform(places.clone()).unwrap();
+            assert_eq!(deformed.built_cost != before.built_cost, is_rebuilt);
+            assert_eq!(deformed.fingerprint(), before.fingerprint());
+            assert_eq!(deformed.rest_corners(7), before.corners(7));
+            let fresh = Surface::new(&places, &triangles, mode).unwrap();
+            let mut state = 1;
+            let mut hits = 0;
+            for _ in 0..2000 {
+                let mut unit = || {
+                    state = mix(state);
+                    (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+                };
+                let ray = Ray {
+                    origin: 3.0 * DVec3::new(unit(), unit(), unit()),
+                    direction: DVec3::new(unit(), unit(), unit()),
+                    start: 0.0,
+                };
+                let [a, b] = [&deformed, &fresh].map(|s| s.nearest(&ray, f64::INFINITY));
+                let of = |hit: Option<TriangleHit>| hit.map(|h| (h.triangle, h.distance, h.barycentric));
+                assert_eq!(of(a), of(b));
+                assert_eq!(deformed.blocks(&ray, f64::INFINITY), a.is_some());
+                hits += usize::from(a.is_some());
+                if let Some(hit) = a {
+                    assert!(!deformed.blocks(&ray, hit.distance * (1.0 - 1e-12)));
+                }
+            }
+            assert!(hits > 100, "{hits}");
+        }
+        let same = before.deform(vertices).unwrap();
+        for triangle in 0..triangles.len() as u32 {
+            assert_eq!(same.corner_normals(triangle), before.corner_normals(triangle));
+        }
+        assert!(before.deform(vec![DVec3::ZERO; 3]).is_err());
+        assert!(before.deform(vec![DVec3::NAN; before.vertices().len()]).is_err());
+    }
+
     /// A million rays from inside at edges and vertices of a closed mesh, in single rays of the release path.
     #[test]
     fn no_ray_leaks_through_edges_or_vertices_of_a_closed_mesh() {
@@ -400,7 +694,7 @@ mod tests {
     fn degenerate_triangles_are_dropped_and_the_rest_keep_their_rows() {
         let vertices = [DVec3::ZERO, DVec3::X, DVec3::Y, 2.0 * DVec3::X];
         let surface = Surface::new(&vertices, &[[0, 0, 1], [0, 1, 3], [0, 1, 2]], ShadingMode::Flat).unwrap();
-        assert_eq!((surface.num_triangles(), surface.kept()), (1, &[2][..]));
+        assert_eq!((surface.num_triangles(), surface.kept()), (1, Some(&[2][..])));
     }
 
     #[test]

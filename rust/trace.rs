@@ -5,13 +5,14 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::bundle::{Bundle, MOST_RAYS, Visit, farthest};
-use crate::bvh::{Bounds, Ray, Tree, WideTree};
+use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS, Single, View, Visit};
+use crate::bvh::{Bounds, Node, Ray, Tree};
 use crate::error::{Result, fits_memory};
+use crate::leaf::Table;
 use crate::motion::Pose;
-use crate::rays::{ImagePlane, Tile};
-use crate::simd::{Isa, Level};
-use crate::surface::Surface;
+use crate::rays::{ImagePlane, TILE};
+use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::surface::{Nearest, Surface, Woop, above};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
@@ -23,17 +24,16 @@ const NEAREST: f64 = 1e-9;
 pub struct Snapshot {
     surfaces: Vec<Arc<Surface>>,
     poses: Vec<Pose>,
-    /// Tree over the boxes of the bodies that have triangles; its primitive `i` is body `bodies[i]`.
+    views: Vec<View>,
+    /// Over the boxes of the bodies that have triangles: one body per leaf.
     top: Tree,
-    /// The same tree for bundles of rays.
-    wide: WideTree,
     bodies: Vec<u32>,
 }
 
 /// Nearest surface along a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
-    /// Distance along the ray [m]; infinite where nothing was hit.
+    /// Distance in lengths of the ray's direction; infinite where nothing was hit.
     pub distance: f64,
     /// Number of the body, or [`NO_BODY`].
     pub body: u32,
@@ -63,45 +63,27 @@ pub struct Hits {
     pub body: Vec<u32>,
     /// Number of the triangle in the body's surface.
     pub triangle: Vec<u32>,
-    /// Weights of the triangle's corners.
-    pub barycentric: Vec<[f64; 3]>,
-}
-
-impl Hits {
-    /// The hit of one pixel.
-    pub fn get(&self, pixel: usize) -> Hit {
-        Hit {
-            distance: self.distance[pixel],
-            body: self.body[pixel],
-            triangle: self.triangle[pixel],
-            barycentric: self.barycentric[pixel],
-        }
-    }
 }
 
 impl Snapshot {
     /// Put surface `i` at pose `i`. Trees of surfaces stay as they are; only the few boxes above are sorted anew.
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
         let with_triangles = |i: &u32| surfaces[*i as usize].num_triangles() > 0;
-        let bodies: Vec<u32> = (0..surfaces.len() as u32).filter(with_triangles).collect();
-        let boxes: Vec<Bounds> = bodies
+        let all: Vec<u32> = (0..surfaces.len() as u32).filter(with_triangles).collect();
+        let boxes: Vec<Bounds> = all
             .iter()
             .map(|&i| {
-                Bounds::of(
-                    surfaces[i as usize]
-                        .bounds()
-                        .corners()
-                        .map(|c| poses[i as usize].point(c)),
-                )
+                let corners = surfaces[i as usize].bounds().corners();
+                Bounds::of(corners.map(|corner| poses[i as usize].point(corner)))
             })
             .collect();
-        let top = Tree::build(&boxes);
+        let (top, leaves) = Tree::build(boxes.len(), 1, |i| boxes[i]);
         Self {
+            bodies: leaves.iter().map(|leaf| all[leaf[0] as usize]).collect(),
             surfaces,
+            views: poses.iter().map(View::new).collect(),
             poses,
-            wide: top.widen(1),
             top,
-            bodies,
         }
     }
 
@@ -120,31 +102,44 @@ impl Snapshot {
         self.surfaces.len()
     }
 
-    /// Nearest hit of one ray of the sensor frame (unit direction); of several at the same distance the first body's.
+    /// Nearest hit of one ray of the sensor frame; of several at the same distance the first body's.
     pub fn cast(&self, ray: &Ray) -> Hit {
-        let mut best = Hit::MISS;
-        self.top.walk(ray, f64::INFINITY, |i, far| {
-            let body = self.bodies[i as usize];
-            let pose = &self.poses[body as usize];
-            let local = Ray {
+        self.cast_at(ray, Level::best())
+    }
+
+    /// The same with an instruction set.
+    pub fn cast_at(&self, ray: &Ray, level: Level) -> Hit {
+        level.run(CastOne { snapshot: self, ray })
+    }
+
+    /// Whether anything stands in the way of a ray of the sensor frame before `far`; ends at the first that is found.
+    pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
+        let mut bodies = self.bodies.iter();
+        bodies.any(|&body| {
+            let pose = self.pose(body);
+            let ray = Ray {
                 origin: pose.point_to_body(ray.origin),
                 direction: pose.direction_to_body(ray.direction),
                 start: ray.start,
             };
-            let Some(hit) = self.surfaces[body as usize].nearest(&local, far) else {
-                return far;
-            };
-            if hit.distance < best.distance || (hit.distance <= best.distance && body < best.body) {
-                best = Hit {
-                    distance: hit.distance,
-                    body,
-                    triangle: hit.triangle,
-                    barycentric: hit.barycentric,
-                };
-            }
-            best.distance
-        });
-        best
+            self.surface(body).blocks(&ray, far)
+        })
+    }
+
+    /// Where a ray `(1, u, v)` meets a triangle.
+    pub fn barycentric(&self, body: u32, triangle: u32, direction: DVec3) -> [f64; 3] {
+        let ray = self.ray_to_body(body, direction);
+        Woop::new(&ray).weights(&self.surfaces[body as usize].corners(triangle))
+    }
+
+    /// A ray from the sensor as a body sees it.
+    fn ray_to_body(&self, body: u32, direction: DVec3) -> Ray {
+        let pose = &self.poses[body as usize];
+        Ray {
+            origin: pose.point_to_body(DVec3::ZERO),
+            direction: pose.direction_to_body(direction),
+            start: NEAREST,
+        }
     }
 
     /// Hits of all pixels, tile by tile in parallel: those of rays one by one, [`Self::cast`], to the last bit.
@@ -155,104 +150,292 @@ impl Snapshot {
     /// The same with an instruction set.
     pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
         plane.check()?;
-        // Twice: by tiles and, copied from them, by rows.
-        fits_memory("hits", &[plane.rows, plane.columns], 2 * size_of::<Hit>())?;
+        fits_memory(
+            "hits",
+            &[plane.rows, plane.columns],
+            size_of::<f64>() + 2 * size_of::<u32>(),
+        )?;
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,
-            distance: vec![f64::INFINITY; num_pixels],
-            body: vec![NO_BODY; num_pixels],
-            triangle: vec![u32::MAX; num_pixels],
-            barycentric: vec![[0.0; 3]; num_pixels],
+            distance: vec![0.0; num_pixels],
+            body: vec![0; num_pixels],
+            triangle: vec![0; num_pixels],
         };
-        let tiles: Vec<(Tile, [Hit; MOST_RAYS])> = (0..plane.num_tiles())
-            .into_par_iter()
-            .map(|index| {
-                let tile = plane.tile(index);
-                (tile, self.cast_tile(plane, &tile, level))
-            })
-            .collect();
-        for (tile, tile_hits) in tiles {
+        let band = TILE * plane.columns;
+        let distance = hits.distance.par_chunks_mut(band);
+        let body = hits.body.par_chunks_mut(band);
+        let triangle = hits.triangle.par_chunks_mut(band);
+        distance
+            .zip_eq(body)
+            .zip_eq(triangle)
+            .enumerate()
+            .for_each(|(index, ((distance, body), triangle))| {
+                level.run(CastBand {
+                    snapshot: self,
+                    plane,
+                    index,
+                    distance,
+                    body,
+                    triangle,
+                });
+            });
+        Ok(hits)
+    }
+}
+
+/// Casts one ray.
+struct CastOne<'a> {
+    snapshot: &'a Snapshot,
+    ray: &'a Ray,
+}
+
+impl Kernel for CastOne<'_> {
+    type Output = Hit;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Hit {
+        let mut visitor = OneAtBodies {
+            snapshot: self.snapshot,
+            ray: self.ray,
+            best: Hit::MISS,
+        };
+        let single = Single::new(self.ray.origin, self.ray.direction);
+        single.walk::<I>(&self.snapshot.top, f32::MAX, &mut Vec::with_capacity(64), &mut visitor);
+        visitor.best
+    }
+}
+
+struct OneAtBodies<'a> {
+    snapshot: &'a Snapshot,
+    ray: &'a Ray,
+    best: Hit,
+}
+
+impl Visit for OneAtBodies<'_> {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
+        true
+    }
+
+    #[inline(always)] // part of a kernel
+    fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
+        let body = self.snapshot.bodies[leaf];
+        let pose = self.snapshot.pose(body);
+        let ray = Ray {
+            origin: pose.point_to_body(self.ray.origin),
+            direction: pose.direction_to_body(self.ray.direction),
+            start: self.ray.start,
+        };
+        let nearest = Nearest {
+            surface: self.snapshot.surface(body),
+            ray: &ray,
+            far: self.best.distance,
+            is_any_enough: false,
+        };
+        if let Some(hit) = nearest.run::<I>()
+            && (hit.distance < self.best.distance || body < self.best.body)
+        {
+            self.best = Hit {
+                distance: hit.distance,
+                body,
+                triangle: hit.triangle,
+                barycentric: hit.barycentric,
+            };
+        }
+        above(self.best.distance)
+    }
+}
+
+/// Casts the rays of a row of tiles.
+struct CastBand<'a> {
+    snapshot: &'a Snapshot,
+    plane: &'a ImagePlane,
+    /// Number of the row of tiles.
+    index: usize,
+    distance: &'a mut [f64],
+    body: &'a mut [u32],
+    triangle: &'a mut [u32],
+}
+
+impl Kernel for CastBand<'_> {
+    type Output = ();
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) {
+        let columns = self.plane.columns;
+        let tiles = columns.div_ceil(TILE);
+        let mut scratch = Scratch {
+            fan: Fan::EMPTY,
+            bundle: Bundle::EMPTY,
+            best: Best::EMPTY,
+            table: Table::EMPTY,
+            stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
+            distance: [0.0; MOST_RAYS],
+        };
+        for index in 0..tiles {
+            let tile = self.plane.tile(self.index * tiles + index);
+            scratch.fan.aim::<I>(self.plane, &tile);
+            self.snapshot.search::<I>(&mut scratch);
+            self.snapshot
+                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            let (best, distance) = (&scratch.best, &scratch.distance);
             for row in 0..tile.rows {
-                for column in 0..tile.columns {
-                    let hit = &tile_hits[row * tile.columns + column];
-                    let pixel = (tile.row + row) * plane.columns + tile.column + column;
-                    hits.distance[pixel] = hit.distance;
-                    hits.body[pixel] = hit.body;
-                    hits.triangle[pixel] = hit.triangle;
-                    hits.barycentric[pixel] = hit.barycentric;
+                // A row of a tile is in two packets.
+                let pixel = row * columns + tile.column;
+                // A row of a tile is in two packets.
+                for first in (0..tile.columns).step_by(TILE / 2) {
+                    let (from, to) = (Fan::ray(row, first), pixel + first);
+                    let number = (tile.columns - first).min(TILE / 2);
+                    copy(&mut self.distance[to..], &distance[from..], number);
+                    copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
+                    copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
                 }
             }
         }
-        Ok(hits)
+    }
+}
+
+/// The first numbers, nearly always half a tile's row of them.
+#[inline(always)]
+fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
+    const ALL: usize = TILE / 2;
+    if number == ALL
+        && let (Some(to), Some(from)) = (to.first_chunk_mut::<ALL>(), from.first_chunk::<ALL>())
+    {
+        *to = *from;
+    } else {
+        to[..number].copy_from_slice(&from[..number]);
+    }
+}
+
+/// What the rays of a tile are and find, kept from tile to tile.
+struct Scratch {
+    fan: Fan,
+    bundle: Bundle,
+    best: Best,
+    table: Table,
+    stacks: [Vec<u64>; 2],
+    /// [m]
+    distance: [f64; MOST_RAYS],
+}
+
+impl Snapshot {
+    /// Nearest triangles of the rays of a tile.
+    #[inline(always)]
+    fn search<I: Isa>(&self, scratch: &mut Scratch) {
+        let fan = &scratch.fan;
+        scratch.best.clear::<I>(&fan.valid);
+        let [top, stack] = &mut scratch.stacks;
+        let mut bodies = Bodies {
+            snapshot: self,
+            fan,
+            bundle: &mut scratch.bundle,
+            best: &mut scratch.best,
+            table: &mut scratch.table,
+            stack,
+        };
+        fan.walk::<I>(&self.top, top, &mut bodies);
     }
 
-    /// Hits of one tile, row by row.
-    fn cast_tile(&self, plane: &ImagePlane, tile: &Tile, level: Level) -> [Hit; MOST_RAYS] {
-        let mut directions = [DVec3::ZERO; MOST_RAYS];
-        let num_rays = tile.rows * tile.columns;
-        for (i, direction) in directions[..num_rays].iter_mut().enumerate() {
-            *direction = plane.direction(tile.row + i / tile.columns, tile.column + i % tile.columns);
+    /// Distances of the triangles that were found [m], infinite where there is none.
+    #[inline(always)]
+    fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+        let splat = <I::F64 as Vector>::splat;
+        let lanes = I::F64::LANES;
+        let mut height = [f64::INFINITY; MOST_RAYS];
+        let mut slope = [1.0; MOST_RAYS];
+        let mut rest = fan.valid;
+        for packet in 0..PACKETS {
+            rest[packet] &= !I::equal(&best.body[packet], NO_BODY);
         }
-        let directions = &directions[..num_rays];
-        let mut hits = [Hit::MISS; MOST_RAYS];
-        let bodies = Bodies {
-            snapshot: self,
-            level,
-            directions,
-            best: [f64::INFINITY; MOST_RAYS],
-            hits: &mut hits,
-        };
-        Bundle::new(DVec3::ZERO, directions).walk(level, &self.wide, f32::INFINITY, bodies);
-        hits
+        for packet in 0..PACKETS {
+            while rest[packet] != 0 {
+                // All rays that meet one triangle; as `Woop::intersect` does.
+                let lane = rest[packet].trailing_zeros() as usize;
+                let (body, triangle) = (best.body[packet][lane], best.triangle[packet][lane]);
+                let view = &self.views[body as usize];
+                let [a, b, c] = self.surface(body).corners(triangle);
+                let (a, b, c) = (a - view.origin, b - view.origin, c - view.origin);
+                let normal = (b - a).cross(c - a);
+                let above = splat(normal.dot(a));
+                let (x, y, z) = (splat(normal.x), splat(normal.y), splat(normal.z));
+                for other in packet..PACKETS {
+                    let same =
+                        rest[other] & I::equal(&best.triangle[other], triangle) & I::equal(&best.body[other], body);
+                    rest[other] &= !same;
+                    for half in 0..PACKET / lanes {
+                        let bits = same >> (half * lanes) & 0xff;
+                        if bits == 0 {
+                            continue;
+                        }
+                        let first = other * PACKET + half * lanes;
+                        let direction = view.direction(I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let [dx, dy, dz] = direction;
+                        let along = x.mul(dx).add(y.mul(dy)).add(z.mul(dz));
+                        along
+                            .select(bits, I::F64::load(&slope[first..]))
+                            .store(&mut slope[first..]);
+                        above
+                            .select(bits, I::F64::load(&height[first..]))
+                            .store(&mut height[first..]);
+                    }
+                }
+            }
+        }
+        for first in (0..MOST_RAYS).step_by(lanes) {
+            let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+            let length = splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
+            let t = I::F64::load(&height[first..]).div(I::F64::load(&slope[first..]));
+            t.mul(length).store(&mut distance[first..]);
+        }
     }
 }
 
 /// Casts the rays of a tile at bodies.
 struct Bodies<'a> {
     snapshot: &'a Snapshot,
-    level: Level,
-    directions: &'a [DVec3],
-    best: [f64; MOST_RAYS],
-    hits: &'a mut [Hit; MOST_RAYS],
+    fan: &'a Fan,
+    bundle: &'a mut Bundle,
+    best: &'a mut Best,
+    table: &'a mut Table,
+    stack: &'a mut Vec<u64>,
 }
 
 impl Visit for Bodies<'_> {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
+        true
+    }
+
     #[inline(always)] // part of a kernel
-    fn visit<I: Isa>(&mut self, leaf: usize, count: usize) -> Option<f32> {
-        let snapshot = self.snapshot;
-        for i in &snapshot.wide.leaves[leaf][..count] {
-            let body = snapshot.bodies[*i as usize];
-            let pose = &snapshot.poses[body as usize];
-            let mut rays = [Ray {
-                origin: pose.point_to_body(DVec3::ZERO),
-                direction: DVec3::ZERO,
-                start: NEAREST,
-            }; MOST_RAYS];
-            for (ray, direction) in rays.iter_mut().zip(self.directions) {
-                ray.direction = pose.direction_to_body(*direction);
-            }
-            let hits = &mut *self.hits;
-            let surface = &snapshot.surfaces[body as usize];
-            surface.search(
-                self.level,
-                &rays[..self.directions.len()],
-                &mut self.best,
-                |ray, hit| {
-                    let best = &mut hits[ray];
-                    if hit.distance < best.distance || (body, hit.triangle) < (best.body, best.triangle) {
-                        *best = Hit {
-                            distance: hit.distance,
-                            body,
-                            triangle: hit.triangle,
-                            barycentric: hit.barycentric,
-                        };
-                    }
-                    best.distance
-                },
-            );
-        }
-        Some(farthest(&self.best[..self.directions.len()]))
+    fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
+        let body = self.snapshot.bodies[leaf];
+        let surface = self.snapshot.surface(body);
+        let view = &self.snapshot.views[body as usize];
+        self.bundle
+            .aim::<I>(self.fan, view, surface.middle(), surface.is_fine());
+        let exact = ExactRays {
+            snapshot: self.snapshot,
+            fan: self.fan,
+        };
+        let scratch = (&mut *self.table, &mut *self.stack);
+        surface.search::<I, _>(body, self.bundle, NEAREST as f32, self.best, &exact, scratch);
+        self.best.farthest()
+    }
+}
+
+/// Exact tests of the rays of a tile.
+struct ExactRays<'a> {
+    snapshot: &'a Snapshot,
+    fan: &'a Fan,
+}
+
+impl Exact for ExactRays<'_> {
+    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<f64> {
+        let ray = self.snapshot.ray_to_body(body, self.fan.direction(ray));
+        let corners = self.snapshot.surface(body).corners(triangle);
+        Woop::new(&ray).intersect(&corners).map(|(distance, _)| distance)
     }
 }
 
@@ -282,19 +465,17 @@ mod tests {
         for level in Level::available() {
             let hits = scene.cast_image_at(plane, level).unwrap();
             for pixel in 0..plane.num_pixels() {
-                let direction = plane.direction(pixel / plane.columns, pixel % plane.columns);
+                let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+                let direction = DVec3::new(1.0, u, v);
                 let ray = Ray {
                     origin: DVec3::ZERO,
                     direction,
                     start: NEAREST,
                 };
-                let (one, all) = (scene.cast(&ray), hits.get(pixel));
-                assert_eq!((one.body, one.triangle), (all.body, all.triangle), "{pixel} {level:?}");
-                assert_eq!(
-                    (one.distance, one.barycentric),
-                    (all.distance, all.barycentric),
-                    "{pixel}"
-                );
+                let one = scene.cast_at(&ray, level);
+                let all = (hits.body[pixel], hits.triangle[pixel], hits.distance[pixel]);
+                let distance = one.distance * direction.length();
+                assert_eq!((one.body, one.triangle, distance), all, "{pixel} {level:?}");
                 count += usize::from(one.body != NO_BODY);
             }
         }

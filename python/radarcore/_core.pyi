@@ -138,8 +138,12 @@ class Surface:
     def __new__(
         cls, vertices: NDArray[np.float64], triangles: NDArray[np.uint32], *, crease_angle: float | None = None
     ) -> Surface: ...
-    def kept(self) -> NDArray[np.uint32]:
-        """Rows of the triangles that were kept, (m,)."""
+    def kept(self) -> NDArray[np.uint32] | None:
+        """Rows of the triangles that were kept, (m,); None where all were."""
+
+    @property
+    def memory(self) -> tuple[int, int]:
+        """Memory of triangles, tree and shading, and of the vertices [bytes]."""
 
 @final
 class Scene:

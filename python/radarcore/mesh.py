@@ -68,11 +68,11 @@ class Mesh:
         crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
         self._surface = _core.Surface(self.vertices, rows, crease_angle=crease_angle)
         kept = self._surface.kept()
-        self.num_dropped = len(rows) - len(kept)
-        self.triangles = rows if self.num_dropped == 0 else rows[kept]
+        self.num_dropped = 0 if kept is None else len(rows) - len(kept)
+        self.triangles = rows if kept is None else rows[kept]
         self.vertices.flags.writeable = False
         self.triangles.flags.writeable = False
-        if len(rows) > 0 and len(kept) == 0:
+        if len(rows) > 0 and len(self.triangles) == 0:
             warnings.warn(
                 f"triangles: expected some with an area above 1e-18 m^2, got {len(rows)} degenerate ones; "
                 "the mesh is empty",

@@ -72,6 +72,12 @@ class Scene:
         return sum(len(body.mesh.triangles) for _, body in self._meshed)
 
     @property
+    def memory(self) -> int:
+        """Memory of all triangles, trees and vertices in the core [bytes]; a mesh that several bodies share counts once."""
+        surfaces = {id(body.mesh._surface): body.mesh._surface for _, body in self._meshed}
+        return sum(sum(surface.memory) for surface in surfaces.values())
+
+    @property
     def is_static(self) -> bool:
         """True when nothing ever moves."""
         return bool(self._are_still.all()) and not self._velocities.any()
