@@ -73,7 +73,7 @@ class Scene:
 
     @property
     def memory(self) -> int:
-        """Memory of all triangles, trees and vertices in the core [bytes]; a mesh that several bodies share counts once."""
+        """Memory of triangles, trees and vertices in the core [bytes]; a mesh that bodies share counts once."""
         surfaces = {id(body.mesh._surface): body.mesh._surface for _, body in self._meshed}
         return sum(sum(surface.memory) for surface in surfaces.values())
 
