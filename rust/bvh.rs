@@ -29,10 +29,21 @@ impl Bounds {
 
     /// The smallest box round some points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |b, p| Self {
-            min: b.min.min(p),
-            max: b.max.max(p),
-        })
+        let mut bounds = Self::EMPTY;
+        for point in points {
+            bounds.min = bounds.min.min(point);
+            bounds.max = bounds.max.max(point);
+        }
+        bounds
+    }
+
+    /// The smallest box round a triangle.
+    #[inline]
+    pub fn of_triangle([a, b, c]: &[DVec3; 3]) -> Self {
+        Self {
+            min: a.min(*b).min(*c),
+            max: a.max(*b).max(*c),
+        }
     }
 
     /// The smallest box round both.
@@ -40,6 +51,14 @@ impl Bounds {
         Self {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
+        }
+    }
+
+    /// The same box elsewhere.
+    pub fn moved(&self, by: DVec3) -> Self {
+        Self {
+            min: self.min + by,
+            max: self.max + by,
         }
     }
 
@@ -65,23 +84,12 @@ impl Bounds {
 
     /// The same box in f32, rounded outwards.
     fn outward(&self) -> Aabb {
-        let down = |x: f64| {
-            if f64::from(x as f32) > x {
-                (x as f32).next_down()
-            } else {
-                x as f32
-            }
-        };
-        let up = |x: f64| {
-            if f64::from(x as f32) < x {
-                (x as f32).next_up()
-            } else {
-                x as f32
-            }
-        };
+        // More than half a step of the nearest number, whatever its size.
+        let step = |x: Vec3A| x.abs() * f32::EPSILON + Vec3A::splat(f32::MIN_POSITIVE);
+        let (min, max) = (self.min.as_vec3a(), self.max.as_vec3a());
         Aabb {
-            min: Vec3A::new(down(self.min.x), down(self.min.y), down(self.min.z)),
-            max: Vec3A::new(up(self.max.x), up(self.max.y), up(self.max.z)),
+            min: min - step(min),
+            max: max + step(max),
         }
     }
 }
@@ -187,12 +195,13 @@ pub const MOST_PRIMITIVES: usize = 1 << 27;
 /// Primitives of a leaf, the last one repeated.
 pub type Primitives = [u32; WIDTH];
 
-/// obvhs preset: trees whose images are within 15 % of the best at a seventh of the build time.
+/// obvhs preset: images take as long as with trees that take three times as long to build
+/// (`cargo bench --bench trace`, rooms; search distance 6 and reinsertion of 2 %).
 const BUILD: BvhBuildParams = BvhBuildParams {
     pre_split: false,
-    ploc_search_distance: PlocSearchDistance::Low,
+    ploc_search_distance: PlocSearchDistance::VeryLow,
     search_depth_threshold: 2,
-    reinsertion_batch_ratio: 0.02,
+    reinsertion_batch_ratio: 0.0,
     post_collapse_reinsertion_batch_ratio_multiplier: 0.0,
     sort_precision: SortPrecision::U64,
     max_prims_per_leaf: 1,
@@ -227,7 +236,9 @@ impl Tree {
                 let boxes: Vec<Aabb> = (0..number).into_par_iter().map(|i| bounds(i).outward()).collect();
                 let binary = build_bvh2(&boxes, BUILD, &mut std::time::Duration::default());
                 drop(boxes);
-                collapse(&binary, most, &mut leaves)
+                let nodes;
+                (nodes, leaves) = Collapse::new(&binary, most).run();
+                nodes
             }
         };
         let tree = Self {
@@ -293,25 +304,68 @@ impl Node {
     }
 }
 
-/// Opens nodes of two children until there are [`WIDTH`], the largest first. Subtrees of at most `most` primitives become
-/// a leaf.
-fn collapse(binary: &Bvh2, most: usize, leaves: &mut Vec<Primitives>) -> Vec<Node> {
-    let counts = counts(binary);
-    let from = &binary.nodes;
-    let is_leaf = |node: usize| counts[node] as usize <= most;
-    let mut nodes = vec![Node::EMPTY];
-    let mut rest = vec![(0, 0)];
-    while let Some((node, to)) = rest.pop() {
-        let mut children = [0; WIDTH];
-        let mut areas = [f32::NEG_INFINITY; WIDTH];
+/// Opens nodes of two children until there are [`WIDTH`], the largest first.
+struct Collapse<'a> {
+    binary: &'a Bvh2,
+    /// Subtrees of at most so many primitives become a leaf.
+    most: usize,
+    /// Primitives below every node.
+    counts: Vec<u32>,
+}
+
+impl<'a> Collapse<'a> {
+    fn new(binary: &'a Bvh2, most: usize) -> Self {
+        let nodes = &binary.nodes;
+        debug_assert!(binary.children_are_ordered_after_parents);
+        let mut counts = vec![0; nodes.len()];
+        for (i, node) in nodes.iter().enumerate().rev() {
+            let first = node.first_index as usize;
+            counts[i] = if node.prim_count > 0 {
+                node.prim_count
+            } else {
+                counts[first] + counts[first + 1]
+            };
+        }
+        Self { binary, most, counts }
+    }
+
+    /// Nodes and leaves: the largest nodes first, then whole subtrees, each on its own thread.
+    fn run(&self) -> (Vec<Node>, Vec<Primitives>) {
+        const PARTS: u32 = 256;
+        let is_small = |node: usize| self.counts[node] <= self.counts[0] / PARTS;
+        let mut whole = Part::default();
+        let parts = whole.grow(self, 0, is_small);
+        let grown: Vec<Part> = parts
+            .par_iter()
+            .map(|&(_, _, node)| {
+                let mut part = Part::default();
+                part.grow(self, node, |_| false);
+                part
+            })
+            .collect();
+        for ((parent, place, _), part) in parts.into_iter().zip(grown) {
+            whole.nodes[parent].child[place] = Child(whole.nodes.len() as u32);
+            whole.append(part);
+        }
+        (whole.nodes, whole.leaves)
+    }
+
+    fn is_leaf(&self, node: usize) -> bool {
+        self.counts[node] as usize <= self.most
+    }
+
+    /// The children of a node of the new tree, and how many they are.
+    fn open(&self, node: usize) -> ([usize; WIDTH], usize) {
+        let nodes = &self.binary.nodes;
         let area = |node: usize| {
-            if is_leaf(node) {
+            if self.is_leaf(node) {
                 f32::NEG_INFINITY
             } else {
-                from[node].aabb().half_area()
+                nodes[node].aabb().half_area()
             }
         };
-        (children[0], areas[0]) = (node, f32::INFINITY);
+        let mut children = [node; WIDTH];
+        let mut areas = [f32::INFINITY; WIDTH];
         let mut number = 1;
         while number < WIDTH {
             let mut largest = 0;
@@ -321,64 +375,89 @@ fn collapse(binary: &Bvh2, most: usize, leaves: &mut Vec<Primitives>) -> Vec<Nod
             if areas[largest] == f32::NEG_INFINITY {
                 break;
             }
-            let first = from[children[largest]].first_index as usize;
+            let first = nodes[children[largest]].first_index as usize;
             (children[largest], areas[largest]) = (first, area(first));
             (children[number], areas[number]) = (first + 1, area(first + 1));
             number += 1;
         }
-        for (place, child) in children[..number].iter().copied().enumerate() {
-            nodes[to].set_box(place, from[child].aabb());
-            if is_leaf(child) {
-                nodes[to].child[place] = Child::leaf(leaves.len(), counts[child] as usize);
-                leaves.push(primitives(binary, child));
+        (children, number)
+    }
+
+    /// The primitives below a node, at most [`WIDTH`].
+    fn primitives(&self, node: usize) -> Primitives {
+        let mut primitives = [0; WIDTH];
+        let mut rest = [0; WIDTH];
+        let (mut count, mut waiting) = (0, 1);
+        rest[0] = node;
+        while waiting > 0 {
+            waiting -= 1;
+            let node = &self.binary.nodes[rest[waiting]];
+            let first = node.first_index as usize;
+            if node.prim_count > 0 {
+                for primitive in &self.binary.primitive_indices[first..first + node.prim_count as usize] {
+                    primitives[count..].fill(*primitive);
+                    count += 1;
+                }
             } else {
-                nodes[to].child[place] = Child(nodes.len() as u32);
-                rest.push((child, nodes.len()));
-                nodes.push(Node::EMPTY);
+                (rest[waiting], rest[waiting + 1]) = (first + 1, first);
+                waiting += 2;
             }
         }
+        primitives
     }
-    nodes
 }
 
-/// Primitives below every node.
-fn counts(binary: &Bvh2) -> Vec<u32> {
-    let mut counts = vec![0; binary.nodes.len()];
-    let mut rest = vec![(0, false)];
-    while let Some((node, is_known)) = rest.pop() {
-        let first = binary.nodes[node].first_index as usize;
-        if binary.nodes[node].prim_count > 0 {
-            counts[node] = binary.nodes[node].prim_count;
-        } else if is_known {
-            counts[node] = counts[first] + counts[first + 1];
-        } else {
-            rest.extend([(node, true), (first, false), (first + 1, false)]);
-        }
-    }
-    counts
+/// A part of the new tree.
+#[derive(Default)]
+struct Part {
+    nodes: Vec<Node>,
+    leaves: Vec<Primitives>,
 }
 
-/// The primitives below a node, at most [`WIDTH`].
-fn primitives(binary: &Bvh2, node: usize) -> Primitives {
-    let mut primitives = [0; WIDTH];
-    let mut rest = [0; WIDTH];
-    let (mut count, mut waiting) = (0, 1);
-    rest[0] = node;
-    while waiting > 0 {
-        waiting -= 1;
-        let node = &binary.nodes[rest[waiting]];
-        let first = node.first_index as usize;
-        if node.prim_count > 0 {
-            for primitive in &binary.primitive_indices[first..first + node.prim_count as usize] {
-                primitives[count..].fill(*primitive);
-                count += 1;
+impl Part {
+    /// Grow from a node; returns parent, place and node of the subtrees that are left out.
+    fn grow(
+        &mut self,
+        collapse: &Collapse,
+        root: usize,
+        is_left_out: impl Fn(usize) -> bool,
+    ) -> Vec<(usize, usize, usize)> {
+        let mut left_out = Vec::new();
+        self.nodes.push(Node::EMPTY);
+        let mut rest = vec![(root, 0)];
+        while let Some((node, to)) = rest.pop() {
+            let (children, number) = collapse.open(node);
+            for (place, child) in children[..number].iter().copied().enumerate() {
+                self.nodes[to].set_box(place, collapse.binary.nodes[child].aabb());
+                if collapse.is_leaf(child) {
+                    self.nodes[to].child[place] = Child::leaf(self.leaves.len(), collapse.counts[child] as usize);
+                    self.leaves.push(collapse.primitives(child));
+                } else if is_left_out(child) {
+                    left_out.push((to, place, child));
+                } else {
+                    self.nodes[to].child[place] = Child(self.nodes.len() as u32);
+                    rest.push((child, self.nodes.len()));
+                    self.nodes.push(Node::EMPTY);
+                }
             }
-        } else {
-            (rest[waiting], rest[waiting + 1]) = (first + 1, first);
-            waiting += 2;
         }
+        left_out
     }
-    primitives
+
+    /// Put another part behind this one.
+    fn append(&mut self, mut part: Self) {
+        let (nodes, leaves) = (self.nodes.len(), self.leaves.len());
+        for child in part.nodes.iter_mut().flat_map(|node| &mut node.child) {
+            if child.0 != u32::MAX {
+                *child = match child.kind() {
+                    Kind::Node(node) => Child((node + nodes) as u32),
+                    Kind::Leaf(leaf, count) => Child::leaf(leaf + leaves, count),
+                };
+            }
+        }
+        self.nodes.append(&mut part.nodes);
+        self.leaves.append(&mut part.leaves);
+    }
 }
 
 #[cfg(test)]

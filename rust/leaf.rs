@@ -40,7 +40,7 @@ pub struct Leaf {
 
 impl Leaf {
     /// From the corners of [`WIDTH`] triangles, relative to the middle of the surface.
-    pub fn new(triangles: [u32; WIDTH], corners: impl Fn(u32) -> [DVec3; 3]) -> Self {
+    pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
         let mut leaf = Self {
             corners: [[[0.0; WIDTH]; 3]; 3],
             triangles,

@@ -535,7 +535,8 @@ impl Scene {
     /// are taken over where no body has moved. `beam`, the exponents of the pattern over azimuth and elevation and the least
     /// gain of interest there and back relative to the peak, and `skip_empty` say which tiles of the image are left out.
     #[pyo3(signature = (
-        poses, *, rows, columns, half_width, half_height, previous=None, beam=None, skip_empty=true, threads=None
+        poses, *, rows, columns, half_width, half_height, previous=None, beam=None, skip_empty=true, with_cosines=false,
+        threads=None
     ))]
     fn cast(
         &self,
@@ -548,6 +549,7 @@ impl Scene {
         previous: Option<PyRef<'_, Hits>>,
         beam: Option<(f64, f64, f64)>,
         skip_empty: bool,
+        with_cosines: bool,
         threads: Option<usize>,
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
@@ -564,6 +566,7 @@ impl Scene {
         let cast = Cast {
             beam,
             skip_empty,
+            with_cosines,
             previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
             ..Cast::default()
         };
@@ -613,11 +616,14 @@ impl Hits {
     /// Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let cosines = match self.shown.get() {
-            Some(shown) => shown.cosine.clone(),
-            None => compute(py, threads, || Ok(Shown::cosines(&self.snapshot, &self.image)))?,
-        };
-        self.image(cosines.into_pyarray(py))
+        check_threads(threads)?;
+        match &self.image.cosine {
+            Some(cosine) => self.image(PyArray1::from_slice(py, cosine)),
+            None => {
+                let shown = compute(py, threads, || Ok(self.shown()))?;
+                self.image(PyArray1::from_slice(py, &shown.cosine))
+            }
+        }
     }
 
     /// Distance along the ray to the surface that the facets stand for [m], (rows, columns), and its unit normal

@@ -1,6 +1,6 @@
 //! What the pixels of an image show: the curved surface that a facet stands for, its distance and its normal, tile by tile.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::bundle::{Fan, MOST_RAYS, PACKET, PACKETS};
@@ -44,26 +44,11 @@ impl Shown {
                 hits,
                 index,
                 cosine,
-                rest: Some((distance, normal)),
+                distance,
+                normal,
             });
         });
         shown
-    }
-
-    /// Only the cosines.
-    pub fn cosines(snapshot: &Snapshot, hits: &Hits) -> Vec<f64> {
-        let mut cosine = vec![0.0; hits.plane.num_pixels()];
-        let bands = cosine.par_chunks_mut(TILE * hits.plane.columns).enumerate();
-        bands.for_each(|(index, cosine)| {
-            Level::best().run(ShadeBand {
-                snapshot,
-                hits,
-                index,
-                cosine,
-                rest: None,
-            });
-        });
-        cosine
     }
 }
 
@@ -74,19 +59,8 @@ struct ShadeBand<'a> {
     /// Number of the row of tiles.
     index: usize,
     cosine: &'a mut [f64],
-    /// Distances and normals, where these are wanted.
-    rest: Option<(&'a mut [f64], &'a mut [DVec3])>,
-}
-
-/// What the rays of a tile see, packet by packet.
-struct Seen {
-    body: [[u32; PACKET]; PACKETS],
-    triangle: [[u32; PACKET]; PACKETS],
-    /// Along the ray [m].
-    distance: [f64; MOST_RAYS],
-    cosine: [f64; MOST_RAYS],
-    /// In the sensor frame, axis by axis.
-    normal: [[f64; MOST_RAYS]; 3],
+    distance: &'a mut [f64],
+    normal: &'a mut [DVec3],
 }
 
 impl Kernel for ShadeBand<'_> {
@@ -97,42 +71,48 @@ impl Kernel for ShadeBand<'_> {
         let plane = &self.hits.plane;
         let tiles = plane.columns.div_ceil(TILE);
         let mut fan = Fan::EMPTY;
-        let mut seen = Seen {
-            body: [[NO_BODY; PACKET]; PACKETS],
-            triangle: [[0; PACKET]; PACKETS],
-            distance: [0.0; MOST_RAYS],
-            cosine: [0.0; MOST_RAYS],
-            normal: [[0.0; MOST_RAYS]; 3],
-        };
+        let mut seen = Seen::NOTHING;
+        let mut shade = Shade::NOTHING;
         for index in 0..tiles {
             let tile = plane.tile(self.index * tiles + index);
             fan.aim::<I>(plane, &tile);
             seen.read(self.hits, &tile);
-            seen.shade::<I>(self.snapshot, &fan);
-            self.write(&tile, &seen);
+            shade.fill::<I, true>(self.snapshot, &fan, &seen.body, &seen.triangle, &seen.distance);
+            self.write(&tile, &shade);
         }
     }
 }
 
 impl ShadeBand<'_> {
     #[inline(always)]
-    fn write(&mut self, tile: &Tile, seen: &Seen) {
+    fn write(&mut self, tile: &Tile, shade: &Shade) {
         let columns = self.hits.plane.columns;
         for row in 0..tile.rows {
             for column in 0..tile.columns {
                 let (ray, pixel) = (Fan::ray(row, column), row * columns + tile.column + column);
-                self.cosine[pixel] = seen.cosine[ray];
-                if let Some((distance, normal)) = &mut self.rest {
-                    distance[pixel] = seen.distance[ray];
-                    let [x, y, z] = &seen.normal;
-                    normal[pixel] = DVec3::new(x[ray], y[ray], z[ray]);
-                }
+                self.cosine[pixel] = shade.cosine[ray];
+                self.distance[pixel] = shade.distance[ray];
+                let [x, y, z] = &shade.normal;
+                self.normal[pixel] = DVec3::new(x[ray], y[ray], z[ray]);
             }
         }
     }
 }
 
+/// Hits of a tile, packet by packet.
+struct Seen {
+    body: [[u32; PACKET]; PACKETS],
+    triangle: [[u32; PACKET]; PACKETS],
+    distance: [f64; MOST_RAYS],
+}
+
 impl Seen {
+    const NOTHING: Self = Self {
+        body: [[NO_BODY; PACKET]; PACKETS],
+        triangle: [[0; PACKET]; PACKETS],
+        distance: [f64::INFINITY; MOST_RAYS],
+    };
+
     #[inline(always)]
     fn read(&mut self, hits: &Hits, tile: &Tile) {
         self.body = [[NO_BODY; PACKET]; PACKETS];
@@ -146,31 +126,58 @@ impl Seen {
             }
         }
     }
+}
 
-    /// As [`crate::shading::shade`] does, for all rays that meet one triangle.
+/// What the rays of a tile see; see [`Shown`].
+pub struct Shade {
+    /// Cosine of incidence.
+    pub cosine: [f64; MOST_RAYS],
+    distance: [f64; MOST_RAYS],
+    /// In the sensor frame, axis by axis.
+    normal: [[f64; MOST_RAYS]; 3],
+}
+
+impl Shade {
+    /// Of nothing.
+    pub const NOTHING: Self = Self {
+        cosine: [0.0; MOST_RAYS],
+        distance: [f64::INFINITY; MOST_RAYS],
+        normal: [[0.0; MOST_RAYS]; 3],
+    };
+
+    /// As [`crate::shading::shade`] does, for all rays that meet one triangle; distances and normals where `ALL` are wanted.
     #[inline(always)]
-    fn shade<I: Isa>(&mut self, snapshot: &Snapshot, fan: &Fan) {
-        let splat = <I::F64 as Vector>::splat;
+    pub fn fill<I: Isa, const ALL: bool>(
+        &mut self,
+        snapshot: &Snapshot,
+        fan: &Fan,
+        bodies: &[[u32; PACKET]; PACKETS],
+        triangles: &[[u32; PACKET]; PACKETS],
+        distances: &[f64; MOST_RAYS],
+    ) {
         let lanes = I::F64::LANES;
-        let zero = splat(0.0);
+        let zero = <I::F64 as Vector>::splat(0.0);
         let mut rest = [0; PACKETS];
         for packet in 0..PACKETS {
-            rest[packet] = fan.valid[packet] & !I::equal(&self.body[packet], NO_BODY);
+            rest[packet] = fan.valid[packet] & !I::equal(&bodies[packet], NO_BODY);
             for first in (packet * PACKET..(packet + 1) * PACKET).step_by(lanes) {
                 zero.store(&mut self.cosine[first..]);
-                for axis in 0..3 {
-                    zero.store(&mut self.normal[axis][first..]);
+                if ALL {
+                    I::F64::load(&distances[first..]).store(&mut self.distance[first..]);
+                    for axis in 0..3 {
+                        zero.store(&mut self.normal[axis][first..]);
+                    }
                 }
             }
         }
         for packet in 0..PACKETS {
             while rest[packet] != 0 {
                 let lane = rest[packet].trailing_zeros() as usize;
-                let (body, triangle) = (self.body[packet][lane], self.triangle[packet][lane]);
+                let (body, triangle) = (bodies[packet][lane], triangles[packet][lane]);
                 let facet = Facet::new(snapshot, body, triangle);
+                let view = snapshot.view(body);
                 for other in packet..PACKETS {
-                    let same =
-                        rest[other] & I::equal(&self.triangle[other], triangle) & I::equal(&self.body[other], body);
+                    let same = rest[other] & I::equal(&triangles[other], triangle) & I::equal(&bodies[other], body);
                     rest[other] &= !same;
                     for half in 0..PACKET / lanes {
                         let bits = same >> (half * lanes) & 0xff;
@@ -179,15 +186,20 @@ impl Seen {
                         }
                         let first = other * PACKET + half * lanes;
                         let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
-                        let distance = I::F64::load(&self.distance[first..]);
-                        let (cosine, correction, normal) = facet.shade(u, v, distance);
+                        let length = <I::F64 as Vector>::splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
+                        let distance = I::F64::load(&distances[first..]);
+                        let (cosine, correction, normal) = facet.shade(view.direction(u, v), length, distance);
                         let keep = I::F64::load(&self.cosine[first..]);
                         cosine.select(bits, keep).store(&mut self.cosine[first..]);
-                        let corrected = distance.add(correction);
-                        corrected.select(bits, distance).store(&mut self.distance[first..]);
-                        for axis in 0..3 {
-                            let keep = I::F64::load(&self.normal[axis][first..]);
-                            normal[axis].select(bits, keep).store(&mut self.normal[axis][first..]);
+                        if ALL {
+                            let keep = I::F64::load(&self.distance[first..]);
+                            let corrected = distance.add(correction);
+                            corrected.select(bits, keep).store(&mut self.distance[first..]);
+                            let normal = turn(&snapshot.pose(body).rotation, normal);
+                            for axis in 0..3 {
+                                let keep = I::F64::load(&self.normal[axis][first..]);
+                                normal[axis].select(bits, keep).store(&mut self.normal[axis][first..]);
+                            }
                         }
                     }
                 }
@@ -196,12 +208,13 @@ impl Seen {
     }
 }
 
-/// A triangle in the sensor frame, prepared for all rays that meet it.
+/// A triangle in the frame of its body, prepared for all rays that meet it.
 struct Facet {
-    /// First corner [m].
+    /// First corner relative to the sensor [m].
     corner: DVec3,
-    /// Unit normal.
+    /// Normal, and its inverse length.
     face: DVec3,
+    inverse: f64,
     smooth: Option<Smooth>,
 }
 
@@ -212,54 +225,52 @@ struct Smooth {
     /// Normal at the first corner, and what the others differ by.
     normal: DVec3,
     turns: [DVec3; 2],
-    /// Of the second and the third corner over the plane of its normal through the first.
+    /// Of the second and the third corner over the planes of their normals through the first.
     heights: [f64; 2],
 }
 
 impl Facet {
+    #[inline(always)]
     fn new(snapshot: &Snapshot, body: u32, triangle: u32) -> Self {
-        let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
-        let corners = surface.corners(triangle);
-        let (first, second) = (
-            pose.direction(corners[1] - corners[0]),
-            pose.direction(corners[2] - corners[0]),
-        );
-        let normal = first.cross(second);
-        let smooth = surface.corner_normals(triangle).map(|normals| {
-            let [a, b, c] = normals.map(|n| pose.direction(n));
-            let square = normal.length_squared();
-            Smooth {
-                weights: [second.cross(normal) / square, normal.cross(first) / square],
+        let (surface, view) = (snapshot.surface(body), snapshot.view(body));
+        let [a, b, c] = surface.corners(triangle);
+        let (first, second) = (b - a, c - a);
+        let face = first.cross(second);
+        let square = face.length_squared();
+        let mut facet = Self {
+            corner: a - view.origin,
+            face,
+            inverse: square.sqrt().recip(),
+            smooth: None,
+        };
+        if let Some([a, b, c]) = surface.corner_normals(triangle) {
+            let scale = square.recip();
+            facet.smooth = Some(Smooth {
+                weights: [second.cross(face) * scale, face.cross(first) * scale],
                 normal: a,
                 turns: [b - a, c - a],
                 heights: [first.dot(b), second.dot(c)],
-            }
-        });
-        Self {
-            corner: pose.point(corners[0]),
-            face: normal.normalize(),
-            smooth,
+            });
         }
+        facet
     }
 
-    /// Cosine of incidence, how much farther the curved surface is, and its normal towards the incident side.
+    /// Cosine of incidence, how much farther the curved surface is, and its normal towards the incident side, from directions
+    /// and their lengths, and distances along them [m].
     #[inline(always)]
-    fn shade<V: Vector<Scalar = f64>>(&self, u: V, v: V, distance: V) -> (V, V, [V; 3]) {
+    fn shade<V: Vector<Scalar = f64>>(&self, direction: [V; 3], length: V, distance: V) -> (V, V, [V; 3]) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
-        let length = one.add(u.mul(u)).add(v.mul(v)).sqrt();
         let inverse = one.div(length);
-        let direction = [inverse, u.mul(inverse), v.mul(inverse)];
         let face = vector::<V>(self.face);
         let slope = dot(face, direction);
         // Which side is lit.
-        let is_behind = zero.at_most(slope);
-        let side = one.select(is_behind, V::splat(-1.0));
-        let side = zero.sub(side);
-        let mut normal = scale(face, side);
-        let mut cosine = slope.mul(side);
+        let side = V::splat(-1.0).select(zero.at_most(slope), one);
+        let turn = side.mul(V::splat(self.inverse));
+        let mut normal = scale(face, turn);
+        let mut cosine = slope.mul(turn).mul(inverse);
         let mut correction = zero;
         if let Some(smooth) = &self.smooth {
-            let mut place = scale(direction, distance);
+            let mut place = scale(direction, distance.mul(inverse));
             let corner = vector::<V>(self.corner);
             for axis in 0..3 {
                 place[axis] = place[axis].sub(corner[axis]);
@@ -271,18 +282,17 @@ impl Facet {
             for axis in 0..3 {
                 mean[axis] = other[axis].mul_add(third, turn[axis].mul_add(second, mean[axis]));
             }
+            let unit = side.div(dot(mean, mean).sqrt());
+            let curved = dot(mean, direction).mul(unit).mul(inverse);
+            let is_curved = curved.at_most(V::splat(MAX_CORRECTED_COSINE));
             let height = second
                 .mul(V::splat(smooth.heights[0]))
                 .add(third.mul(V::splat(smooth.heights[1])))
                 .sub(dot(mean, place))
                 .mul(side);
-            let inverse = side.div(dot(mean, mean).sqrt());
-            let smooth_cosine = dot(mean, direction).mul(inverse);
-            let is_curved = smooth_cosine.at_most(V::splat(MAX_CORRECTED_COSINE));
-            let later = height.div(smooth_cosine.add(smooth_cosine));
-            cosine = smooth_cosine.select(is_curved, cosine);
-            correction = later.select(is_curved, correction);
-            let mean = scale(mean, inverse);
+            correction = height.div(curved.add(curved)).select(is_curved, correction);
+            cosine = curved.select(is_curved, cosine);
+            let mean = scale(mean, unit);
             for axis in 0..3 {
                 normal[axis] = mean[axis].select(is_curved, normal[axis]);
             }
@@ -306,6 +316,20 @@ fn scale<V: Vector>(a: [V; 3], by: V) -> [V; 3] {
     [a[0].mul(by), a[1].mul(by), a[2].mul(by)]
 }
 
+#[inline(always)]
+fn turn<V: Vector<Scalar = f64>>(rotation: &DMat3, x: [V; 3]) -> [V; 3] {
+    let (a, b, c) = (
+        vector::<V>(rotation.x_axis),
+        vector::<V>(rotation.y_axis),
+        vector::<V>(rotation.z_axis),
+    );
+    let mut turned = x;
+    for axis in 0..3 {
+        turned[axis] = c[axis].mul_add(x[2], b[axis].mul_add(x[1], a[axis].mul(x[0])));
+    }
+    turned
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -317,6 +341,7 @@ mod tests {
     use crate::rays::ImagePlane;
     use crate::shading::shade;
     use crate::surface::{ShadingMode, Surface};
+    use crate::trace::Cast;
 
     /// A bumpy sheet that is curved where its facets meet at small angles, seen from both sides.
     fn sheet() -> Surface {
@@ -349,9 +374,14 @@ mod tests {
         let poses = vec![turned(0.5, 2.0), turned(3.5, 3.0)];
         let scene = Snapshot::new(vec![surface.clone(), surface], poses);
         let plane = ImagePlane::centered(61, 83, 0.7, 0.6);
-        let hits = scene.cast_image(&plane).unwrap();
-        let cosines = Shown::cosines(&scene, &hits);
         for level in Level::available() {
+            let cast = Cast {
+                level,
+                with_cosines: true,
+                ..Cast::default()
+            };
+            let hits = scene.cast_image_with(&plane, &cast).unwrap();
+            let cosines = hits.cosine.as_ref().unwrap();
             let shown = Shown::at(&scene, &hits, level);
             let (mut num_curved, mut num_flat) = (0, 0);
             for pixel in 0..plane.num_pixels() {

@@ -108,11 +108,7 @@ impl Surface {
             None => triangles.to_vec(),
             Some(kept) => kept.iter().map(|&row| triangles[row as usize]).collect(),
         };
-        let fingerprint = triangles
-            .iter()
-            .flat_map(corners)
-            .flat_map(|corner| corner.to_array())
-            .fold(0, |state, x| mix(state ^ x.to_bits()));
+        let fingerprint = fingerprint(vertices, &triangles);
         let shading = match mode {
             ShadingMode::Flat => Shading::flat(triangles.len()),
             ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &triangles, crease_angle),
@@ -131,18 +127,17 @@ impl Surface {
 
     /// With a tree of its own.
     fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading) -> Self {
-        let bounds = mesh.bounds(&vertices);
-        let middle = bounds.middle();
-        let relative = |triangle: usize| mesh.corners(&vertices, triangle).map(|corner| corner - middle);
-        let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of(relative(i)));
-        let leaf = |triangles: &Primitives| Leaf::new(*triangles, |i| relative(i as usize));
+        let middle = mesh.bounds(&vertices).middle();
+        let relative = |triangle: usize| mesh.relative(&vertices, triangle, middle);
+        let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of_triangle(&relative(i)));
+        let fitted = Fitted::new(&mesh, &vertices, middle, primitives.into_par_iter());
         Self {
-            leaves: primitives.par_iter().map(leaf).collect(),
+            leaves: fitted.leaves,
             built_cost: tree.cost(),
             tree,
-            reach: reach(&bounds),
+            reach: reach(&fitted.bounds),
             shading,
-            bounds,
+            bounds: fitted.bounds.moved(middle),
             middle,
             vertices,
             mesh,
@@ -167,27 +162,28 @@ impl Surface {
                 Shading::of_groups(&vertices, &mesh.triangles, groups)
             }
         };
-        let bounds = mesh.bounds(&vertices);
-        let middle = bounds.middle();
-        let relative = |triangle: u32| {
-            let corners = mesh.corners(&vertices, triangle as usize);
-            corners.map(|corner| corner - middle)
+        let fit = |middle: DVec3| {
+            let primitives = self.leaves.par_iter().map(|leaf| leaf.triangles);
+            Fitted::new(&mesh, &vertices, middle, primitives)
         };
-        let tree = self.tree.refit(|leaf| {
-            let triangles = self.leaves[leaf].triangles;
-            Bounds::of(triangles.into_iter().flat_map(relative))
-        });
+        let (mut middle, mut fitted) = (self.middle, fit(self.middle));
+        // Coordinates relative to a place far away are not exact.
+        let half = 0.5 * (fitted.bounds.max - fitted.bounds.min).max_element();
+        if f64::from(reach(&fitted.bounds)) > 4.0 * half {
+            middle += fitted.bounds.middle();
+            fitted = fit(middle);
+        }
+        let tree = self.tree.refit(|leaf| fitted.boxes[leaf]);
         if tree.cost() > DECAY * self.built_cost {
             return Ok(Self::build(mesh, vertices, shading));
         }
-        let leaf = |leaf: &Leaf| Leaf::new(leaf.triangles, relative);
         Ok(Self {
-            leaves: self.leaves.par_iter().map(leaf).collect(),
+            leaves: fitted.leaves,
             tree,
             built_cost: self.built_cost,
-            reach: reach(&bounds),
+            reach: reach(&fitted.bounds),
             shading,
-            bounds,
+            bounds: fitted.bounds.moved(middle),
             middle,
             vertices,
             mesh,
@@ -325,9 +321,16 @@ impl Surface {
 }
 
 impl Mesh {
+    #[inline]
     fn corners(&self, vertices: &[DVec3], triangle: usize) -> [DVec3; 3] {
         let [a, b, c] = self.triangles[triangle];
         [vertices[a as usize], vertices[b as usize], vertices[c as usize]]
+    }
+
+    #[inline]
+    fn relative(&self, vertices: &[DVec3], triangle: usize, to: DVec3) -> [DVec3; 3] {
+        let [a, b, c] = self.corners(vertices, triangle);
+        [a - to, b - to, c - to]
     }
 
     fn bounds(&self, vertices: &[DVec3]) -> Bounds {
@@ -356,10 +359,52 @@ fn check_vertices(vertices: &[DVec3]) -> Result<()> {
     Ok(())
 }
 
-/// Largest coordinate of a box relative to its middle.
+/// Leaves of a surface, relative to a place, and their boxes.
+struct Fitted {
+    leaves: Vec<Leaf>,
+    boxes: Vec<Bounds>,
+    /// Round all.
+    bounds: Bounds,
+}
+
+impl Fitted {
+    fn new(
+        mesh: &Mesh,
+        vertices: &[DVec3],
+        middle: DVec3,
+        primitives: impl IndexedParallelIterator<Item = Primitives>,
+    ) -> Self {
+        let fit = |triangles: Primitives| {
+            let mut bounds = Bounds::EMPTY;
+            let leaf = Leaf::new(triangles, |triangle| {
+                let corners = mesh.relative(vertices, triangle as usize, middle);
+                bounds = bounds.union(&Bounds::of_triangle(&corners));
+                corners
+            });
+            (leaf, bounds)
+        };
+        let (leaves, boxes): (Vec<Leaf>, Vec<Bounds>) = primitives.map(fit).unzip();
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+        Self { leaves, boxes, bounds }
+    }
+}
+
+/// Largest coordinate of a box.
 fn reach(bounds: &Bounds) -> f32 {
-    let half = 0.5 * (bounds.max - bounds.min);
-    (half.max_element().max(0.0) as f32).next_up()
+    let largest = bounds.max.max(-bounds.min).max_element();
+    (largest.max(0.0) as f32).next_up()
+}
+
+/// A number that belongs to these triangles in this order.
+fn fingerprint(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
+    let of = |triangles: &[[u32; 3]]| {
+        triangles.iter().flatten().fold(0, |state, vertex| {
+            let [x, y, z] = vertices[*vertex as usize].to_array().map(f64::to_bits);
+            mix(state ^ x ^ y.rotate_left(21) ^ z.rotate_left(42))
+        })
+    };
+    let parts: Vec<u64> = triangles.par_chunks(4096).map(of).collect();
+    parts.into_iter().fold(0, |state, part| mix(state ^ part))
 }
 
 /// Looks for the nearest triangle of a ray.

@@ -12,6 +12,7 @@ use crate::error::{Result, fits_memory};
 use crate::leaf::Table;
 use crate::motion::Pose;
 use crate::rays::{ImagePlane, TILE, Tile};
+use crate::shown::Shade;
 use crate::simd::{Isa, Kernel, Level, Vector};
 use crate::surface::{Crossing, Nearest, Surface, Woop, above};
 
@@ -64,6 +65,8 @@ pub struct Hits {
     pub body: Vec<u32>,
     /// Number of the triangle in the body's surface.
     pub triangle: Vec<u32>,
+    /// Cosine of incidence, zero where nothing was hit; where these were wanted.
+    pub cosine: Option<Vec<f64>>,
     /// What was done for them.
     pub counts: Counts,
     beam: Option<Beam>,
@@ -108,6 +111,8 @@ pub struct Cast<'a> {
     pub skip_empty: bool,
     /// Directions of interest.
     pub beam: Option<Beam>,
+    /// Whether cosines of incidence are wanted as well.
+    pub with_cosines: bool,
     /// Hits of another time. Tiles are taken over if no body has moved there.
     pub previous: Option<(&'a Snapshot, &'a Hits)>,
 }
@@ -118,6 +123,7 @@ impl Default for Cast<'_> {
             level: Level::best(),
             skip_empty: true,
             beam: None,
+            with_cosines: false,
             previous: None,
         }
     }
@@ -138,6 +144,11 @@ impl Snapshot {
             poses,
             top,
         }
+    }
+
+    /// The sensor as a body sees it.
+    pub fn view(&self, body: u32) -> &View {
+        &self.views[body as usize]
     }
 
     /// Surface of a body.
@@ -231,11 +242,13 @@ impl Snapshot {
             distance: vec![0.0; num_pixels],
             body: vec![0; num_pixels],
             triangle: vec![0; num_pixels],
+            cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
             counts: Counts::default(),
             beam: cast.beam,
         };
         let previous = cast.previous.and_then(|(snapshot, before)| {
-            let is_alike = before.plane == *plane && before.beam == cast.beam;
+            let has_all = before.cosine.is_some() || !cast.with_cosines;
+            let is_alike = before.plane == *plane && before.beam == cast.beam && has_all;
             let moved = if is_alike { self.moved(snapshot) } else { None };
             moved.map(|moved| (before, moved))
         });
@@ -243,11 +256,16 @@ impl Snapshot {
         let distance = hits.distance.par_chunks_mut(band);
         let body = hits.body.par_chunks_mut(band);
         let triangle = hits.triangle.par_chunks_mut(band);
+        let mut cosine: Vec<Option<&mut [f64]>> = match &mut hits.cosine {
+            Some(cosine) => cosine.chunks_mut(band).map(Some).collect(),
+            None => (0..plane.rows.div_ceil(TILE)).map(|_| None).collect(),
+        };
         let counts = distance
             .zip_eq(body)
             .zip_eq(triangle)
+            .zip_eq(cosine.par_iter_mut())
             .enumerate()
-            .map(|(index, ((distance, body), triangle))| {
+            .map(|(index, (((distance, body), triangle), cosine))| {
                 cast.level.run(CastBand {
                     snapshot: self,
                     cast,
@@ -257,6 +275,7 @@ impl Snapshot {
                     distance,
                     body,
                     triangle,
+                    cosine: cosine.as_deref_mut(),
                 })
             });
         hits.counts = counts.reduce(Counts::default, Counts::plus);
@@ -367,6 +386,7 @@ struct CastBand<'a> {
     distance: &'a mut [f64],
     body: &'a mut [u32],
     triangle: &'a mut [u32],
+    cosine: Option<&'a mut [f64]>,
 }
 
 impl Kernel for CastBand<'_> {
@@ -382,6 +402,7 @@ impl Kernel for CastBand<'_> {
             table: Table::EMPTY,
             stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
             distance: [0.0; MOST_RAYS],
+            shade: Shade::NOTHING,
         };
         let mut counts = Counts::default();
         for index in 0..tiles {
@@ -410,7 +431,13 @@ impl Kernel for CastBand<'_> {
             counts.rays += tile.rows * tile.columns;
             self.snapshot
                 .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
-            self.write(&tile, &scratch.best, &scratch.distance);
+            if self.cosine.is_some() {
+                let (best, distance) = (&scratch.best, &scratch.distance);
+                scratch
+                    .shade
+                    .fill::<I, false>(self.snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+            }
+            self.write(&tile, &scratch);
         }
         counts
     }
@@ -428,7 +455,10 @@ impl CastBand<'_> {
         for pixels in self.rows(tile) {
             self.distance[pixels.clone()].fill(f64::INFINITY);
             self.body[pixels.clone()].fill(NO_BODY);
-            self.triangle[pixels].fill(u32::MAX);
+            self.triangle[pixels.clone()].fill(u32::MAX);
+            if let Some(cosine) = &mut self.cosine {
+                cosine[pixels].fill(0.0);
+            }
         }
     }
 
@@ -439,22 +469,29 @@ impl CastBand<'_> {
             let from = first + pixels.start..first + pixels.end;
             self.distance[pixels.clone()].copy_from_slice(&hits.distance[from.clone()]);
             self.body[pixels.clone()].copy_from_slice(&hits.body[from.clone()]);
-            self.triangle[pixels].copy_from_slice(&hits.triangle[from]);
+            self.triangle[pixels.clone()].copy_from_slice(&hits.triangle[from.clone()]);
+            if let (Some(cosine), Some(before)) = (&mut self.cosine, &hits.cosine) {
+                cosine[pixels].copy_from_slice(&before[from]);
+            }
         }
     }
 
     /// What was found.
     #[inline(always)]
-    fn write(&mut self, tile: &Tile, best: &Best, distance: &[f64; MOST_RAYS]) {
+    fn write(&mut self, tile: &Tile, scratch: &Scratch) {
+        let best = &scratch.best;
         for row in 0..tile.rows {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
             for first in (0..tile.columns).step_by(TILE / 2) {
                 let (from, to) = (Fan::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
-                copy(&mut self.distance[to..], &distance[from..], number);
+                copy(&mut self.distance[to..], &scratch.distance[from..], number);
                 copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
                 copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
+                if let Some(cosine) = &mut self.cosine {
+                    copy(&mut cosine[to..], &scratch.shade.cosine[from..], number);
+                }
             }
         }
     }
@@ -506,6 +543,7 @@ struct Scratch {
     stacks: [Vec<u64>; 2],
     /// [m]
     distance: [f64; MOST_RAYS],
+    shade: Shade,
 }
 
 impl Snapshot {

@@ -108,11 +108,19 @@ def refuses(call: Call, error: type[Exception] | tuple[type[Exception], ...], me
         call()
 
 
+def test_all_triangles_that_are_kept_need_no_rows() -> None:
+    for made in (surface(np.zeros((0, 3)), np.zeros((0, 3), np.uint32)), surface(crease_angle=NAN), SURFACE):
+        assert made.kept() is None
+    assert surface(crease_angle=-1.0).kept() is None
+    tree, vertices = SURFACE.memory
+    assert 4 * 12 < tree < 4000
+    assert vertices == 4 * 24
+
+
 def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
     delay, amplitude = paths()
     for array, dtype, shape in [
         (beat(), "complex128", (2, 2, 8)),
-        (SURFACE.kept(), "uint32", (4,)),
         (HITS.distance(), "float64", (20, 30)),
         (HITS.cos_incidence(), "float64", (20, 30)),
         (HITS.reflectance(), "float64", (20, 30)),
@@ -362,10 +370,7 @@ def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any
         (lambda: beat(np.zeros((4, 2, 0)), np.zeros((4, 2, 0), complex)), (2, 2, 8)),
         (lambda: beat(np.zeros((4, 0, 3)), np.zeros((4, 0, 3), complex), method="auto"), (0, 2, 8)),
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
-        (lambda: surface(np.zeros((0, 3)), np.zeros((0, 3), np.uint32)).kept(), (0,)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
-        (lambda: surface(crease_angle=NAN).kept(), (4,)),
-        (lambda: surface(crease_angle=-1.0).kept(), (4,)),
         (lambda: EMPTY_HITS.distance(), (20, 30)),
         (lambda: EMPTY_SCATTERERS.body(), (0,)),
         (lambda: EMPTY_SCATTERERS.paths(np.zeros((5, 0, 3, 4)), np.zeros((5, 0, 3)), np.zeros(0))[0], None),

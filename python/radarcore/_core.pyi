@@ -163,13 +163,14 @@ class Scene:
         previous: Hits | None = None,
         beam: tuple[float, float, float] | None = None,
         skip_empty: bool = True,
+        with_cosines: bool = False,
         threads: int | None = None,
     ) -> Hits:
         """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
 
         `previous` hits of the same scene are taken over where no body has moved. `beam`, the exponents of the pattern
         over azimuth and elevation and the least gain of interest there and back relative to the peak, and `skip_empty`
-        say which tiles of the image are left out.
+        say which tiles of the image are left out. `with_cosines`: `cos_incidence` will be wanted.
         """
 
 @final

@@ -118,7 +118,7 @@ class Simulator:
     def depth_image(self, time: float = 0.0) -> DepthImage:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
-        return self._image(self._cast(at, within_beam=False), at)
+        return self._image(self._cast(at, is_image=True), at)
 
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
@@ -232,11 +232,11 @@ class Simulator:
         horizontal, vertical = np.deg2rad(self.field_of_view_deg)
         return float(np.tan(0.5 * horizontal)), float(np.tan(0.5 * vertical))
 
-    def _cast(self, time: float, *, within_beam: bool = True) -> _core.Hits:
+    def _cast(self, time: float, *, is_image: bool = False) -> _core.Hits:
         """Rays of the image with the bodies where they are at `time`; tiles where nothing has moved are kept."""
         (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
         beam = None
-        if within_beam and np.isfinite(self.gain_floor_db):
+        if not is_image and np.isfinite(self.gain_floor_db):
             beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
         hits = self.scene._core.cast(
             self._place(np.array([time])).poses[0],
@@ -247,6 +247,7 @@ class Simulator:
             previous=self._previous if self._reuses_tiles else None,
             beam=beam,
             skip_empty=self._skips_empty_tiles,
+            with_cosines=is_image,
             threads=self.threads,
         )
         self._previous = hits
