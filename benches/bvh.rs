@@ -1,11 +1,12 @@
 //! From triangles to something rays can be cast at: triangles per second.
 //!
 //! `tree`: the bounding-volume tree over the boxes alone; `surface_flat`, `surface_smooth`: with the checks of the
-//! mesh, and with the normals of curved surfaces, as a body is built.
+//! mesh, and with the normals of curved surfaces, as a body is built. `deform`: the same for vertices that have moved.
 
 mod common;
 
-use criterion::{BenchmarkId, Criterion, Throughput};
+use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
+use glam::DVec3;
 use radarcore::bvh::{Bounds, Tree, WIDTH};
 use radarcore::surface::{ShadingMode, Surface};
 
@@ -39,8 +40,34 @@ fn build(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// New places for all vertices, against building anew.
+fn deform(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("bvh/deform");
+    for size in common::sizes([5000, 100_000, 1_000_000], 100) {
+        let (vertices, triangles) = common::room(size);
+        let surface = Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap();
+        let bent: Vec<DVec3> = vertices
+            .iter()
+            .map(|p| *p + 0.01 * DVec3::splat((5.0 * p.x).sin()))
+            .collect();
+        group.throughput(Throughput::Elements(triangles.len() as u64));
+        group.bench_function(
+            BenchmarkId::new("surface_flat", format!("room_{}", common::size_id(size))),
+            |bencher| {
+                bencher.iter_batched(
+                    || bent.clone(),
+                    |bent| surface.deform(bent).unwrap(),
+                    BatchSize::PerIteration,
+                );
+            },
+        );
+    }
+    group.finish();
+}
+
 fn main() {
     let mut criterion = common::criterion();
     build(&mut criterion);
+    deform(&mut criterion);
     criterion.final_summary();
 }

@@ -1,6 +1,7 @@
 //! Rays of an image against a room: rays per second.
 //!
-//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own.
+//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
+//! `motion`: what new poses cost.
 
 mod common;
 
@@ -67,30 +68,60 @@ fn rooms(criterion: &mut Criterion) {
     }
 }
 
-/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles that share one surface.
+/// A room and spheres that share one surface, at places spread evenly over the space in front of the sensor.
+fn furnished(room: Arc<Surface>, sphere: &Arc<Surface>, num_bodies: usize) -> (Vec<Arc<Surface>>, Vec<Pose>) {
+    let (mut surfaces, mut poses) = (vec![room], vec![Pose::IDENTITY]);
+    for i in 1..num_bodies {
+        // Multiples of golden ratios, modulo one.
+        let spread = |step: f64| (step * i as f64).fract() - 0.5;
+        surfaces.push(sphere.clone());
+        poses.push(Pose {
+            rotation: DMat3::from_rotation_z(i as f64),
+            translation: DVec3::new(3.0, 0.0, 0.4)
+                + DVec3::new(4.0, 4.0, 2.0) * DVec3::new(spread(0.819_17), spread(0.671_04), spread(0.549_70)),
+        });
+    }
+    (surfaces, poses)
+}
+
+/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles, every one a body; and all of them as one.
 fn two_levels(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
-    for num_bodies in common::sizes([1, 10, 50], 3) {
-        let (mut surfaces, mut poses) = (vec![room.clone()], vec![Pose::IDENTITY]);
-        for i in 1..num_bodies {
-            // Spread evenly over the space in front of the sensor (multiples of golden ratios, modulo one).
-            let spread = |step: f64| (step * i as f64).fract() - 0.5;
-            surfaces.push(sphere.clone());
-            poses.push(Pose {
-                rotation: DMat3::from_rotation_z(i as f64),
-                translation: DVec3::new(3.0, 0.0, 0.4)
-                    + DVec3::new(4.0, 4.0, 2.0) * DVec3::new(spread(0.819_17), spread(0.671_04), spread(0.549_70)),
-            });
+    for num_bodies in common::sizes([1, 10, 50, 200], 3) {
+        let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        for (surface, pose) in surfaces.iter().zip(&poses) {
+            for triangle in 0..surface.num_triangles() as u32 {
+                triangles.push([0, 1, 2].map(|corner| vertices.len() as u32 + corner));
+                vertices.extend(surface.corners(triangle).map(|corner| pose.point(corner)));
+            }
         }
-        let name = format!("spheres/{num_bodies}_bodies");
-        cast(criterion, &name, &Snapshot::new(surfaces, poses));
+        let flat = Snapshot::new(vec![self::surface(&(vertices, triangles))], vec![Pose::IDENTITY]);
+        cast(
+            criterion,
+            &format!("spheres/{num_bodies}_bodies"),
+            &Snapshot::new(surfaces, poses),
+        );
+        cast(criterion, &format!("spheres/{num_bodies}_bodies_as_one"), &flat);
     }
+}
+
+/// What moving 50 bodies of 10 k triangles costs before they are cast.
+fn motion(criterion: &mut Criterion) {
+    let room = surface(&common::room(common::sizes([10_000], 100)[0]));
+    let sphere = surface(&common::sphere(0.1, common::sizes([10_000], 100)[0]));
+    let (surfaces, poses) = furnished(room, &sphere, common::sizes([50], 3)[0]);
+    criterion.bench_function("motion/50_bodies", |bencher| {
+        bencher.iter(|| Snapshot::new(surfaces.clone(), poses.clone()));
+    });
+    cast(criterion, "motion/50_bodies", &Snapshot::new(surfaces, poses));
 }
 
 fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
+    motion(&mut criterion);
     criterion.final_summary();
 }

@@ -475,12 +475,13 @@ struct Surface(Arc<surface::Surface>);
 #[pymethods]
 impl Surface {
     #[new]
-    #[pyo3(signature = (vertices, triangles, *, crease_angle=None))]
+    #[pyo3(signature = (vertices, triangles, *, crease_angle=None, report=None))]
     fn new(
         py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f64>,
         triangles: PyReadonlyArray2<'_, u32>,
         crease_angle: Option<f64>,
+        report: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
         let triangles = numbers("triangles", &triangles, [None, Some(3)])?
@@ -488,7 +489,18 @@ impl Surface {
             .0
             .to_vec();
         let mode = crease_angle.map_or(ShadingMode::Flat, |crease_angle| ShadingMode::Smooth { crease_angle });
-        let surface = compute(py, None, || surface::Surface::new(&vertices, &triangles, mode))?;
+        let tell = |share: f64| {
+            if let Some(report) = &report {
+                Python::attach(|py| {
+                    if let Err(error) = report.call1(py, (share,)) {
+                        error.write_unraisable(py, Some(report.bind(py)));
+                    }
+                });
+            }
+        };
+        let surface = compute(py, None, || {
+            surface::Surface::new_with(&vertices, &triangles, mode, &tell)
+        })?;
         Ok(Self(Arc::new(surface)))
     }
 
@@ -531,6 +543,22 @@ impl Scene {
         })
     }
 
+    /// Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4).
+    #[pyo3(signature = (poses, points, *, ends_early=true, threads=None))]
+    fn hide<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray3<'_, f64>,
+        points: PyReadonlyArray2<'_, f64>,
+        ends_early: bool,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
+        let points = self::points(numbers("points", &points, [None, Some(3)])?);
+        let hidden = compute(py, threads, || Ok(self.snapshot(&poses).hide(&points, ends_early)))?;
+        Ok(hidden.into_pyarray(py))
+    }
+
     /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor. `previous` hits of the same scene
     /// are taken over where no body has moved. `beam`, the exponents of the pattern over azimuth and elevation and the least
     /// gain of interest there and back relative to the peak, and `skip_empty` say which tiles of the image are left out.
@@ -554,7 +582,6 @@ impl Scene {
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane::centered(rows, columns, half_width, half_height);
-        let surfaces = self.surfaces.clone();
         let beam = beam.map(|(azimuth, elevation, floor)| Beam {
             pattern: Pattern {
                 peak: 1.0,
@@ -571,7 +598,7 @@ impl Scene {
             ..Cast::default()
         };
         let (snapshot, hits) = compute(py, threads, || {
-            let snapshot = Snapshot::new(surfaces, poses);
+            let snapshot = self.snapshot(&poses);
             let hits = snapshot.cast_image_with(&plane, &cast)?;
             Ok((snapshot, hits))
         })?;
@@ -581,6 +608,13 @@ impl Scene {
             materials: self.materials.clone(),
             shown: OnceLock::new(),
         })
+    }
+}
+
+/// Snapshots of a scene.
+impl Scene {
+    fn snapshot(&self, poses: &[Pose]) -> Snapshot {
+        Snapshot::new(self.surfaces.clone(), poses.to_vec())
     }
 }
 

@@ -85,6 +85,16 @@ pub struct TriangleHit {
 impl Surface {
     /// Check a mesh, drop its degenerate triangles (area below 1e-18 m^2) and build its tree.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode) -> Result<Self> {
+        Self::new_with(vertices, triangles, mode, &|_| ())
+    }
+
+    /// The same; `report` gets the share of the work that is done, from time to time.
+    pub fn new_with(
+        vertices: &[DVec3],
+        triangles: &[[u32; 3]],
+        mode: ShadingMode,
+        report: &dyn Fn(f64),
+    ) -> Result<Self> {
         check_vertices(vertices)?;
         if let Some(bad) = triangles
             .iter()
@@ -109,10 +119,12 @@ impl Surface {
             Some(kept) => kept.iter().map(|&row| triangles[row as usize]).collect(),
         };
         let fingerprint = fingerprint(vertices, &triangles);
+        report(0.1);
         let shading = match mode {
             ShadingMode::Flat => Shading::flat(triangles.len()),
             ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &triangles, crease_angle),
         };
+        report(0.5);
         let rest = Arc::new(vertices.to_vec());
         let mesh = Mesh {
             rest: rest.clone(),
@@ -122,15 +134,17 @@ impl Surface {
             groups: OnceLock::new(),
             fingerprint,
         };
-        Ok(Self::build(Arc::new(mesh), rest, shading))
+        Ok(Self::build(Arc::new(mesh), rest, shading, report))
     }
 
     /// With a tree of its own.
-    fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading) -> Self {
+    fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading, report: &dyn Fn(f64)) -> Self {
         let middle = mesh.bounds(&vertices).middle();
         let relative = |triangle: usize| mesh.relative(&vertices, triangle, middle);
         let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of_triangle(&relative(i)));
+        report(0.85);
         let fitted = Fitted::new(&mesh, &vertices, middle, primitives.into_par_iter());
+        report(1.0);
         Self {
             leaves: fitted.leaves,
             built_cost: tree.cost(),
@@ -175,7 +189,7 @@ impl Surface {
         }
         let tree = self.tree.refit(|leaf| fitted.boxes[leaf]);
         if tree.cost() > DECAY * self.built_cost {
-            return Ok(Self::build(mesh, vertices, shading));
+            return Ok(Self::build(mesh, vertices, shading, &|_| ()));
         }
         Ok(Self {
             leaves: fitted.leaves,

@@ -176,6 +176,26 @@ impl Snapshot {
         level.run(CastOne { snapshot: self, ray })
     }
 
+    /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
+    /// nearest is asked for, which gives the same answer.
+    pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Vec<bool> {
+        let is_hidden = |point: &DVec3| {
+            let ray = Ray {
+                origin: DVec3::ZERO,
+                direction: *point,
+                start: NEAREST / point.length(),
+            };
+            // A point of a surface does not hide behind it.
+            let far = 1.0 - 1e-9;
+            if ends_early {
+                self.blocks(&ray, far)
+            } else {
+                self.cast(&ray).distance <= far
+            }
+        };
+        points.par_iter().map(is_hidden).collect()
+    }
+
     /// Whether anything stands in the way of a ray of the sensor frame before `far`; ends at the first that is found.
     pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
         let mut bodies = self.bodies.iter();
@@ -891,6 +911,25 @@ mod tests {
         } = skipping.counts;
         assert!(tiles_skipped > 20, "{tiles_skipped}");
         assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
+    }
+
+    #[test]
+    fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces, poses);
+        let mut state = 5;
+        let mut unit = || 2.0 * random(&mut state) - 1.0;
+        let points: Vec<DVec3> = (0..5000)
+            .map(|_| DVec3::new(4.0 + 4.0 * unit(), 2.0 * unit(), 2.0 * unit()))
+            .collect();
+        let hidden = scene.hide(&points, true);
+        assert_eq!(hidden, scene.hide(&points, false));
+        let behind_wall = points.iter().zip(&hidden).filter(|(p, _)| p.x > 6.0);
+        assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, hidden)| *hidden));
+        let before = points.iter().zip(&hidden).filter(|(p, _)| p.x < 2.9);
+        assert!(before.clone().count() > 500 && before.clone().all(|(_, hidden)| !hidden));
+        let between = points.iter().zip(&hidden).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
+        assert!(between.clone().any(|(_, hidden)| *hidden) && between.clone().any(|(_, hidden)| !hidden));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 """The compiled core. Arrays are C-contiguous and of the exact dtype; Python checks and casts before calling."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -136,7 +136,12 @@ class Surface:
     """Triangles, tree and shading of one body."""
 
     def __new__(
-        cls, vertices: NDArray[np.float64], triangles: NDArray[np.uint32], *, crease_angle: float | None = None
+        cls,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.uint32],
+        *,
+        crease_angle: float | None = None,
+        report: Callable[[float], object] | None = None,
     ) -> Surface: ...
     def kept(self) -> NDArray[np.uint32] | None:
         """Rows of the triangles that were kept, (m,); None where all were."""
@@ -152,6 +157,15 @@ class Scene:
     def __new__(
         cls, surfaces: Sequence[Surface], reflection: NDArray[np.complex128], albedo: NDArray[np.float64]
     ) -> Scene: ...
+    def hide(
+        self,
+        poses: NDArray[np.float64],
+        points: NDArray[np.float64],
+        *,
+        ends_early: bool = True,
+        threads: int | None = None,
+    ) -> NDArray[np.bool_]:
+        """Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4)."""
     def cast(
         self,
         poses: NDArray[np.float64],

@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
+
+_LONG_BUILD = 1_000_000
+"""Triangles that are built in less than a second."""
 
 
 class Mesh:
@@ -28,6 +33,8 @@ class Mesh:
         Facets that meet below this angle [degrees] stand for a curved surface.
     shading : "smooth" or "flat"
         Smooth: hits on such facets get interpolated normals and the distance of the curved surface.
+    progress : bool
+        Show a progress bar for a mesh of more than a million triangles when run in a terminal.
 
     Attributes
     ----------
@@ -60,13 +67,15 @@ class Mesh:
         *,
         crease_angle_deg: float = 45.0,
         shading: str = "smooth",
+        progress: bool = True,
     ) -> None:
         self.vertices = _vertices(vertices)
         self.shading = check.choice("shading", shading, ("smooth", "flat"))
         self.crease_angle_deg = check.non_negative("crease_angle_deg", crease_angle_deg, "degrees")
         rows = _triangles(triangles, len(self.vertices))
         crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
-        self._surface = _core.Surface(self.vertices, rows, crease_angle=crease_angle)
+        with _bar(len(rows), progress) as report:
+            self._surface = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=report)
         kept = self._surface.kept()
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
@@ -110,6 +119,22 @@ class Mesh:
         return f"<Mesh: {len(self.triangles)} triangles{dropped}, {len(self.vertices)} vertices, {self.shading}>"
 
 
+@contextmanager
+def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None] | None]:
+    """What is told the share of a long build that is done, and shows it."""
+    if num_triangles <= _LONG_BUILD or not progress:
+        yield None
+        return
+    from tqdm import tqdm  # heavier than the rest of the import
+
+    with tqdm(total=num_triangles, desc="building", unit="triangle", unit_scale=True, disable=None) as bar:
+
+        def report(share: float) -> None:
+            bar.update(round(share * num_triangles) - bar.n)
+
+        yield report
+
+
 def _restore_mesh(
     vertices: ArrayLike, triangles: ArrayLike, num_dropped: int, crease_angle_deg: float, shading: str
 ) -> Mesh:
@@ -131,7 +156,7 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     scale : float
         Metres per unit of the file: 1e-3 for a file in millimetres.
     **options
-        `crease_angle_deg` and `shading` of `Mesh`.
+        `crease_angle_deg`, `shading` and `progress` of `Mesh`.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.beat import METHODS, check_threads, check_tolerance
@@ -107,7 +107,7 @@ class Simulator:
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
         self.gain_floor_db = _gain_floor(gain_floor_db)
-        self._previous: _core.Hits | None = None
+        self._previous: dict[bool, _core.Hits] = {}
         self._reuses_tiles = self._skips_empty_tiles = True
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
@@ -119,6 +119,26 @@ class Simulator:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
         return self._image(self._cast(at, is_image=True), at)
+
+    def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
+        """Whether a body stands between the centre of the array and points at a time [s].
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            Positions in the world [m]: markers of a motion capture, say. A point on a surface is not hidden by it.
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        is_hidden : (n,) bool
+        """
+        at = check.number("time", time, "s")
+        world, sensor = check.array("points", points, (None, 3)), self.radar_motion.at(at)
+        local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
+        poses = self._place(np.array([at])).poses[0]
+        return self.scene._core.hide(poses, np.ascontiguousarray(local), threads=self.threads)
 
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
@@ -244,13 +264,13 @@ class Simulator:
             columns=columns,
             half_width=half_width,
             half_height=half_height,
-            previous=self._previous if self._reuses_tiles else None,
+            previous=self._previous.get(is_image) if self._reuses_tiles else None,
             beam=beam,
             skip_empty=self._skips_empty_tiles,
             with_cosines=is_image,
             threads=self.threads,
         )
-        self._previous = hits
+        self._previous[is_image] = hits
         return hits
 
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:

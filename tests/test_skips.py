@@ -1,0 +1,162 @@
+"""What is not cast changes nothing: rays of empty, unmoved and unseen tiles, and searches that end early."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+
+RADAR = rc.Radar(
+    rc.Waveform(
+        start_frequency=60e9, slope=20e12, sample_rate=2e6, num_samples=64, num_chirps=8, chirp_interval=200e-6
+    ),
+    tx=[[0, 0, 0]],
+    rx=[[0, 0, 0], [0, 0.0025, 0]],
+)
+
+
+def ten_bodies(velocity: float = 1.0) -> rc.Scene:
+    """Nine spheres that rest in a row before a far one that moves."""
+    ball = rc.shapes.sphere(0.1)
+    bodies = [
+        rc.Body(ball, motion=rc.Pose([3.0, 0.3 * (i - 4), 0.2 * (i % 3) - 0.2]), name=f"ball {i}") for i in range(9)
+    ]
+    mover = rc.Linear(rc.Pose([2.0, -0.3, 0.5]), velocity=[0.0, velocity, 0.0])
+    return rc.Scene([*bodies, rc.Body(rc.shapes.sphere(0.08), motion=mover, name="mover")])
+
+
+def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
+    return rc.Simulator(scene or ten_bodies(), RADAR, **{"resolution": 128, **options})
+
+
+def whole(sim: rc.Simulator) -> rc.Simulator:
+    """The same without leaving anything out."""
+    sim._reuses_tiles = sim._skips_empty_tiles = False
+    return sim
+
+
+def tiles_with(image: NDArray[np.bool_]) -> int:
+    rows, columns = image.shape
+    return int(image.reshape(rows // 8, 8, columns // 8, 8).any(axis=(1, 3)).sum())
+
+
+def test_only_tiles_that_the_moving_body_touches_are_cast_again() -> None:
+    sim, fresh = simulator(), whole(simulator())
+    sim.depth_image(0.0)
+    assert sim.frame(0.0).stats["tiles_reused"] == 0
+    for time in (0.05, 0.1, 0.4):
+        frame, expected = sim.frame(time), fresh.frame(time)
+        np.testing.assert_array_equal(frame.cube, expected.cube)
+        assert frame.truth is not None
+        assert expected.truth is not None
+        np.testing.assert_array_equal(frame.truth.range, expected.truth.range)
+        # The box of a ball of 8 cm at 2 m, before and after: at most 2 x 4 x 4 tiles of the 16 x 16.
+        assert frame.stats["rays_cast"] <= 2 * 16 * 64
+        assert frame.stats["tiles_reused"] >= 256 - 2 * 16 - frame.stats["tiles_skipped"]
+        assert expected.stats["rays_cast"] == 128 * 128
+        image = sim.depth_image(time)
+        assert sim._previous[True].counts[2] > 200
+        for name in ("distance", "cos_incidence", "body", "normals"):
+            np.testing.assert_array_equal(getattr(image, name), getattr(fresh.depth_image(time), name))
+
+
+def test_nothing_is_cast_while_nothing_moves() -> None:
+    sim = simulator(ten_bodies(velocity=0.0))
+    first, second = sim.frame(0.0), sim.frame(1.0)
+    assert first.stats["rays_cast"] > 0
+    assert second.stats["rays_cast"] == 0
+    np.testing.assert_array_equal(first.cube, second.cube)
+
+
+def test_a_moving_sensor_sees_everything_anew() -> None:
+    motion = rc.Linear(rc.Pose(), velocity=[0.1, 0.0, 0.0])
+    sim, fresh = simulator(radar_motion=motion), whole(simulator(radar_motion=motion))
+    for time in (0.0, 0.1):
+        frame = sim.frame(time)
+        assert frame.stats["tiles_reused"] == 0
+        np.testing.assert_array_equal(frame.cube, fresh.frame(time).cube)
+
+
+def test_tiles_outside_of_all_bodies_are_skipped() -> None:
+    sim, fresh = simulator(), whole(simulator())
+    frame, expected = sim.frame(), fresh.frame()
+    np.testing.assert_array_equal(frame.cube, expected.cube)
+    hit = fresh.depth_image(sim._middle).body >= 0
+    empty = 256 - tiles_with(hit)
+    assert expected.stats["tiles_skipped"] == 0
+    # Boxes are larger than what they hold, by less than as much again.
+    assert 0.7 * empty < frame.stats["tiles_skipped"] <= empty
+    assert frame.stats["rays_cast"] == 64 * (256 - frame.stats["tiles_skipped"])
+
+
+def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> None:
+    radar = rc.Radar(
+        RADAR.waveform,
+        tx=RADAR.tx,
+        rx=RADAR.rx,
+        pattern=rc.GaussianPattern(20.0, beamwidth_azimuth_deg=12.0, beamwidth_elevation_deg=14.0),
+    )
+    wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
+
+    def frame(gain_floor_db: float) -> rc.Frame:
+        return rc.Simulator(wall, radar, resolution=128, gain_floor_db=gain_floor_db, method="direct").frame()
+
+    all_of_it, most = frame(np.inf), frame(80.0)
+    assert all_of_it.stats["tiles_skipped"] < most.stats["tiles_skipped"]
+    assert most.stats["rays_cast"] < 0.7 * all_of_it.stats["rays_cast"]
+    error = np.abs(all_of_it.cube - most.cube).max() / np.abs(all_of_it.cube).max()
+    assert 0.0 < error < 1e-4
+    image = rc.Simulator(wall, radar, resolution=128).depth_image()
+    np.testing.assert_array_equal(image.body, rc.Simulator(wall, RADAR, resolution=128).depth_image().body)
+
+
+@pytest.mark.parametrize("floor", [0.0, -3.0, np.nan, -np.inf, "low"])
+def test_gain_floor_is_a_positive_number_of_decibels(floor: Any) -> None:
+    with pytest.raises((ValueError, TypeError), match="gain_floor_db"):
+        simulator(gain_floor_db=floor)
+
+
+def test_points_hide_behind_bodies() -> None:
+    sim = simulator()
+    front, behind, beside = [2.5, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.2, 0.2]
+    surface = sim.depth_image().points + RADAR.array_center
+    assert sim.is_hidden([front, behind, beside]).tolist() == [False, True, False]
+    assert not sim.is_hidden(surface).any(), "what is seen is not hidden"
+    points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
+    poses = sim._place(np.array([0.0])).poses[0]
+    all_the_way = sim.scene._core.hide(poses, points - RADAR.array_center, ends_early=False)
+    np.testing.assert_array_equal(sim.is_hidden(points), all_the_way)
+    assert 0.01 < all_the_way.mean() < 0.5
+    assert sim.is_hidden(np.zeros((0, 3))).shape == (0,)
+    with pytest.raises(ValueError, match=r"points: expected shape \(n, 3\), got \(3,\)"):
+        sim.is_hidden([1.0, 2.0, 3.0])
+
+
+def test_a_scene_tells_its_memory() -> None:
+    mesh = rc.shapes.sphere(0.5)
+    one, two = rc.Scene([rc.Body(mesh)]), rc.Scene([rc.Body(mesh), rc.Body(mesh)])
+    assert one.memory == two.memory, "the mesh is shared"
+    assert rc.Scene([rc.Body(mesh), rc.Body(rc.shapes.sphere(0.5))]).memory == 2 * one.memory
+    assert rc.Scene([]).memory == 0
+    n = 200
+    grid = np.stack(np.meshgrid(np.arange(n), np.arange(n), [0.0]), -1).reshape(-1, 3)
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).reshape(-1, 1)
+    triangles = np.concatenate([i + np.array([0, 1, n]), i + np.array([1, n + 1, n])])
+    sheet = rc.Mesh(grid, triangles, shading="flat")
+    per_triangle = (rc.Scene([rc.Body(sheet)]).memory - grid.nbytes) / len(triangles)
+    assert 48 < per_triangle < 110  # corners in single precision alone are 36, their numbers 12
+
+
+def test_an_image_can_be_kept(tmp_path: Any) -> None:
+    import pickle
+
+    image = simulator().depth_image()
+    path = tmp_path / "image.pickle"
+    path.write_bytes(pickle.dumps(image))
+    again = pickle.loads(path.read_bytes())
+    for name in ("distance", "cos_incidence", "reflectance", "body", "directions", "surface_distance", "normals"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(image, name))
