@@ -33,6 +33,7 @@ pub mod delay;
 pub mod direct;
 pub mod error;
 pub mod expansion;
+pub mod facet;
 pub mod grid;
 pub mod hash;
 pub mod kernel;

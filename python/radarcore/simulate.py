@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -116,14 +116,23 @@ class Simulator:
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
 
-        The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies.
+        The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies, or
+        with their facets where bodies deform.
         """
         start = check.number("time", time, "s")
         scatterers = self._scatterers(self._cast(start + self._middle))
-        place, rates = self._place(np.array([start])), self.scene._place_rates(start, self.radar_motion)
+        deforming = scatterers.deforming()
+        place = self._place(np.array([start]), deforming)
+        rates = self.scene._place_rates(start, self.radar_motion, deforming)
         delay, amplitude = self._follow(scatterers, place)
         delay_rate = scatterers.delay_rates(
-            place.poses[0], rates.poses[0], place.points[0], rates.points[0], threads=self.threads
+            place.poses[0],
+            rates.poses[0],
+            place.points[0],
+            rates.points[0],
+            vertices=[vertices[0] for vertices in place.vertices],
+            vertex_rates=[vertices[0] for vertices in rates.vertices],
+            threads=self.threads,
         )
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
         return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
@@ -131,8 +140,9 @@ class Simulator:
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
 
-        The rays are cast once, at the middle of the frame. What they hit moves with its body, and delay and amplitude
-        follow the exact geometry through the frame; which surfaces are seen does not change within it.
+        The rays are cast once, at the middle of the frame. What they hit moves with its body, or with its facet where
+        the body deforms, and delay and amplitude follow the exact geometry through the frame; which surfaces are seen
+        does not change within it.
         `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
@@ -162,7 +172,7 @@ class Simulator:
             "paths_skipped": num_hit - len(scatterers),
             **synthesis.stats,
         }
-        return Frame(cube, start, self.radar, self._truth(image, start + self._middle), stats)
+        return Frame(cube, start, self.radar, self._truth(hits, image, start + self._middle), stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -213,14 +223,14 @@ class Simulator:
         waveform = self.radar.waveform
         return 0.5 * (float(waveform.chirp_times[0]) + waveform.duration)
 
-    def _place(self, times: NDArray[np.float64]) -> Placement:
-        """Bodies and points at `times` [s], in sensor axes about the centre of the array."""
-        return self.scene._place(times, self.radar_motion, self.radar.array_center)
+    def _place(self, times: NDArray[np.float64], deforming: Iterable[int] = ()) -> Placement:
+        """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
+        return self.scene._place(times, self.radar_motion, self.radar.array_center, deforming)
 
     def _cast(self, time: float) -> _core.Hits:
         """Rays of the image with the bodies where they are at `time`."""
         (rows, columns), (horizontal, vertical) = self.resolution, np.deg2rad(self.field_of_view_deg)
-        return self.scene._core.cast(
+        return self.scene._core_at(time, self.threads).cast(
             self._place(np.array([time])).poses[0],
             rows=rows,
             columns=columns,
@@ -271,6 +281,7 @@ class Simulator:
             place.poses,
             place.points if has_points else place.points[:, :0],
             self.scene._rcs if has_points else self.scene._rcs[:0],
+            vertices=place.vertices,
             first=part.start,
             last=part.stop,
             step=part.step,
@@ -284,10 +295,13 @@ class Simulator:
         """How the paths run through time: those of bodies that stand still need no more than one time."""
 
         def course(chosen: _core.Scatterers, is_still: bool, has_points: bool) -> Course:
+            deforming = chosen.deforming()
             return Course(
                 num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
                 is_static=is_still,
-                follow=lambda times, part: self._follow(chosen, self._place(times), part, has_points=has_points),
+                follow=lambda times, part: self._follow(
+                    chosen, self._place(times, deforming), part, has_points=has_points
+                ),
             )
 
         if not is_static(self.radar_motion):
@@ -300,7 +314,7 @@ class Simulator:
             course(scatterers.select(~are_still), False, has_points=True),
         ]
 
-    def _truth(self, image: DepthImage, time: float) -> Truth:
+    def _truth(self, hits: _core.Hits, image: DepthImage, time: float) -> Truth:
         """Range, velocity and direction of the nearest visible point of every body at `time`."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
@@ -315,6 +329,10 @@ class Simulator:
                 points[number] = image.distance.flat[nearest] * directions[nearest]
                 material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
                 velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
+                if self.scene._meshed[b][1].deformation is not None:
+                    corners, weights = hits.place_on_mesh(int(nearest))
+                    vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
+                    velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
         points[self.scene._point_numbers] = place.points[0]
         velocities[self.scene._point_numbers] = rates.points[0]
 
