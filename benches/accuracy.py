@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import exp1
 
 import radarcore as rc
+from page import table
 
 SPEED_OF_LIGHT = 299_792_458.0
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
@@ -290,18 +291,6 @@ def matt_rows(run: Run) -> Iterator[list[str]]:
                 f"{100.0 * (sums - 1.0):+.2f} %",
                 f"{100.0 * (powers.mean() - 1.0):+.0f} ± {100.0 * powers.std(ddof=1) / np.sqrt(len(powers)):.0f} %",
             ]
-
-
-def table(header: list[str], rows: Iterator[list[str]]) -> str:
-    """A Markdown table with aligned columns; numbers to the right."""
-    cells = [header, *rows]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    is_text = [column[1][:1].isalpha() for column in zip(*cells, strict=True)]
-    rule = ["-" * w if text else "-" * (w - 1) + ":" for w, text in zip(widths, is_text, strict=True)]
-    return "\n".join(
-        "| " + " | ".join(f"{c:{'<' if t else '>'}{w}}" for c, w, t in zip(row, widths, is_text, strict=True)) + " |"
-        for row in [cells[0], rule, *cells[1:]]
-    )
 
 
 def main() -> None:

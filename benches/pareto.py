@@ -13,12 +13,10 @@ import argparse
 import io
 import math
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import product
-from pathlib import Path
 
 # Threads of numpy's BLAS that wait for work would slow everything else down.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
@@ -30,6 +28,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 import radarcore as rc
+from page import PERFORMANCE, machine, milliseconds, table, write_section
 from radarcore import _core
 from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
 
@@ -38,13 +37,10 @@ try:
 except ImportError:
     finufft = None
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
-PICTURE = PAGE.with_suffix(".png")
+PICTURE = PERFORMANCE.with_suffix(".png")
 INSTALL_HINT = "finufft is not installed, its rows are left out: pip install finufft==2.5.1"
 
 PAGE_TEXT = """\
-# Performance
-
 Error of the beat signal against run time; written by `python benches/pareto.py --write`.
 
 {num_paths} paths, one channel, {machine}; one thread where nothing else is said. Times are medians over {repeats}
@@ -448,10 +444,6 @@ def overhead(run: Run) -> str:
 # Tables and picture.
 
 
-def milliseconds(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g}"
-
-
 def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[str]]:
     """One row per method: what nodes and the library's columns are missing is a dash."""
     for name, methods in results:
@@ -476,18 +468,6 @@ def result_table(results: list[tuple[str, list[Method]]], *leave_out: str) -> st
     header = ["case", "method", "tolerance", "nodes", "terms", "error", "ms", "with numpy", "× f32", "× f64"]
     kept = [i for i, name in enumerate(header) if name not in leave_out]
     return table([header[i] for i in kept], [[row[i] for i in kept] for row in result_rows(results)])
-
-
-def table(header: list[str], rows: Iterable[list[str]]) -> str:
-    """A Markdown table with aligned columns; numbers to the right."""
-    cells = [header, *rows]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    is_text = [column[1][:1].isalpha() for column in zip(*cells, strict=True)]
-    rule = ["-" * w if text else "-" * (w - 1) + ":" for w, text in zip(widths, is_text, strict=True)]
-    return "\n".join(
-        "| " + " | ".join(f"{c:{'<' if t else '>'}{w}}" for c, w, t in zip(row, widths, is_text, strict=True)) + " |"
-        for row in [cells[0], rule, *cells[1:]]
-    )
 
 
 STYLES = {
@@ -529,18 +509,10 @@ def draw(ax: Axes, methods: list[Method], style: str, **options: str) -> None:
         ax.plot(times, [method.error for method in methods], style, markerfacecolor="none", markersize=5, **options)
 
 
-def machine() -> str:
-    """The instruction set that counts, and the number of cores."""
-    cpu = Path("/proc/cpuinfo")
-    flags = cpu.read_text(encoding="utf-8") if cpu.exists() else ""
-    instructions = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), None)
-    return f"{instructions or platform.machine()}, {os.cpu_count()} cores"
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description="Error of the beat signal against run time.")
     parser.add_argument("--tiny", action="store_true", help="once, on few paths")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.parent.name}/{PAGE.name} and the picture")
+    parser.add_argument("--write", action="store_true", help="write docs/performance.md and the picture")
     arguments = parser.parse_args()
     run = TINY if arguments.tiny else FULL
 
@@ -574,7 +546,7 @@ def main() -> None:
             growth=growth,
             overhead=call,
         )
-        PAGE.write_text(text, encoding="utf-8")
+        write_section(PERFORMANCE, "pareto", text)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Gaussian beam `peak exp(-azimuth az^2 - elevation el^2)`; zero exponents: isotropic.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pattern {
     /// Power gain on boresight.
     pub peak: f64,
@@ -21,6 +21,14 @@ impl Pattern {
         }
         let (az, el) = (d.y.atan2(d.x), d.z.atan2(d.x.hypot(d.y)));
         self.peak * (-self.azimuth * az * az - self.elevation * el * el).exp()
+    }
+
+    /// At most ln(peak / gain) of directions `(1, u, v)` within ranges.
+    pub fn least_decay(&self, u: [f64; 2], v: [f64; 2]) -> f64 {
+        let least = |[low, high]: [f64; 2]| low.max(-high).max(0.0);
+        let most = u[0].abs().max(u[1].abs());
+        let (az, el) = (least(u).atan(), least(v).atan2(1.0_f64.hypot(most)));
+        self.azimuth * az * az + self.elevation * el * el
     }
 }
 

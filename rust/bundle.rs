@@ -93,6 +93,12 @@ impl Fan {
         }
     }
 
+    /// Smallest and largest `u`, and `v`.
+    pub fn ranges(&self) -> [[f64; 2]; 2] {
+        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
+        [0, 1].map(|i| [middle[i] - half[i], middle[i] + half[i]])
+    }
+
     /// Bounds the coordinates of all directions, in any frame.
     fn length(&self) -> f64 {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
@@ -316,6 +322,8 @@ pub struct Best {
     pub body: [[u32; PACKET]; PACKETS],
     /// Number of its triangle.
     pub triangle: [[u32; PACKET]; PACKETS],
+    /// A bit per ray that lies in the plane of its triangle.
+    pub edge_on: [u32; PACKETS],
 }
 
 impl Best {
@@ -326,6 +334,7 @@ impl Best {
         farthest: [f32::NEG_INFINITY; PACKETS],
         body: [[u32::MAX; PACKET]; PACKETS],
         triangle: [[u32::MAX; PACKET]; PACKETS],
+        edge_on: [0; PACKETS],
     };
 
     /// Nothing was met so far.
@@ -339,6 +348,7 @@ impl Best {
             everywhere.select(valid[packet], nowhere).store(&mut self.far[all]);
             I::put(&mut self.body[packet], u32::MAX, u32::MAX);
             I::put(&mut self.triangle[packet], u32::MAX, u32::MAX);
+            self.edge_on[packet] = 0;
             self.farthest[packet] = if valid[packet] == 0 {
                 f32::NEG_INFINITY
             } else {
@@ -394,7 +404,7 @@ impl Best {
     #[inline(never)]
     fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
         let ray = packet * PACKET + lane;
-        let Some(distance) = exact.distance(ray, body, triangle) else {
+        let Some((distance, is_edge_on)) = exact.distance(ray, body, triangle) else {
             return false;
         };
         if distance > f64::from(self.far[ray]) {
@@ -402,7 +412,8 @@ impl Best {
         }
         if distance >= f64::from(self.near[ray]) {
             let before = (self.body[packet][lane], self.triangle[packet][lane]);
-            let other = exact.distance(ray, before.0, before.1).unwrap_or(f64::INFINITY);
+            let other = exact.distance(ray, before.0, before.1);
+            let other = other.map_or(f64::INFINITY, |(distance, _)| distance);
             if distance > other || (distance == other && before <= (body, triangle)) {
                 return false;
             }
@@ -410,14 +421,16 @@ impl Best {
         self.near[ray] = (distance as f32).next_down();
         self.far[ray] = (distance as f32).next_up();
         (self.body[packet][lane], self.triangle[packet][lane]) = (body, triangle);
+        self.edge_on[packet] = self.edge_on[packet] & !(1 << lane) | u32::from(is_edge_on) << lane;
         true
     }
 }
 
-/// The exact test: the distance of a triangle (body and number) that a ray meets.
+/// The exact test.
 pub trait Exact {
-    /// In lengths of the direction; none where the ray misses.
-    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<f64>;
+    /// Distance of a triangle of a body in lengths of the direction, none where the ray misses, and whether the ray lies in its
+    /// plane.
+    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }
 
 /// Looks for the nearest triangles of one body.
@@ -508,6 +521,7 @@ impl<E: Exact> Visit for Search<'_, E> {
                             .store(&mut self.best.far[first..]);
                         I::put(&mut self.best.body[packet], is_nearest, self.body);
                         I::put(&mut self.best.triangle[packet], is_nearest, number);
+                        self.best.edge_on[packet] &= !is_nearest;
                         has_changed = true;
                     }
                     unsure &= !(is_behind | is_nearest);

@@ -5,7 +5,7 @@
 
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -29,9 +29,10 @@ use crate::motion::Pose;
 use crate::plan::{Method, Step};
 use crate::rays::ImagePlane;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
+use crate::shown::Shown;
 use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
-use crate::trace::{self, NO_BODY, Snapshot};
+use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -538,8 +539,12 @@ impl Scene {
         })
     }
 
-    /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
-    #[pyo3(signature = (poses, *, rows, columns, half_width, half_height, threads=None))]
+    /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor. `previous` hits of the same scene
+    /// are taken over where no body has moved. `beam`, the exponents of the pattern over azimuth and elevation and the least
+    /// gain of interest there and back relative to the peak, and `skip_empty` say which tiles of the image are left out.
+    #[pyo3(signature = (
+        poses, *, rows, columns, half_width, half_height, previous=None, beam=None, skip_empty=true, threads=None
+    ))]
     fn cast(
         &self,
         py: Python<'_>,
@@ -548,20 +553,38 @@ impl Scene {
         columns: usize,
         half_width: f64,
         half_height: f64,
+        previous: Option<PyRef<'_, Hits>>,
+        beam: Option<(f64, f64, f64)>,
+        skip_empty: bool,
         threads: Option<usize>,
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane::centered(rows, columns, half_width, half_height);
         let surfaces = self.surfaces.clone();
+        let beam = beam.map(|(azimuth, elevation, floor)| Beam {
+            pattern: Pattern {
+                peak: 1.0,
+                azimuth,
+                elevation,
+            },
+            floor,
+        });
+        let cast = Cast {
+            beam,
+            skip_empty,
+            previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
+            ..Cast::default()
+        };
         let (snapshot, hits) = compute(py, threads, || {
             let snapshot = Snapshot::new(surfaces, poses);
-            let hits = snapshot.cast_image(&plane)?;
+            let hits = snapshot.cast_image_with(&plane, &cast)?;
             Ok((snapshot, hits))
         })?;
         Ok(Hits {
             snapshot,
             image: hits,
             materials: self.materials.clone(),
+            shown: OnceLock::new(),
         })
     }
 }
@@ -574,6 +597,7 @@ struct Hits {
     snapshot: Snapshot,
     image: trace::Hits,
     materials: Vec<Material>,
+    shown: OnceLock<Shown>,
 }
 
 #[pymethods]
@@ -583,10 +607,24 @@ impl Hits {
         self.image(PyArray1::from_slice(py, &self.image.distance))
     }
 
+    /// Rays that were cast, and tiles that were skipped and taken over.
+    #[getter]
+    fn counts(&self) -> (usize, usize, usize) {
+        let trace::Counts {
+            rays,
+            tiles_skipped,
+            tiles_reused,
+        } = self.image.counts;
+        (rays, tiles_skipped, tiles_reused)
+    }
+
     /// Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let cosines = compute(py, threads, || Ok(scatter::cos_incidence(&self.snapshot, &self.image)))?;
+        let cosines = match self.shown.get() {
+            Some(shown) => shown.cosine.clone(),
+            None => compute(py, threads, || Ok(Shown::cosines(&self.snapshot, &self.image)))?,
+        };
         self.image(cosines.into_pyarray(py))
     }
 
@@ -594,14 +632,12 @@ impl Hits {
     /// towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
-        let (distance, normals) = compute(py, threads, || Ok(scatter::shaded(&self.snapshot, &self.image)))?;
+        let shown = compute(py, threads, || Ok(self.shown()))?;
         let plane = &self.image.plane;
+        let normals = shown.normal.iter().flat_map(DVec3::to_array);
         Ok((
-            self.image(distance.into_pyarray(py))?,
-            normals
-                .into_flattened()
-                .into_pyarray(py)
-                .reshape([plane.rows, plane.columns, 3])?,
+            self.image(PyArray1::from_slice(py, &shown.distance))?,
+            PyArray1::from_iter(py, normals).reshape([plane.rows, plane.columns, 3])?,
         ))
     }
 
@@ -651,6 +687,7 @@ impl Hits {
             Ok(scatter::Scatterers::new(
                 &self.snapshot,
                 &self.image,
+                self.shown(),
                 &self.materials,
                 array,
                 sampling,
@@ -665,6 +702,11 @@ impl Hits {
 }
 
 impl Hits {
+    /// What the pixels show; computed once.
+    fn shown(&self) -> &Shown {
+        self.shown.get_or_init(|| Shown::new(&self.snapshot, &self.image))
+    }
+
     fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
         pixels.reshape([self.image.plane.rows, self.image.plane.columns])
     }

@@ -11,7 +11,7 @@ const MAX_PIXELS: usize = 1 << 28;
 pub const TILE: usize = 8;
 
 /// Pinhole image of the sensor: row 0 on top (+z), column 0 on the left (+y); plane coordinates u = y/x, v = z/x.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImagePlane {
     /// Pixels from top to bottom.
     pub rows: usize,

@@ -19,7 +19,7 @@ use crate::hash::mix;
 use crate::material::Material;
 use crate::motion::Pose;
 use crate::rays::ImagePlane;
-use crate::shading::shade;
+use crate::shown::Shown;
 use crate::trace::{Hits, NO_BODY, Snapshot};
 
 /// Speed of light in vacuum [m/s].
@@ -180,25 +180,6 @@ struct Patch {
     normal: DVec3,
 }
 
-/// Cosine of the angle of incidence of every pixel; zero where nothing was hit.
-pub fn cos_incidence(snapshot: &Snapshot, hits: &Hits) -> Vec<f64> {
-    (0..hits.plane.num_pixels())
-        .into_par_iter()
-        .map(|pixel| patch(snapshot, hits, pixel).map_or(0.0, |p| (-p.normal.dot(p.direction)).clamp(0.0, 1.0)))
-        .collect()
-}
-
-/// Distance to the surface that the facets stand for [m], infinite where nothing was hit, and its unit normal towards
-/// the incident side in the sensor frame, zero where nothing was hit.
-pub fn shaded(snapshot: &Snapshot, hits: &Hits) -> (Vec<f64>, Vec<[f64; 3]>) {
-    (0..hits.plane.num_pixels())
-        .into_par_iter()
-        .map(|pixel| {
-            patch(snapshot, hits, pixel).map_or((f64::INFINITY, [0.0; 3]), |p| (p.distance, p.normal.to_array()))
-        })
-        .unzip()
-}
-
 /// The vertices of the triangle that a pixel hit and their weights there, if it hit anything.
 pub fn place_on_mesh(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<([u32; 3], [f64; 3])> {
     let body = hits.body.get(pixel).copied().filter(|body| *body != NO_BODY)?;
@@ -209,33 +190,15 @@ pub fn place_on_mesh(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<(
 }
 
 /// What the hit of one pixel shows.
-fn patch(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<Patch> {
-    let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);
-    if body == NO_BODY {
-        return None;
-    }
-    let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
-    let (u, v) = hits
-        .plane
-        .center(pixel / hits.plane.columns, pixel % hits.plane.columns);
-    let direction = DVec3::new(1.0, u, v);
-    let barycentric = snapshot.barycentric(body, triangle, direction);
-    let direction = direction.normalize();
-    let corners = surface.corners(triangle);
-    let face_normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-    let (normal, correction) = shade(
-        corners,
-        surface.corner_normals(triangle),
-        barycentric,
-        face_normal,
-        pose.direction_to_body(direction),
-    );
-    Some(Patch {
+fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
+    let body = hits.body[pixel];
+    let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
+    (body != NO_BODY).then(|| Patch {
         pixel,
         body,
-        direction,
-        distance: hits.distance[pixel] + correction,
-        normal: pose.direction(normal),
+        direction: hits.plane.direction(row, column),
+        distance: shown.distance[pixel],
+        normal: shown.normal[pixel],
     })
 }
 
@@ -244,13 +207,14 @@ impl Scatterers {
     pub fn new(
         snapshot: &Snapshot,
         hits: &Hits,
+        shown: &Shown,
         materials: &[Material],
         array: Array,
         sampling: Sampling,
         seed: u64,
     ) -> Self {
         Self::gather(&hits.plane, array, sampling, |weigh, pixel| {
-            let patch = patch(snapshot, hits, pixel)?;
+            let patch = patch(hits, shown, pixel)?;
             let surface = snapshot.surface(patch.body);
             let speckle = mix(seed ^ surface.fingerprint());
             let material = &materials[patch.body as usize];

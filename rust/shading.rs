@@ -30,7 +30,7 @@ const CREASE_MARGIN: f64 = 1e-6;
 
 /// Largest cosine between ray and normal at which the surface is corrected: beyond (87 degrees off the normal)
 /// the correction along the ray is no longer small.
-const MAX_CORRECTED_COSINE: f64 = -0.05;
+pub const MAX_CORRECTED_COSINE: f64 = -0.05;
 
 impl Shading {
     /// Every facet is what it is.

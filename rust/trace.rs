@@ -5,14 +5,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::antenna::Pattern;
 use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS, Single, View, Visit};
 use crate::bvh::{Bounds, Node, Ray, Tree};
 use crate::error::{Result, fits_memory};
 use crate::leaf::Table;
 use crate::motion::Pose;
-use crate::rays::{ImagePlane, TILE};
+use crate::rays::{ImagePlane, TILE, Tile};
 use crate::simd::{Isa, Kernel, Level, Vector};
-use crate::surface::{Nearest, Surface, Woop, above};
+use crate::surface::{Crossing, Nearest, Surface, Woop, above};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
@@ -63,6 +64,63 @@ pub struct Hits {
     pub body: Vec<u32>,
     /// Number of the triangle in the body's surface.
     pub triangle: Vec<u32>,
+    /// What was done for them.
+    pub counts: Counts,
+    beam: Option<Beam>,
+}
+
+/// What the hits of an image took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Rays that searched a tree.
+    pub rays: usize,
+    /// Tiles in which there is no body, or nothing to be seen through the antennas.
+    pub tiles_skipped: usize,
+    /// Tiles taken over from the hits before.
+    pub tiles_reused: usize,
+}
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            tiles_skipped: self.tiles_skipped + other.tiles_skipped,
+            tiles_reused: self.tiles_reused + other.tiles_reused,
+        }
+    }
+}
+
+/// Directions that antennas see: others are not cast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// Pattern of every antenna.
+    pub pattern: Pattern,
+    /// Least gain of interest, there and back, relative to the peak.
+    pub floor: f64,
+}
+
+/// How rays are cast; nothing of it changes what they hit, but for those out of the beam.
+#[derive(Clone, Copy)]
+pub struct Cast<'a> {
+    /// Instruction set.
+    pub level: Level,
+    /// Whether tiles without bodies are left out.
+    pub skip_empty: bool,
+    /// Directions of interest.
+    pub beam: Option<Beam>,
+    /// Hits of another time. Tiles are taken over if no body has moved there.
+    pub previous: Option<(&'a Snapshot, &'a Hits)>,
+}
+
+impl Default for Cast<'_> {
+    fn default() -> Self {
+        Self {
+            level: Level::best(),
+            skip_empty: true,
+            beam: None,
+            previous: None,
+        }
+    }
 }
 
 impl Snapshot {
@@ -70,13 +128,8 @@ impl Snapshot {
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
         let with_triangles = |i: &u32| surfaces[*i as usize].num_triangles() > 0;
         let all: Vec<u32> = (0..surfaces.len() as u32).filter(with_triangles).collect();
-        let boxes: Vec<Bounds> = all
-            .iter()
-            .map(|&i| {
-                let corners = surfaces[i as usize].bounds().corners();
-                Bounds::of(corners.map(|corner| poses[i as usize].point(corner)))
-            })
-            .collect();
+        let bounds = |body: &u32| bounds(&surfaces[*body as usize], &poses[*body as usize]);
+        let boxes: Vec<Bounds> = all.iter().map(bounds).collect();
         let (top, leaves) = Tree::build(boxes.len(), 1, |i| boxes[i]);
         Self {
             bodies: leaves.iter().map(|leaf| all[leaf[0] as usize]).collect(),
@@ -126,10 +179,16 @@ impl Snapshot {
         })
     }
 
-    /// Where a ray `(1, u, v)` meets a triangle.
+    /// Weights of the corners of a triangle where a ray `(1, u, v)` meets it; those of its middle if it does not.
     pub fn barycentric(&self, body: u32, triangle: u32, direction: DVec3) -> [f64; 3] {
+        let crossing = self.cross(direction, body, triangle);
+        crossing.map_or([1.0 / 3.0; 3], |crossing| crossing.barycentric)
+    }
+
+    /// Where a ray `(1, u, v)` meets a triangle.
+    fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
         let ray = self.ray_to_body(body, direction);
-        Woop::new(&ray).weights(&self.surfaces[body as usize].corners(triangle))
+        Woop::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
     }
 
     /// A ray from the sensor as a body sees it.
@@ -149,6 +208,17 @@ impl Snapshot {
 
     /// The same with an instruction set.
     pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
+        self.cast_image_with(
+            plane,
+            &Cast {
+                level,
+                ..Cast::default()
+            },
+        )
+    }
+
+    /// The same, leaving out what need not be cast.
+    pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
         fits_memory(
             "hits",
@@ -161,27 +231,65 @@ impl Snapshot {
             distance: vec![0.0; num_pixels],
             body: vec![0; num_pixels],
             triangle: vec![0; num_pixels],
+            counts: Counts::default(),
+            beam: cast.beam,
         };
+        let previous = cast.previous.and_then(|(snapshot, before)| {
+            let is_alike = before.plane == *plane && before.beam == cast.beam;
+            let moved = if is_alike { self.moved(snapshot) } else { None };
+            moved.map(|moved| (before, moved))
+        });
         let band = TILE * plane.columns;
         let distance = hits.distance.par_chunks_mut(band);
         let body = hits.body.par_chunks_mut(band);
         let triangle = hits.triangle.par_chunks_mut(band);
-        distance
+        let counts = distance
             .zip_eq(body)
             .zip_eq(triangle)
             .enumerate()
-            .for_each(|(index, ((distance, body), triangle))| {
-                level.run(CastBand {
+            .map(|(index, ((distance, body), triangle))| {
+                cast.level.run(CastBand {
                     snapshot: self,
+                    cast,
+                    previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
                     index,
                     distance,
                     body,
                     triangle,
-                });
+                })
             });
+        hits.counts = counts.reduce(Counts::default, Counts::plus);
         Ok(hits)
     }
+
+    /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
+    /// where that is most of them.
+    fn moved(&self, before: &Self) -> Option<Tree> {
+        if self.surfaces.len() != before.surfaces.len() {
+            return None;
+        }
+        let has_moved = |body: &usize| {
+            let is_same = Arc::ptr_eq(&self.surfaces[*body], &before.surfaces[*body]);
+            !is_same || self.poses[*body] != before.poses[*body]
+        };
+        let moved: Vec<usize> = (0..self.surfaces.len()).filter(has_moved).collect();
+        if 2 * moved.len() > self.surfaces.len() {
+            return None;
+        }
+        let of = |snapshot: &Self, body: usize| bounds(&snapshot.surfaces[body], &snapshot.poses[body]);
+        let both = moved.iter().flat_map(|body| [of(self, *body), of(before, *body)]);
+        let boxes: Vec<Bounds> = both.filter(|b| b.min.is_finite()).collect();
+        Some(Tree::build(boxes.len(), 1, |i| boxes[i]).0)
+    }
+}
+
+/// Box of a surface in the sensor frame; empty if it has no triangles.
+fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
+    if surface.num_triangles() == 0 {
+        return Bounds::EMPTY;
+    }
+    Bounds::of(surface.bounds().corners().map(|corner| pose.point(corner)))
 }
 
 /// Casts one ray.
@@ -250,6 +358,9 @@ impl Visit for OneAtBodies<'_> {
 /// Casts the rays of a row of tiles.
 struct CastBand<'a> {
     snapshot: &'a Snapshot,
+    cast: &'a Cast<'a>,
+    /// Hits of another time, and boxes where these may not be taken over.
+    previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
     /// Number of the row of tiles.
     index: usize,
@@ -259,12 +370,11 @@ struct CastBand<'a> {
 }
 
 impl Kernel for CastBand<'_> {
-    type Output = ();
+    type Output = Counts;
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) {
-        let columns = self.plane.columns;
-        let tiles = columns.div_ceil(TILE);
+    fn run<I: Isa>(mut self) -> Counts {
+        let tiles = self.plane.columns.div_ceil(TILE);
         let mut scratch = Scratch {
             fan: Fan::EMPTY,
             bundle: Bundle::EMPTY,
@@ -273,26 +383,104 @@ impl Kernel for CastBand<'_> {
             stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
             distance: [0.0; MOST_RAYS],
         };
+        let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
             scratch.fan.aim::<I>(self.plane, &tile);
-            self.snapshot.search::<I>(&mut scratch);
-            self.snapshot
-                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
-            let (best, distance) = (&scratch.best, &scratch.distance);
-            for row in 0..tile.rows {
-                // A row of a tile is in two packets.
-                let pixel = row * columns + tile.column;
-                // A row of a tile is in two packets.
-                for first in (0..tile.columns).step_by(TILE / 2) {
-                    let (from, to) = (Fan::ray(row, first), pixel + first);
-                    let number = (tile.columns - first).min(TILE / 2);
-                    copy(&mut self.distance[to..], &distance[from..], number);
-                    copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
-                    copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
+            if self.cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+                self.clear(&tile);
+                counts.tiles_skipped += 1;
+                continue;
+            }
+            if let Some((hits, moved)) = self.previous {
+                let mut touch = Touch(false);
+                scratch.fan.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
+                if !touch.0 {
+                    self.take_over(&tile, hits);
+                    counts.tiles_reused += 1;
+                    continue;
                 }
             }
+            let is_empty = self.snapshot.search::<I>(&mut scratch, self.cast.skip_empty);
+            if is_empty {
+                self.clear(&tile);
+                counts.tiles_skipped += 1;
+                continue;
+            }
+            counts.rays += tile.rows * tile.columns;
+            self.snapshot
+                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            self.write(&tile, &scratch.best, &scratch.distance);
         }
+        counts
+    }
+}
+
+impl CastBand<'_> {
+    /// Rows of the tile, as ranges of pixels of this row of tiles.
+    fn rows(&self, tile: &Tile) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+        let (columns, first, number) = (self.plane.columns, tile.column, tile.columns);
+        (0..tile.rows).map(move |row| row * columns + first..row * columns + first + number)
+    }
+
+    /// Nothing was hit.
+    fn clear(&mut self, tile: &Tile) {
+        for pixels in self.rows(tile) {
+            self.distance[pixels.clone()].fill(f64::INFINITY);
+            self.body[pixels.clone()].fill(NO_BODY);
+            self.triangle[pixels].fill(u32::MAX);
+        }
+    }
+
+    /// What was hit before.
+    fn take_over(&mut self, tile: &Tile, hits: &Hits) {
+        let first = self.index * TILE * self.plane.columns;
+        for pixels in self.rows(tile) {
+            let from = first + pixels.start..first + pixels.end;
+            self.distance[pixels.clone()].copy_from_slice(&hits.distance[from.clone()]);
+            self.body[pixels.clone()].copy_from_slice(&hits.body[from.clone()]);
+            self.triangle[pixels].copy_from_slice(&hits.triangle[from]);
+        }
+    }
+
+    /// What was found.
+    #[inline(always)]
+    fn write(&mut self, tile: &Tile, best: &Best, distance: &[f64; MOST_RAYS]) {
+        for row in 0..tile.rows {
+            let pixel = row * self.plane.columns + tile.column;
+            // A row of a tile is in two packets.
+            for first in (0..tile.columns).step_by(TILE / 2) {
+                let (from, to) = (Fan::ray(row, first), pixel + first);
+                let number = (tile.columns - first).min(TILE / 2);
+                copy(&mut self.distance[to..], &distance[from..], number);
+                copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
+                copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
+            }
+        }
+    }
+}
+
+impl Beam {
+    /// Whether all rays of a tile are out of the beam.
+    fn misses(&self, fan: &Fan) -> bool {
+        let [u, v] = fan.ranges();
+        2.0 * self.pattern.least_decay(u, v) > -self.floor.ln()
+    }
+}
+
+/// Whether rays may meet any box of a tree.
+struct Touch(bool);
+
+impl Visit for Touch {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
+        true
+    }
+
+    #[inline(always)] // part of a kernel
+    fn visit<I: Isa>(&mut self, _leaf: usize, _count: usize, _near: f32) -> f32 {
+        self.0 = true;
+        -1.0
     }
 }
 
@@ -321,11 +509,10 @@ struct Scratch {
 }
 
 impl Snapshot {
-    /// Nearest triangles of the rays of a tile.
+    /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
     #[inline(always)]
-    fn search<I: Isa>(&self, scratch: &mut Scratch) {
+    fn search<I: Isa>(&self, scratch: &mut Scratch, skip_empty: bool) -> bool {
         let fan = &scratch.fan;
-        scratch.best.clear::<I>(&fan.valid);
         let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
             snapshot: self,
@@ -334,8 +521,18 @@ impl Snapshot {
             best: &mut scratch.best,
             table: &mut scratch.table,
             stack,
+            is_empty: true,
         };
-        fan.walk::<I>(&self.top, top, &mut bodies);
+        if skip_empty {
+            fan.walk::<I>(&self.top, top, &mut bodies);
+            return bodies.is_empty;
+        }
+        bodies.best.clear::<I>(&fan.valid);
+        bodies.is_empty = false;
+        for leaf in 0..self.bodies.len() {
+            bodies.visit::<I>(leaf, 1, 0.0);
+        }
+        false
     }
 
     /// Distances of the triangles that were found [m], infinite where there is none.
@@ -389,6 +586,17 @@ impl Snapshot {
             let t = I::F64::load(&height[first..]).div(I::F64::load(&slope[first..]));
             t.mul(length).store(&mut distance[first..]);
         }
+        for packet in 0..PACKETS {
+            let mut edge_on = best.edge_on[packet];
+            while edge_on != 0 {
+                let lane = edge_on.trailing_zeros() as usize;
+                edge_on &= edge_on - 1;
+                let direction = fan.direction(packet * PACKET + lane);
+                let crossing = self.cross(direction, best.body[packet][lane], best.triangle[packet][lane]);
+                let t = crossing.map_or(f64::INFINITY, |crossing| crossing.distance);
+                distance[packet * PACKET + lane] = t * direction.length();
+            }
+        }
     }
 }
 
@@ -400,6 +608,8 @@ struct Bodies<'a> {
     best: &'a mut Best,
     table: &'a mut Table,
     stack: &'a mut Vec<u64>,
+    /// Whether no body was visited.
+    is_empty: bool,
 }
 
 impl Visit for Bodies<'_> {
@@ -410,6 +620,10 @@ impl Visit for Bodies<'_> {
 
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
+        if self.is_empty {
+            self.best.clear::<I>(&self.fan.valid);
+            self.is_empty = false;
+        }
         let body = self.snapshot.bodies[leaf];
         let surface = self.snapshot.surface(body);
         let view = &self.snapshot.views[body as usize];
@@ -432,10 +646,9 @@ struct ExactRays<'a> {
 }
 
 impl Exact for ExactRays<'_> {
-    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<f64> {
-        let ray = self.snapshot.ray_to_body(body, self.fan.direction(ray));
-        let corners = self.snapshot.surface(body).corners(triangle);
-        Woop::new(&ray).intersect(&corners).map(|(distance, _)| distance)
+    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
+        let crossing = self.snapshot.cross(self.fan.direction(ray), body, triangle)?;
+        Some((crossing.distance, crossing.is_edge_on))
     }
 }
 
@@ -559,6 +772,117 @@ mod tests {
             assert_eq!(hits, cells * cells);
             check(&Snapshot::new(vec![wall], vec![at(-distance, 0.3)]), &plane);
         }
+    }
+
+    /// A room of six walls round the sensor, of `side` metres, and ten small squares in front of it.
+    fn furnished() -> (Vec<Arc<Surface>>, Vec<Pose>) {
+        let mut surfaces = vec![square(4.0)];
+        let mut poses = vec![at(6.0, 0.0)];
+        for i in 0..10 {
+            let place = DVec3::new(3.0, 0.4 * f64::from(i % 5) - 0.8, 0.5 * f64::from(i / 5) - 0.25);
+            surfaces.push(square(0.05 + 0.01 * f64::from(i)));
+            poses.push(Pose {
+                rotation: DMat3::from_rotation_z(0.1 * f64::from(i)),
+                translation: place,
+            });
+        }
+        (surfaces, poses)
+    }
+
+    #[test]
+    fn only_tiles_that_a_moved_body_touches_are_cast_again() {
+        let plane = ImagePlane::centered(93, 101, 0.5, 0.5);
+        let (mut surfaces, mut poses) = furnished();
+        let before = Snapshot::new(surfaces.clone(), poses.clone());
+        let hits = before.cast_image(&plane).unwrap();
+        assert_eq!(hits.counts.rays, plane.num_pixels());
+
+        poses[3].translation += DVec3::new(0.1, 0.15, 0.0);
+        surfaces[7] = Arc::new(
+            surfaces[7]
+                .deform(surfaces[7].vertices().iter().map(|p| 1.2 * p).collect())
+                .unwrap(),
+        );
+        let after = Snapshot::new(surfaces, poses);
+        let fresh = after.cast_image(&plane).unwrap();
+        for level in Level::available() {
+            let cast = Cast {
+                level,
+                previous: Some((&before, &hits)),
+                ..Cast::default()
+            };
+            let reused = after.cast_image_with(&plane, &cast).unwrap();
+            assert_eq!(reused.distance, fresh.distance);
+            assert_eq!((&reused.body, &reused.triangle), (&fresh.body, &fresh.triangle));
+            assert_eq!(fresh.counts.tiles_reused, 0);
+            assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
+            assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
+            // Every pixel that shows something else was cast.
+            let changed = (0..plane.num_pixels())
+                .filter(|i| hits.distance[*i] != fresh.distance[*i])
+                .count();
+            assert!(changed > 20 && changed <= reused.counts.rays);
+
+            // Nothing has moved: nothing is cast. A different image is cast whole.
+            let again = Cast {
+                previous: Some((&after, &reused)),
+                ..cast
+            };
+            assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
+            let other = ImagePlane::centered(93, 101, 0.5, 0.4);
+            assert_eq!(after.cast_image_with(&other, &again).unwrap().counts.tiles_reused, 0);
+        }
+    }
+
+    #[test]
+    fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
+        let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces[1..].to_vec(), poses[1..].to_vec());
+        let skipping = scene.cast_image(&plane).unwrap();
+        let cast = Cast {
+            skip_empty: false,
+            ..Cast::default()
+        };
+        let whole = scene.cast_image_with(&plane, &cast).unwrap();
+        assert_eq!(skipping.distance, whole.distance);
+        assert_eq!(skipping.body, whole.body);
+        assert_eq!((whole.counts.tiles_skipped, whole.counts.rays), (0, 64 * 64));
+        let Counts {
+            rays, tiles_skipped, ..
+        } = skipping.counts;
+        assert!(tiles_skipped > 20, "{tiles_skipped}");
+        assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
+    }
+
+    #[test]
+    fn directions_out_of_the_beam_are_not_cast() {
+        let plane = ImagePlane::centered(64, 96, 1.0, 0.7);
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces, poses);
+        let whole = scene.cast_image(&plane).unwrap();
+        let pattern = Pattern {
+            peak: 7.0,
+            azimuth: 20.0,
+            elevation: 60.0,
+        };
+        let beam = Beam { pattern, floor: 1e-5 };
+        let cast = Cast {
+            beam: Some(beam),
+            ..Cast::default()
+        };
+        let within = scene.cast_image_with(&plane, &cast).unwrap();
+        let mut out = 0;
+        for pixel in 0..plane.num_pixels() {
+            let direction = plane.direction(pixel / plane.columns, pixel % plane.columns);
+            let gain = (pattern.gain(direction) / pattern.peak).powi(2);
+            if within.distance[pixel] != whole.distance[pixel] {
+                assert!(gain < beam.floor, "{pixel} {gain}");
+                out += 1;
+            }
+        }
+        assert!(out > 500, "{out}");
+        assert!(within.counts.tiles_skipped > 20);
     }
 
     #[test]

@@ -167,14 +167,25 @@ class Scene:
         columns: int,
         half_width: float,
         half_height: float,
+        previous: Hits | None = None,
+        beam: tuple[float, float, float] | None = None,
+        skip_empty: bool = True,
         threads: int | None = None,
     ) -> Hits:
-        """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor."""
+        """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
+
+        `previous` hits of the same scene are taken over where no body has moved. `beam`, the exponents of the pattern
+        over azimuth and elevation and the least gain of interest there and back relative to the peak, and `skip_empty`
+        say which tiles of the image are left out.
+        """
 
 @final
 class Hits:
     """What the rays of an image hit."""
 
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Rays that were cast, and tiles that were skipped and taken over."""
     def distance(self) -> NDArray[np.float64]:
         """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
     def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:

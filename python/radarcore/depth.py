@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radarcore import _core
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +43,33 @@ class DepthImage:
     cos_incidence: NDArray[np.float64]
     reflectance: NDArray[np.float64]
     body: NDArray[np.int32]
-    directions: NDArray[np.float64]
-    surface_distance: NDArray[np.float64]
-    normals: NDArray[np.float64]
     field_of_view_deg: tuple[float, float]
     time: float
+    _hits: _core.Hits = field(repr=False)
+    _threads: int | None = field(default=None, repr=False)
+
+    @cached_property
+    def directions(self) -> NDArray[np.float64]:  # noqa: D102 (with the attributes)
+        return self._hits.directions()
+
+    @cached_property
+    def surface_distance(self) -> NDArray[np.float64]:  # noqa: D102
+        return self._hits.shaded(threads=self._threads)[0]
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:  # noqa: D102
+        return self._hits.shaded(threads=self._threads)[1]
 
     @property
     def points(self) -> NDArray[np.float64]:
         """Hit points in sensor axes about the centre of the array, (num_hits, 3) [m], row by row."""
         is_hit = self.body >= 0
         return self.distance[is_hit, None] * self.directions[is_hit]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The arrays are all there is to keep.
+        arrays = {name: getattr(self, name) for name in ("directions", "surface_distance", "normals")}
+        return {**self.__dict__, **arrays, "_hits": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)

@@ -70,6 +70,9 @@ class Simulator:
         the samples are in double precision.
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
+    gain_floor_db : float
+        Directions in which the antennas' gain, there and back, is this far below their peak [dB] are not cast for
+        frames and paths; infinite: none is left out. Depth images are always whole.
     seed : int
         Changes speckle and noise, nothing else.
     threads : int, optional
@@ -87,6 +90,7 @@ class Simulator:
         sampling: str = "footprint",
         tolerance: float = 1e-4,
         method: str = "auto",
+        gain_floor_db: float = 80.0,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
@@ -102,6 +106,9 @@ class Simulator:
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
+        self.gain_floor_db = _gain_floor(gain_floor_db)
+        self._previous: _core.Hits | None = None
+        self._reuses_tiles = self._skips_empty_tiles = True
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
@@ -111,7 +118,7 @@ class Simulator:
     def depth_image(self, time: float = 0.0) -> DepthImage:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
-        return self._image(self._cast(at), at)
+        return self._image(self._cast(at, within_beam=False), at)
 
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
@@ -161,18 +168,20 @@ class Simulator:
             self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=2)
         if not self._has_warned_of_range:
             self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=2)
-        image = self._image(hits, start + self._middle)
-        num_hit = int((image.body >= 0).sum())
+        body = hits.body()
+        num_hit = int(np.count_nonzero(body >= 0))
+        rays_cast, tiles_skipped, tiles_reused = hits.counts
         stats = {
-            "rays_cast": image.body.size,
+            "rays_cast": rays_cast,
             "rays_hit": num_hit,
-            "tiles_skipped": 0,
-            "tiles_reused": 0,
+            "tiles_skipped": tiles_skipped,
+            "tiles_reused": tiles_reused,
             "paths": len(scatterers) + len(self.scene._rcs),
             "paths_skipped": num_hit - len(scatterers),
             **synthesis.stats,
         }
-        return Frame(cube, start, self.radar, self._truth(hits, image, start + self._middle), stats)
+        truth = self._truth(hits, body, start + self._middle)
+        return Frame(cube, start, self.radar, truth, stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -227,32 +236,46 @@ class Simulator:
         """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
         return self.scene._place(times, self.radar_motion, self.radar.array_center, deforming)
 
-    def _cast(self, time: float) -> _core.Hits:
-        """Rays of the image with the bodies where they are at `time`."""
-        (rows, columns), (horizontal, vertical) = self.resolution, np.deg2rad(self.field_of_view_deg)
-        return self.scene._core_at(time, self.threads).cast(
+    @property
+    def _half_sizes(self) -> tuple[float, float]:
+        """Half the width and height of the image in the plane at distance 1."""
+        horizontal, vertical = np.deg2rad(self.field_of_view_deg)
+        return float(np.tan(0.5 * horizontal)), float(np.tan(0.5 * vertical))
+
+    def _cast(self, time: float, *, within_beam: bool = True) -> _core.Hits:
+        """Rays of the image with the bodies where they are at `time`; tiles where nothing has moved are kept."""
+        (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
+        beam = None
+        if within_beam and np.isfinite(self.gain_floor_db):
+            beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
+        hits = self.scene._core_at(time, self.threads).cast(
             self._place(np.array([time])).poses[0],
             rows=rows,
             columns=columns,
-            half_width=float(np.tan(0.5 * horizontal)),
-            half_height=float(np.tan(0.5 * vertical)),
+            half_width=half_width,
+            half_height=half_height,
+            previous=self._previous if self._reuses_tiles else None,
+            beam=beam,
+            skip_empty=self._skips_empty_tiles,
             threads=self.threads,
         )
+        self._previous = hits
+        return hits
 
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:
         """The hits as arrays, bodies numbered as in the scene."""
         numbers = np.append(self.scene._mesh_numbers, np.int32(-1))
-        surface_distance, normals = hits.shaded(threads=self.threads)
+        body = hits.body()
+        has_other_numbers = not np.array_equal(self.scene._mesh_numbers, np.arange(len(self.scene._mesh_numbers)))
         return DepthImage(
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
             reflectance=hits.reflectance(),
-            body=numbers[hits.body()],
-            directions=hits.directions(),
-            surface_distance=surface_distance,
-            normals=normals,
+            body=numbers[body] if has_other_numbers else body,
             field_of_view_deg=self.field_of_view_deg,
             time=time,
+            _hits=hits,
+            _threads=self.threads,
         )
 
     def _scatterers(self, hits: _core.Hits) -> _core.Scatterers:
@@ -314,23 +337,22 @@ class Simulator:
             course(scatterers.select(~are_still), False, has_points=True),
         ]
 
-    def _truth(self, hits: _core.Hits, image: DepthImage, time: float) -> Truth:
-        """Range, velocity and direction of the nearest visible point of every body at `time`."""
+    def _truth(self, hits: _core.Hits, body: NDArray[np.int32], time: float) -> Truth:
+        """Range, velocity and direction at `time` of the nearest point of every body that pixels show."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
         place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
-
-        directions = image.directions.reshape(-1, 3)
+        distance = hits.distance()
         for b, number in enumerate(self.scene._mesh_numbers):
-            pixels = np.flatnonzero(image.body == number)
+            pixels = np.flatnonzero(body == b)
             if len(pixels) > 0:
-                nearest = pixels[image.distance.flat[pixels].argmin()]
+                nearest = int(pixels[distance.flat[pixels].argmin()])
                 pose, rate = place.poses[0, b], rates.poses[0, b]
-                points[number] = image.distance.flat[nearest] * directions[nearest]
+                points[number] = distance.flat[nearest] * self._direction(nearest)
                 material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
                 velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
                 if self.scene._meshed[b][1].deformation is not None:
-                    corners, weights = hits.place_on_mesh(int(nearest))
+                    corners, weights = hits.place_on_mesh(nearest)
                     vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
                     velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
         points[self.scene._point_numbers] = place.points[0]
@@ -340,6 +362,15 @@ class Simulator:
         distance = np.linalg.norm(points, axis=1)
         velocity = (points * velocities).sum(axis=1) / np.maximum(distance, np.finfo(float).tiny)
         return Truth(self.scene.names, distance, velocity, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
+
+    def _direction(self, pixel: int) -> NDArray[np.float64]:
+        """Unit direction of a pixel, in sensor axes."""
+        (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
+        row, column = divmod(pixel, columns)
+        u = (0.5 * columns - (column + 0.5)) * 2.0 * half_width / columns
+        v = (0.5 * rows - (row + 0.5)) * 2.0 * half_height / rows
+        direction: NDArray[np.float64] = np.array([1.0, u, v]) / np.sqrt(1.0 + u * u + v * v)
+        return direction
 
     def _warn_of_overlap(self, rate: float) -> None:
         duration = self.radar.waveform.duration
@@ -359,8 +390,13 @@ class Simulator:
             "field_of_view_deg": list(self.field_of_view_deg),
             "sampling": self.sampling,
             "tolerance": self.tolerance,
+            "gain_floor_db": self.gain_floor_db if np.isfinite(self.gain_floor_db) else None,
             "seed": self.seed,
         }
+
+
+def _gain_floor(value: float) -> float:
+    return np.inf if value == np.inf else check.positive("gain_floor_db", value, "dB")
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:

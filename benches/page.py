@@ -1,0 +1,52 @@
+"""What the benches write into the pages of docs/: tables, and sections between two comments."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterable
+from pathlib import Path
+
+PERFORMANCE = Path(__file__).parent.parent / "docs" / "performance.md"
+
+
+def table(header: list[str], rows: Iterable[list[str]]) -> str:
+    """A Markdown table with aligned columns; numbers to the right."""
+    cells = [header, *rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    is_text = [column[1][:1].isalpha() for column in zip(*cells, strict=True)]
+    rule = ["-" * w if text else "-" * (w - 1) + ":" for w, text in zip(widths, is_text, strict=True)]
+    return "\n".join(
+        "| " + " | ".join(f"{c:{'<' if t else '>'}{w}}" for c, w, t in zip(row, widths, is_text, strict=True)) + " |"
+        for row in [cells[0], rule, *cells[1:]]
+    )
+
+
+def milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g}"
+
+
+def machine() -> str:
+    """The instruction set that counts, and the number of cores."""
+    cpu = Path("/proc/cpuinfo")
+    flags = cpu.read_text(encoding="utf-8") if cpu.exists() else ""
+    instructions = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), None)
+    return f"{instructions or platform.machine()}, {os.cpu_count()} cores"
+
+
+def write_section(page: Path, bench: str, text: str) -> None:
+    """Replace the section of a bench; what others wrote stays."""
+    page.write_text(with_section(page.read_text(encoding="utf-8"), bench, text), encoding="utf-8")
+
+
+def with_section(page: str, bench: str, text: str) -> str:
+    """The page with `text` between the two comments of `bench`, which are added at its end if it has none."""
+    start, end = f"<!-- benches/{bench}.py -->\n", f"<!-- end of benches/{bench}.py -->\n"
+    section = f"{start}\n{text.strip()}\n\n{end}"
+    before, found, rest = page.partition(start)
+    if not found:
+        return f"{page.rstrip()}\n\n{section}"
+    _, found, after = rest.partition(end)
+    if not found:
+        raise ValueError(f"page: expected {end.strip()!r} after {start.strip()!r}")
+    return before + section + after

@@ -1,0 +1,481 @@
+"""Rays of images, as radarcore and public libraries cast them: distances compared first, then times.
+
+    python benches/peers.py            print the tables
+    python benches/peers.py --write    also write their section of docs/performance.md
+    python benches/peers.py --tiny     run everything once on few rays
+
+The libraries are optional; a line says what is missing and how to get it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+# Builds are measured on one thread, and threads of numpy's BLAS that wait for work would slow everything else down.
+os.environ.update(RAYON_NUM_THREADS="1", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import numpy as np
+from numpy.typing import NDArray
+
+import radarcore as rc
+from meshes import Triangles, room, sphere
+from page import PERFORMANCE, machine, milliseconds, table, write_section
+
+FIELD_OF_VIEW_DEG = 60.0
+FRAMES_PER_SECOND = 40.0
+
+RADAR = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=8))
+"""A simulator wants one; casting does not use it."""
+
+PAGE_TEXT = """\
+## Ray casting
+
+Distances along the rays of an image, {side} x {side} pixels, 60 degrees, beside public libraries; written by
+`python benches/peers.py --write`. {machine}; one thread on one core where nothing else is said.
+
+{images}
+
+The room has bumpy walls and four spheres; the sphere has a radius of 1 m, 2 m in front of the camera, and fills the
+image but for its corners. The camera moves from frame to frame. Times are medians over {rounds} rounds of {frames}
+frames in which the casters take turns; "×" says how many times faster a row is than embreex and than Embree's packets,
+in the same rounds: other machines shift times more than ratios. Distances are compared before anything is timed.
+
+"tracer" is what `Simulator` does first: rays from the pose of the camera, the search in f32, distances in f64, triangle
+and barycentric coordinates. "depth_image" adds its other images, normals among them. The libraries get rays that lie
+ready in the layout they like. embreex and Open3D take them one by one and measure distances in f32, Open3D returns
+normals as well; trimesh calls embreex and finds the points in f64. "Embree packets" is Embree called from C: 4 x 4
+pixels at once, marked as coherent, in its default mode, which lets rays pass between triangles now and then; embreex
+asks for the one that does not. Versions: {versions}.
+
+Builds in ms, from arrays of vertices and triangles: `Mesh(..., shading="flat")`, which also checks them, and the commit
+of Embree's scene, which has them copied before.
+
+{builds}
+"""
+
+Image = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Run:
+    """How much is measured."""
+
+    side: int  # pixels, a multiple of 4
+    sizes: list[int]  # triangles
+    rounds: int
+    frames: int  # per round, after one that warms up
+    builds: int
+    rays_in_f64: int  # that are also compared with all triangles one by one
+
+
+FULL = Run(side=256, sizes=[5000, 100_000, 1_000_000], rounds=10, frames=5, builds=5, rays_in_f64=20)
+TINY = Run(side=16, sizes=[100], rounds=1, frames=1, builds=1, rays_in_f64=256)
+
+
+# Views.
+
+
+@dataclass(frozen=True)
+class View:
+    """Rays of a frame in the world, row by row: origins, all the same, and unit directions, (ray, 3) f32."""
+
+    time: float
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+
+
+def camera(at: float) -> rc.Pose:
+    """The camera wanders by centimetres and turns by degrees, about a pixel per frame."""
+    position = 0.05 * np.sin(at * np.array([3.1, 2.3, 1.7]))
+    angles = 0.05 * np.cos(at * np.array([1.3, 2.9, 1.9]))
+    return rc.Pose.from_rpy(position, angles)
+
+
+def view(frame: int, side: int) -> View:
+    """The rays of the pixels as `Simulator` orders them: row 0 at +z, column 0 at +y."""
+    at = frame / FRAMES_PER_SECOND
+    ticks = np.tan(0.5 * np.deg2rad(FIELD_OF_VIEW_DEG)) * (1.0 - (2.0 * np.arange(side) + 1.0) / side)
+    y, z = np.meshgrid(ticks, ticks)
+    directions = np.stack([np.ones_like(y), y, z], axis=-1).reshape(-1, 3)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    pose = camera(at)
+    origins = np.tile(pose.position.astype(np.float32), (len(directions), 1))
+    return View(at, origins, (directions @ pose.rotation.T).astype(np.float32))
+
+
+# Casters.
+
+
+@dataclass(frozen=True)
+class Caster:
+    """One way to cast the rays of an image; only `cast` is timed."""
+
+    name: str
+    rays: Callable[[View], Any]  # as the caster likes them
+    cast: Callable[[Any], Any]
+    distance: Callable[[Any], Image]  # along the ray [m], (row, column); inf where nothing was hit
+    threads: int = 1
+    version: str = rc.__version__
+
+
+def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
+    """From the poses of the bodies to the hits."""
+    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=threads)
+    name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")
+    return Caster(name, lambda view: view.time, simulator._cast, lambda hits: hits.distance(), threads)
+
+
+def depth_image(scene: rc.Scene, side: int) -> Caster:
+    """The same with all images."""
+    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=1)
+    return Caster("radarcore depth_image", lambda view: view.time, simulator.depth_image, lambda image: image.distance)
+
+
+def embreex(mesh: Triangles) -> Caster:
+    """Embree's single rays."""
+    from embreex import __version__
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh[0].astype(np.float32), mesh[1].astype(np.int32))
+
+    def cast(rays: View) -> Image:
+        return scene.run(rays.origins, rays.directions, dists=np.inf, query="DISTANCE")
+
+    return Caster("embreex", lambda view: view, cast, squared, version=__version__)
+
+
+def open3d(mesh: Triangles) -> Caster:
+    """Open3D's RaycastingScene, which has Embree inside and also returns normals and barycentric coordinates."""
+    import open3d
+
+    tensor = open3d.core.Tensor
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(tensor(mesh[0].astype(np.float32)), tensor(mesh[1]))
+
+    def rays(view: View) -> Any:
+        return tensor(np.concatenate([view.origins, view.directions], axis=1))
+
+    def cast(rays: Any) -> Any:
+        return scene.cast_rays(rays, nthreads=1)["t_hit"]
+
+    return Caster("Open3D", rays, cast, lambda hits: squared(hits.numpy()), version=open3d.__version__)
+
+
+def trimesh(mesh: Triangles) -> Caster:
+    """Rays of trimesh, through embreex; its own r-tree in Python takes minutes for an image."""
+    import trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    intersector = RayMeshIntersector(trimesh.Trimesh(*mesh, process=False))
+
+    def cast(rays: View) -> tuple[View, Any]:
+        return rays, intersector.intersects_location(rays.origins, rays.directions, multiple_hits=False)
+
+    def distance(hits: tuple[View, Any]) -> Image:
+        view, (points, numbers, _) = hits
+        distances = np.full(len(view.directions), np.inf)
+        distances[numbers] = np.linalg.norm(points - view.origins[numbers], axis=1)
+        return squared(distances)
+
+    return Caster("trimesh", lambda view: view, cast, distance, version=trimesh.__version__)
+
+
+def squared(values: Image) -> Image:
+    """Values of the rays row by row as those of a square image."""
+    return values.reshape(math.isqrt(len(values)), -1)
+
+
+def embree_packets(mesh: Triangles) -> Caster:
+    """Embree's packets of 16 rays, 4 x 4 pixels each."""
+    scene = EmbreeScene(mesh)
+    scene.commit()
+
+    def rays(view: View) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        quarter = math.isqrt(len(view.directions)) // 4
+        packets = view.directions.reshape(quarter, 4, quarter, 4, 3).transpose(0, 2, 4, 1, 3)
+        return view.origins[0], packets.reshape(-1, 3, 16)
+
+    def distance(hits: Image) -> Image:
+        quarter = math.isqrt(len(hits))
+        return hits.reshape(quarter, quarter, 4, 4).transpose(0, 2, 1, 3).reshape(4 * quarter, -1)
+
+    return Caster("Embree packets", rays, lambda rays: scene.cast(*rays), distance, version=scene.version)
+
+
+class EmbreeScene:
+    """A mesh in Embree, by embree_packets.c; to be committed before rays are cast.
+
+    Raises ImportError where there is no Embree or no compiler.
+    """
+
+    def __init__(self, mesh: Triangles) -> None:
+        self.library, self.device = embree_library()
+        self.version = ".".join(str(self.library.rtcGetDeviceProperty(self.device, part)) for part in (1, 2, 3))
+        vertices, triangles = mesh[0].astype(np.float32), mesh[1]
+        self.scene = self.library.new_scene(self.device, vertices, len(vertices), triangles, len(triangles))
+        if self.scene is None:
+            raise MemoryError(f"Embree: no scene of {len(triangles)} triangles")
+
+    def commit(self) -> None:
+        """Build what the rays search."""
+        self.library.rtcCommitScene(self.scene)
+
+    def cast(self, origin: NDArray[np.float32], directions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Distances (packet, 16) from one origin (3,) along unit directions (packet, 3, 16)."""
+        distances = np.empty((len(directions), 16), np.float32)
+        self.library.cast_packets(self.scene, origin, directions, len(directions), distances)
+        return distances
+
+    def __del__(self) -> None:
+        if getattr(self, "scene", None) is not None:
+            self.library.rtcReleaseScene(self.scene)
+
+
+@cache
+def embree_library() -> tuple[ctypes.CDLL, int]:
+    """embree_packets.c with the newest Embree that is installed, and a device of one thread."""
+    source = Path(__file__).with_name("embree_packets.c")
+    with tempfile.TemporaryDirectory() as directory:
+        for version in (4, 3):
+            target = Path(directory) / f"embree{version}_packets.so"
+            options = ["-O3", "-march=native", "-shared", "-fPIC", f"-DEMBREE={version}"]
+            command = ["cc", *options, "-o", str(target), str(source), f"-lembree{version}"]
+            try:
+                done = subprocess.run(command, capture_output=True, text=True)
+            except OSError as error:
+                raise ImportError(f"no C compiler: {error}") from None
+            if done.returncode == 0:
+                library = ctypes.CDLL(str(target))
+                break
+        else:
+            errors = [line.partition("error: ")[2] for line in done.stderr.splitlines() if "error: " in line]
+            raise ImportError(errors[0] if errors else f"{source.name} does not build")
+
+    floats = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
+    numbers = np.ctypeslib.ndpointer(np.uint32, flags="C_CONTIGUOUS")
+    pointer, size = ctypes.c_void_p, ctypes.c_size_t
+    for name, result, arguments in (
+        ("rtcNewDevice", pointer, [ctypes.c_char_p]),
+        ("rtcGetDeviceProperty", ctypes.c_ssize_t, [pointer, ctypes.c_int]),
+        ("rtcCommitScene", None, [pointer]),
+        ("rtcReleaseScene", None, [pointer]),
+        ("new_scene", pointer, [pointer, floats, size, numbers, size]),
+        ("cast_packets", None, [pointer, floats, floats, size, floats]),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library, library.rtcNewDevice(b"threads=1")
+
+
+PEERS = {
+    embreex: "pip install -r requirements/bench.txt",
+    embree_packets: "Debian: apt install libembree-dev",
+    open3d: "pip install -r requirements/open3d.txt; Debian: apt install libusb-1.0-0",
+    trimesh: "pip install -r requirements/bench.txt",
+}
+"""Libraries and how to get them."""
+
+Peer = Callable[[Triangles], Caster]
+
+
+def installed_peers() -> dict[Peer, str]:
+    """Those that can make a scene of one triangle, with name and version; says how to get the others."""
+    installed = {}
+    for peer, hint in PEERS.items():
+        try:
+            caster = peer((np.eye(3), np.array([[0, 1, 2]], dtype=np.uint32)))
+        except ImportError as error:
+            print(f"{peer.__name__} is left out ({error}): {hint}")
+        else:
+            installed[peer] = f"{caster.name} {caster.version}"
+    return installed
+
+
+# Comparison.
+
+
+def nearest_in_f64(mesh: Triangles, origin: NDArray[np.float64], directions: NDArray[np.float64]) -> Image:
+    """Distances along rays (ray, 3) from one origin, from the planes of all triangles, f64."""
+    a, b, c = np.moveaxis(mesh[0][mesh[1]] - origin, 1, 0)
+    edge_planes = np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)])
+    normals = np.cross(b - a, c - a)
+    heights = (a * normals).sum(axis=1)
+    nearest = []
+    for direction in directions:
+        sides = edge_planes @ direction
+        is_inside = (sides >= 0.0).all(axis=0) | (sides <= 0.0).all(axis=0)
+        distances = heights[is_inside] / (normals[is_inside] @ direction)
+        nearest.append(min(distances[distances > 0.0], default=np.inf))
+    return np.array(nearest)
+
+
+def check_in_f64(name: str, mesh: Triangles, image: rc.DepthImage, num_rays: int) -> None:
+    """Exit unless the image is right to rounding where some of its rays go."""
+    pixels = np.linspace(0, image.distance.size - 1, num_rays).astype(int)
+    pose = camera(image.time)
+    expected = nearest_in_f64(mesh, pose.position, image.directions.reshape(-1, 3)[pixels] @ pose.rotation.T)
+    got = image.distance.ravel()[pixels]
+    for pixel in np.flatnonzero(~np.isclose(got, expected, rtol=1e-12, atol=0.0)):
+        sys.exit(f"{name}: expected {expected[pixel]:.15g} m at pixel {pixels[pixel]}, got {got[pixel]:.15g} m")
+
+
+def check(name: str, distance: Image, image: rc.DepthImage) -> None:
+    """Exit unless distances in f32 are those of radarcore, but for a handful.
+
+    A direction rounded to f32 meets the plane off by up to eps / cos(incidence) of the distance, eps = 2^-23; as much
+    again for the plane. At silhouettes, and at edges where a library lets rays pass between triangles, both may hit
+    different things: one ray in 10 000, and one more.
+    """
+    agrees = distance == image.distance  # both missed
+    is_hit = image.body >= 0
+    expected = image.distance[is_hit]
+    tolerance = 2.0 * np.finfo(np.float32).eps * expected / image.cos_incidence[is_hit]
+    agrees[is_hit] = np.abs(distance[is_hit] - expected) <= tolerance
+
+    allowed = 1 + agrees.size // 10_000
+    if (~agrees).sum() > allowed:
+        row, column = np.argwhere(~agrees)[0]
+        sys.exit(
+            f"{name}: expected at most {allowed} distances other than those of radarcore, got {(~agrees).sum()} of "
+            f"{agrees.size}, the first in row {row}, column {column}: {distance[row, column]:.9g} m, radarcore "
+            f"{image.distance[row, column]:.9g} m"
+        )
+
+
+# Measurement.
+
+
+@contextmanager
+def cores_for(threads: int) -> Iterator[None]:
+    """Keep this thread, and those it starts, on one core if they are to be one, where the system can."""
+    if threads > 1 or not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def image_by(caster: Caster, view: View) -> Any:
+    """Hits as the caster returns them."""
+    with cores_for(caster.threads):
+        return caster.cast(caster.rays(view))
+
+
+def times_in_turns(casters: list[Caster], run: Run) -> list[float]:
+    """Median time [s] of an image by every caster."""
+    times: list[list[float]] = [[] for _ in casters]
+    for i in range(run.rounds):
+        first, *others = [view(i * run.frames + frame, run.side) for frame in range(run.frames + 1)]
+        for caster, own in zip(casters, times, strict=True):
+            with cores_for(caster.threads):
+                caster.cast(caster.rays(first))  # fills the caches
+                own += [duration(caster.cast, caster.rays(each)) for each in others]
+    return [float(np.median(own)) for own in times]
+
+
+def duration(action: Callable[..., object], *arguments: object) -> float:
+    """Time of one call [s], without that to drop what it returns."""
+    start = time.perf_counter()
+    result = action(*arguments)
+    stop = time.perf_counter()
+    del result
+    return stop - start
+
+
+def scenes(run: Run) -> Iterator[tuple[str, Triangles]]:
+    """Meshes whose vertices f32 holds: all casters get the same."""
+    for name, make in (("room", room), ("sphere", lambda size: sphere(1.0, size, (2.0, 0.0, 0.0)))):
+        for size in run.sizes:
+            vertices, triangles = make(size)
+            yield f"{name} {size_name(size)}", (vertices.astype(np.float32).astype(np.float64), triangles)
+
+
+def size_name(size: int) -> str:
+    for unit, name in ((1_000_000, "M"), (1000, "k")):
+        if size >= unit:
+            return f"{size // unit}{name}"
+    return str(size)
+
+
+def image_rows(name: str, mesh: Triangles, peers: Iterable[Peer], run: Run) -> Iterator[list[str]]:
+    """All casters on one scene."""
+    with cores_for(threads=1):
+        scene = rc.Scene([rc.Body(rc.Mesh(*mesh, shading="flat"))])
+        others = [peer(mesh) for peer in peers]
+    images = depth_image(scene, run.side)
+    casters = [*(tracer(scene, run.side, n) for n in (1, 2)), images, *others]
+
+    for seen in (view(frame, run.side) for frame in (0, run.rounds * run.frames)):
+        image = image_by(images, seen)
+        check_in_f64(name, mesh, image, run.rays_in_f64)
+        for caster in casters:
+            check(f"{name}, {caster.name}", caster.distance(image_by(caster, seen)), image)
+
+    times = dict(zip([caster.name for caster in casters], times_in_turns(casters, run), strict=True))
+    for caster, own in times.items():
+        ratios = [f"{times[peer] / own:.3g}" if peer in times else "-" for peer in ("embreex", "Embree packets")]
+        yield [name, caster, milliseconds(own), f"{1e-6 * run.side**2 / own:.3g}", *ratios]
+
+
+def build_row(name: str, mesh: Triangles, has_embree: bool, run: Run) -> list[str]:
+    """Builds in turns."""
+    ours, theirs = [], []
+    with cores_for(threads=1):
+        for _ in range(run.builds):
+            ours.append(duration(lambda: rc.Mesh(*mesh, shading="flat")))
+            if has_embree:
+                theirs.append(duration(EmbreeScene(mesh).commit))
+    own, other = np.median(ours), np.median(theirs) if has_embree else np.nan
+    return [name, milliseconds(own), *([milliseconds(other), f"{other / own:.3g}"] if has_embree else ["-", "-"])]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Rays of images beside public libraries.")
+    parser.add_argument("--tiny", action="store_true", help="once, on few rays")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/performance.md")
+    arguments = parser.parse_args()
+    run = TINY if arguments.tiny else FULL
+
+    peers = installed_peers()
+    rows, builds = [], []
+    for name, mesh in scenes(run):
+        rows += image_rows(name, mesh, peers, run)
+        builds.append(build_row(name, mesh, embree_packets in peers, run))
+    images_table = table(["scene", "caster", "ms", "Mray/s", "× embreex", "× Embree packets"], rows)
+    builds_table = table(["scene", "Mesh", "Embree", "× Embree"], builds)
+    print(images_table, builds_table, sep="\n\n")
+
+    if arguments.write:
+        text = PAGE_TEXT.format(
+            side=run.side,
+            machine=machine(),
+            images=images_table,
+            rounds=run.rounds,
+            frames=run.frames,
+            versions=", ".join(peers.values()) or "none installed",
+            builds=builds_table,
+        )
+        write_section(PERFORMANCE, "peers", text)
+
+
+if __name__ == "__main__":
+    main()

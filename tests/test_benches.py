@@ -1,0 +1,54 @@
+"""What the benches share: their meshes, and the page that several of them write."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from meshes import room, sphere
+from page import with_section
+
+PAGE = "# Speed\n\n<!-- benches/a.py -->\n\nold\n\n<!-- end of benches/a.py -->\n\nby hand\n"
+
+
+@pytest.mark.parametrize("size", [100, 5000])
+def test_room_and_sphere_have_the_triangles_of_the_rust_benches(size: int) -> None:
+    m = {100: 1, 5000: 7}[size]
+    assert len(room(size)[1]) == 12 * (2 * m) ** 2 + 4 * 12 * m**2
+    n = {100: 3, 5000: 20}[size]
+    assert len(sphere(1.0, size, (0.0, 0.0, 0.0))[1]) == 12 * n**2
+
+
+def test_sphere_is_closed_and_faces_outwards() -> None:
+    radius, n = 0.5, 20
+    mesh = rc.Mesh(*sphere(radius, 12 * n**2, (2.0, -1.0, 0.5)))
+    ball = 4.0 / 3.0 * np.pi * radius**3
+    # Edges are up to sqrt(2) * 2 / n radii long, so facets lie up to half of (1 / n)^2 * 2 radii inside.
+    assert ball * (1.0 - 3.0 / n**2) < mesh.volume < ball
+    np.testing.assert_allclose(mesh.bounds, [[1.5, -1.5, 0.0], [2.5, -0.5, 1.0]], rtol=0, atol=1e-12)
+
+
+def test_room_is_around_the_camera_and_its_spheres_are_in_front() -> None:
+    mesh = rc.Mesh(*room(5000))
+    bump = 3 * 0.02
+    np.testing.assert_allclose(mesh.bounds, [[-0.5, -2.5, -1.0], [5.5, 2.5, 1.8]], rtol=0, atol=bump)
+    distance = rc.Simulator(rc.Scene([rc.Body(mesh)]), rc.bgt60tr13c(), resolution=32).depth_image().distance
+    assert 1.2 < distance.min() < 1.3  # the nearest sphere, sqrt(1.5^2 + 0.4^2) - 0.3 = 1.25 m
+    assert 5.0 < distance.max() < np.inf
+
+
+def test_section_is_replaced_and_the_rest_of_the_page_stays() -> None:
+    assert with_section(PAGE, "a", "new") == PAGE.replace("old", "new")
+
+
+def test_first_section_of_a_bench_comes_at_the_end() -> None:
+    page = with_section(PAGE, "b", "## Of b\n")
+    assert page == PAGE + "\n<!-- benches/b.py -->\n\n## Of b\n\n<!-- end of benches/b.py -->\n"
+    assert with_section(page, "b", "## Of b\n") == page
+    assert with_section(page, "a", "old") == page
+
+
+def test_section_without_an_end_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"expected '<!-- end of benches/a\.py -->' after '<!-- benches/a\.py -->'"):
+        with_section(PAGE.replace("end of", ""), "a", "new")
