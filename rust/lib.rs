@@ -7,7 +7,8 @@
 //!
 //! Images: `rays` (pixels and tiles), `trace` (bodies at their places), `surface` (triangles of one body and the exact test),
 //! `bundle` (rays of a tile that search a tree together), `leaf` (their triangles in single precision), `bvh` (the trees),
-//! `shown` and `shading` (the curved surfaces that facets stand for).
+//! `shown` and `shading` (the curved surfaces that facets stand for). `scatter` makes paths of what they show, which stays
+//! with its `facet` where a body deforms.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
@@ -34,6 +35,7 @@ pub mod delay;
 pub mod direct;
 pub mod error;
 pub mod expansion;
+pub mod facet;
 pub mod grid;
 pub mod hash;
 pub mod kernel;

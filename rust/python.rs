@@ -509,6 +509,14 @@ impl Surface {
         self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
     }
 
+    /// The same triangles between vertices (n, 3) at other places.
+    #[pyo3(signature = (vertices, *, threads=None))]
+    fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
+        let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
+        let surface = compute(py, threads, || self.0.deform(vertices))?;
+        Ok(Self(Arc::new(surface)))
+    }
+
     /// Memory of triangles, tree and shading, and of the vertices [bytes].
     #[getter]
     fn memory(&self) -> (usize, usize) {
@@ -666,7 +674,7 @@ impl Hits {
     fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
         let shown = compute(py, threads, || Ok(self.shown()))?;
         let plane = &self.image.plane;
-        let normals = shown.normal.iter().flat_map(|normal| normal.to_array());
+        let normals = shown.normal.iter().flat_map(DVec3::to_array);
         Ok((
             self.image(PyArray1::from_slice(py, &shown.distance))?,
             PyArray1::from_iter(py, normals).reshape([plane.rows, plane.columns, 3])?,
@@ -683,6 +691,12 @@ impl Hits {
     fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let number = |body: &u32| if *body == NO_BODY { -1 } else { (*body).cast_signed() };
         self.image(PyArray1::from_iter(py, self.image.body.iter().map(number)))
+    }
+
+    /// The vertices of the triangle that a pixel hit and their weights there; the pixel hit something.
+    fn place_on_mesh(&self, pixel: usize) -> PyResult<([u32; 3], [f64; 3])> {
+        scatter::place_on_mesh(&self.snapshot, &self.image, pixel)
+            .ok_or_else(|| Error::value("pixel", "one that hit something", pixel).into())
     }
 
     /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
@@ -844,6 +858,11 @@ impl Scatterers {
         PyArray1::from_slice(py, self.scatterers.pixels())
     }
 
+    /// Numbers of the bodies that deform and have material points here, increasing.
+    fn deforming<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_iter(py, self.scatterers.deforming().iter().map(|(body, _)| *body))
+    }
+
     /// The material points of the bodies for which `wanted` (body,) is true, in the same order.
     fn select(&self, wanted: PyReadonlyArray1<'_, bool>) -> PyResult<Self> {
         let wanted = numbers("wanted", &wanted, [Some(self.num_bodies)])?;
@@ -855,14 +874,15 @@ impl Scatterers {
 
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
     /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-    /// (node, point, 3).
-    #[pyo3(signature = (poses, points, rcs, *, first=0, last=None, step=1, threads=None))]
+    /// (node, point, 3). `vertices` has those of the bodies of `deforming` (node, vertex, 3).
+    #[pyo3(signature = (poses, points, rcs, *, vertices=None, first=0, last=None, step=1, threads=None))]
     fn paths<'py>(
         &self,
         py: Python<'py>,
         poses: PyReadonlyArray4<'py, f64>,
         points: PyReadonlyArray3<'py, f64>,
         rcs: PyReadonlyArray1<'py, f64>,
+        vertices: Option<Vec<PyReadonlyArray3<'py, f64>>>,
         first: usize,
         last: Option<usize>,
         step: usize,
@@ -876,7 +896,9 @@ impl Scatterers {
         )?);
         let rcs = numbers("rcs", &rcs, [None])?;
         let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
-        let places = self.places(num_nodes, &poses, &points, rcs);
+        let vertices = vertices.unwrap_or_default();
+        let vertices = self.vertices("vertices", &vertices, |n| [Some(num_nodes), Some(n), Some(3)])?;
+        let places = self.places(num_nodes, &poses, &points, rcs, &vertices);
         let num_paths = self.scatterers.len() + places.rcs.len();
         let last = last.unwrap_or(num_paths);
         if step == 0 || last > num_paths {
@@ -893,8 +915,8 @@ impl Scatterers {
     }
 
     /// Rate of every delay [s/s], (channel, path), from poses (body, 3, 4) and points (point, 3) and their time
-    /// derivatives.
-    #[pyo3(signature = (poses, pose_rates, points, point_rates, *, threads=None))]
+    /// derivatives; likewise the vertices (vertex, 3) of the bodies of `deforming`.
+    #[pyo3(signature = (poses, pose_rates, points, point_rates, *, vertices=None, vertex_rates=None, threads=None))]
     fn delay_rates<'py>(
         &self,
         py: Python<'py>,
@@ -902,6 +924,8 @@ impl Scatterers {
         pose_rates: PyReadonlyArray3<'py, f64>,
         points: PyReadonlyArray2<'py, f64>,
         point_rates: PyReadonlyArray2<'py, f64>,
+        vertices: Option<Vec<PyReadonlyArray2<'py, f64>>>,
+        vertex_rates: Option<Vec<PyReadonlyArray2<'py, f64>>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let per_body = [Some(self.num_bodies), Some(3), Some(4)];
@@ -910,8 +934,12 @@ impl Scatterers {
         let per_point = [Some(points.shape()[0]), Some(3)];
         let point_rates = self::points(numbers("point_rates", &point_rates, per_point)?);
         let points = self::points(numbers("points", &points, per_point)?);
-        let places = self.places(1, &poses, &points, &[]);
-        let rates = self.places(1, &pose_rates, &point_rates, &[]);
+        let (vertices, vertex_rates) = (vertices.unwrap_or_default(), vertex_rates.unwrap_or_default());
+        let shape = |n| [Some(n), Some(3)];
+        let vertices = self.vertices("vertices", &vertices, shape)?;
+        let vertex_rates = self.vertices("vertex_rates", &vertex_rates, shape)?;
+        let places = self.places(1, &poses, &points, &[], &vertices);
+        let rates = self.places(1, &pose_rates, &point_rates, &[], &vertex_rates);
         let shape = [self.scatterers.num_channels(), self.scatterers.len() + points.len()];
         let rates = compute(py, threads, || Ok(self.scatterers.delay_rates(&places, &rates)))?;
         rates.into_pyarray(py).reshape(shape)
@@ -919,13 +947,39 @@ impl Scatterers {
 }
 
 impl Scatterers {
-    fn places<'a>(&self, num_nodes: usize, poses: &'a [Pose], points: &'a [DVec3], rcs: &'a [f64]) -> Places<'a> {
+    /// One array for every body that deforms, of the shape that its number of vertices asks for.
+    fn vertices<'a, D: Dimension, const N: usize>(
+        &self,
+        name: &str,
+        arrays: &'a [PyReadonlyArray<'_, f64, D>],
+        shape: impl Fn(usize) -> [Option<usize>; N],
+    ) -> PyResult<Vec<&'a [[f64; 3]]>> {
+        let bodies = self.scatterers.deforming();
+        if arrays.len() != bodies.len() {
+            let expected = format!("{} arrays, one per body that deforms", bodies.len());
+            return Err(Error::value(name, expected, arrays.len()).into());
+        }
+        let arrays = arrays.iter().zip(bodies);
+        arrays
+            .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
+            .collect()
+    }
+
+    fn places<'a>(
+        &self,
+        num_nodes: usize,
+        poses: &'a [Pose],
+        points: &'a [DVec3],
+        rcs: &'a [f64],
+        vertices: &'a [&'a [[f64; 3]]],
+    ) -> Places<'a> {
         Places {
             num_nodes,
             num_bodies: self.num_bodies,
             poses,
             points,
             rcs,
+            vertices,
         }
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Two mechanisms per material (README eqs. (2) and (3)): the mirror-like one is physical optics written on the
 //! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
-//! A hit becomes a material point of its body; from then on it moves with the body, and its delay and
-//! amplitude follow from the geometry at any time of the frame.
+//! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
+//! deforms, and its delay and amplitude follow from the geometry at any time of the frame.
 
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::antenna::{Array, Sight};
 use crate::error::{Error, Result, fits_memory};
+use crate::facet::Facet;
 use crate::hash::mix;
 use crate::material::Material;
 use crate::motion::Pose;
@@ -51,10 +52,14 @@ pub struct Scatterers {
     /// Number of the pixel that shows it, row by row.
     pixel: Vec<u32>,
     body: Vec<u32>,
-    /// In body coordinates [m].
+    /// Vertices of the facet that it stays with, where the body deforms.
+    facet: Vec<Option<[u32; 3]>>,
+    /// In body coordinates [m], or those of the facet.
     position: Vec<DVec3>,
-    /// Unit normal towards the incident side, in body coordinates.
+    /// Unit normal towards the incident side, in body coordinates, or its slopes along the facet.
     normal: Vec<DVec3>,
+    /// Bodies of facets and their numbers of vertices.
+    deforming: Vec<(u32, usize)>,
     /// `(scatterer, channel)`: `(j / 4 pi) Gamma F dA / 2`.
     mirror: Vec<Complex64>,
     /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
@@ -82,6 +87,8 @@ pub struct Places<'a> {
     pub points: &'a [DVec3],
     /// Radar cross-sections of the point targets [m^2].
     pub rcs: &'a [f64],
+    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates [m].
+    pub vertices: &'a [&'a [[f64; 3]]],
 }
 
 /// Every `step`-th path from `first` up to `last`.
@@ -173,6 +180,15 @@ struct Patch {
     normal: DVec3,
 }
 
+/// The vertices of the triangle that a pixel hit and their weights there, if it hit anything.
+pub fn place_on_mesh(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<([u32; 3], [f64; 3])> {
+    let body = hits.body.get(pixel).copied().filter(|body| *body != NO_BODY)?;
+    let (plane, triangle) = (&hits.plane, hits.triangle[pixel]);
+    let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+    let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, u, v));
+    Some((snapshot.surface(body).vertices_of(triangle), weights))
+}
+
 /// What the hit of one pixel shows.
 fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
@@ -199,14 +215,28 @@ impl Scatterers {
     ) -> Self {
         Self::gather(&hits.plane, array, sampling, |weigh, pixel| {
             let patch = patch(hits, shown, pixel)?;
-            let speckle = mix(seed ^ snapshot.surface(patch.body).fingerprint());
-            weigh.scatterer(
-                &patch,
-                &materials[patch.body as usize],
-                snapshot.pose(patch.body),
-                speckle,
-            )
+            let surface = snapshot.surface(patch.body);
+            let speckle = mix(seed ^ surface.fingerprint());
+            let material = &materials[patch.body as usize];
+            let triangle = hits.triangle[pixel];
+            let carrier = surface.is_deformed().then(|| Carrier {
+                vertices: surface.vertices_of(triangle),
+                facet: Facet::new(surface.corners(triangle)),
+                rest: Facet::new(surface.rest_corners(triangle)),
+            });
+            weigh.scatterer(&patch, material, snapshot.pose(patch.body), carrier.as_ref(), speckle)
         })
+        .with_vertices(|body| snapshot.surface(body).vertices().len())
+    }
+
+    /// With the numbers of vertices of the bodies that deform.
+    fn with_vertices(mut self, number: impl Fn(u32) -> usize) -> Self {
+        let on_facets = self.body.iter().zip(&self.facet);
+        let mut bodies: Vec<u32> = on_facets.filter_map(|(body, facet)| facet.and(Some(*body))).collect();
+        bodies.sort_unstable();
+        bodies.dedup();
+        self.deforming = bodies.into_iter().map(|body| (body, number(body))).collect();
+        self
     }
 
     /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
@@ -219,7 +249,7 @@ impl Scatterers {
                 albedo: surfels.albedo[pixel],
             };
             let speckle = mix(seed ^ u64::from(patch.body));
-            weigh.scatterer(&patch, &material, &Pose::IDENTITY, speckle)
+            weigh.scatterer(&patch, &material, &Pose::IDENTITY, None, speckle)
         }))
     }
 
@@ -237,8 +267,10 @@ impl Scatterers {
             array: self.array.clone(),
             pixel: rows.iter().map(|i| self.pixel[*i]).collect(),
             body: rows.iter().map(|i| self.body[*i]).collect(),
+            facet: rows.iter().map(|i| self.facet[*i]).collect(),
             position: rows.iter().map(|i| self.position[*i]).collect(),
             normal: rows.iter().map(|i| self.normal[*i]).collect(),
+            deforming: self.deforming.iter().copied().filter(|d| is_wanted(d.0)).collect(),
             mirror: if self.mirror.is_empty() {
                 Vec::new()
             } else {
@@ -270,8 +302,10 @@ impl Scatterers {
         Self {
             pixel: scatterers.iter().map(|s| s.pixel).collect(),
             body: scatterers.iter().map(|s| s.body).collect(),
+            facet: scatterers.iter().map(|s| s.facet).collect(),
             position: scatterers.iter().map(|s| s.position).collect(),
             normal: scatterers.iter().map(|s| s.normal).collect(),
+            deforming: Vec::new(),
             diffuse: scatterers.iter().map(|s| s.diffuse).collect(),
             mirror: scatterers.into_iter().flat_map(|s| s.mirror).collect(),
             array,
@@ -296,6 +330,11 @@ impl Scatterers {
     /// Pixel of every material point, in image order.
     pub fn pixels(&self) -> &[u32] {
         &self.pixel
+    }
+
+    /// Bodies that deform and have material points here, in increasing order, and their numbers of vertices.
+    pub fn deforming(&self) -> &[(u32, usize)] {
+        &self.deforming
     }
 
     /// Number of TX-RX pairs.
@@ -344,9 +383,24 @@ impl Scatterers {
             return (delay(&t, &r), self.point_amplitude(places.rcs[point], &t, &r));
         };
         let pose = &places.poses[node * places.num_bodies + body as usize];
-        let (t, r) = self.array.pair(channel, pose.point(self.position[path]));
-        let normal = pose.direction(self.normal[path]);
+        let (mut position, mut normal) = (self.position[path], self.normal[path]);
+        if let Some(facet) = self.facet_of(places, node, path) {
+            (position, normal) = (facet.point(position), facet.normal(normal));
+        }
+        let (t, r) = self.array.pair(channel, pose.point(position));
+        let normal = pose.direction(normal);
         (delay(&t, &r), self.surface_amplitude(path, channel, normal, &t, &r))
+    }
+
+    /// The facet of a material point of a body that deforms; its corners may be velocities.
+    fn facet_of(&self, places: &Places, node: usize, path: usize) -> Option<Facet> {
+        let corners = self.facet[path]?;
+        let body = self.body[path];
+        let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
+        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        Some(Facet::new(
+            corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
+        ))
     }
 
     /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
@@ -360,7 +414,13 @@ impl Scatterers {
                 let (position, velocity) = match self.body.get(path) {
                     Some(&body) => {
                         let (pose, rate) = (&places.poses[body as usize], &rates.poses[body as usize]);
-                        (pose.point(self.position[path]), rate.point(self.position[path]))
+                        let (mut position, mut velocity) = (self.position[path], DVec3::ZERO);
+                        let facets = [places, rates].map(|places| self.facet_of(places, 0, path));
+                        if let [Some(facet), Some(facet_rate)] = facets {
+                            velocity = facet.velocity(&facet_rate, position);
+                            position = facet.point(position);
+                        }
+                        (pose.point(position), rate.point(position) + pose.direction(velocity))
                     }
                     None => (places.points[path - self.len()], rates.points[path - self.len()]),
                 };
@@ -397,6 +457,7 @@ fn delay(t: &Sight, r: &Sight) -> f64 {
 struct Scatterer {
     pixel: u32,
     body: u32,
+    facet: Option<[u32; 3]>,
     position: DVec3,
     normal: DVec3,
     mirror: Vec<Complex64>,
@@ -420,6 +481,15 @@ fn share_speckle(scatterers: &mut [Scatterer]) {
     }
 }
 
+/// What carries a material point of a body that deforms.
+struct Carrier {
+    vertices: [u32; 3],
+    /// When the rays were cast.
+    facet: Facet,
+    /// Before the body was deformed.
+    rest: Facet,
+}
+
 struct Weigh<'a> {
     plane: &'a ImagePlane,
     array: &'a Array,
@@ -428,7 +498,14 @@ struct Weigh<'a> {
 
 impl Weigh<'_> {
     /// The material point of one patch, if it sends anything back.
-    fn scatterer(&self, patch: &Patch, material: &Material, pose: &Pose, speckle: u64) -> Option<Scatterer> {
+    fn scatterer(
+        &self,
+        patch: &Patch,
+        material: &Material,
+        pose: &Pose,
+        carrier: Option<&Carrier>,
+        speckle: u64,
+    ) -> Option<Scatterer> {
         let &Patch {
             pixel,
             body,
@@ -465,10 +542,17 @@ impl Weigh<'_> {
             channels.map(|channel| scale * factor(channel)).collect()
         };
 
-        // Diffuse part.
-        let position = pose.point_to_body(point);
+        // The place on the body, or on its facet where the body deforms.
+        let (mut position, mut normal) = (pose.point_to_body(point), pose.direction_to_body(normal));
+        let mut on_surface = position;
+        if let Some(Carrier { facet, rest, .. }) = carrier {
+            (position, normal) = (facet.coordinates(position), facet.slopes(normal));
+            on_surface = rest.point(position);
+        }
+
+        // Diffuse part: its phase belongs to the surface, which is told by where it was before it was deformed.
         let magnitude = wavelength / (4.0 * PI) * (material.albedo * area / PI).sqrt();
-        let cell = speckle_cell(speckle, position / SPECKLE_CELL + SPECKLE_ORIGIN);
+        let cell = speckle_cell(speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
             Sampling::Footprint => TAU * speckle_turns(cell),
@@ -476,10 +560,10 @@ impl Weigh<'_> {
         let diffuse = Complex64::from_polar(magnitude, phase);
 
         let is_silent = diffuse == Complex64::ZERO && mirror.iter().all(|m| *m == Complex64::ZERO);
-        let normal = pose.direction_to_body(normal);
         (!is_silent).then_some(Scatterer {
             pixel: pixel as u32,
             body,
+            facet: carrier.map(|carrier| carrier.vertices),
             position,
             normal,
             mirror,

@@ -217,12 +217,13 @@ impl Surface {
 
     /// Memory of the vertices [bytes].
     pub fn vertex_memory(&self) -> usize {
-        let both = if Arc::ptr_eq(&self.vertices, &self.mesh.rest) {
-            1
-        } else {
-            2
-        };
+        let both = 1 + usize::from(self.is_deformed());
         both * size_of_val(self.vertices.as_slice())
+    }
+
+    /// Whether this is what [`Self::deform`] made of a surface: one whose vertices move.
+    pub fn is_deformed(&self) -> bool {
+        !Arc::ptr_eq(&self.vertices, &self.mesh.rest)
     }
 
     /// Number of triangles that were kept.

@@ -55,6 +55,7 @@ CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "princi
 SCENE = _core.Scene([SURFACE], REFLECTION, ALBEDO)
 HITS = SCENE.cast(POSES, **IMAGE)
 SCATTERERS = HITS.scatterers(**ANTENNAS)
+DEFORMED = _core.Scene([SURFACE.deform(VERTICES)], REFLECTION, ALBEDO).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
 
 
 def waveform(**changes: Any) -> Any:
@@ -89,6 +90,19 @@ def rates(
     poses: Any = POSES, pose_rates: Any = POSES, points: Any = POINTS[0], point_rates: Any = POINTS[0], **changes: Any
 ) -> Any:
     return SCATTERERS.delay_rates(poses, pose_rates, points, point_rates, **changes)
+
+
+def deform(vertices: Any = VERTICES, **changes: Any) -> Any:
+    return SURFACE.deform(vertices, **changes)
+
+
+def deformed_paths(*vertices: Any, **changes: Any) -> Any:
+    return DEFORMED.paths(POSES[None], POINTS, RCS, vertices=vertices, **changes)
+
+
+def deformed_rates(vertices: Any = VERTICES, vertex_rates: Any = VERTICES, **changes: Any) -> Any:
+    rest = (POSES, POSES, POINTS[0], POINTS[0])
+    return DEFORMED.delay_rates(*rest, vertices=[vertices], vertex_rates=[vertex_rates], **changes)
 
 
 def scene(surfaces: Any = (SURFACE,), reflection: Any = REFLECTION, albedo: Any = ALBEDO) -> Any:
@@ -134,6 +148,10 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (delay, "float64", (1, 2, len(SCATTERERS) + 1)),
         (amplitude, "complex128", (1, 2, len(SCATTERERS) + 1)),
         (rates(), "float64", (2, len(SCATTERERS) + 1)),
+        (SCATTERERS.deforming(), "uint32", (0,)),
+        (DEFORMED.deforming(), "uint32", (1,)),
+        (deformed_paths(VERTICES[None])[0], "float64", delay.shape),
+        (deformed_rates(), "float64", (2, len(SCATTERERS) + 1)),
     ]:
         assert (array.dtype, array.shape) == (dtype, shape)
         assert array.flags.c_contiguous
@@ -163,6 +181,10 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "rates pose_rates": (lambda a: rates(pose_rates=a), POSES),
     "rates points": (lambda a: rates(points=a), POINTS[0]),
     "rates point_rates": (lambda a: rates(point_rates=a), POINTS[0]),
+    "deform vertices": (lambda a: deform(a), VERTICES),
+    "paths vertices": (lambda a: deformed_paths(a), VERTICES[None]),
+    "rates vertices": (lambda a: deformed_rates(a), VERTICES),
+    "rates vertex_rates": (lambda a: deformed_rates(vertex_rates=a), VERTICES),
 }
 each_argument = pytest.mark.parametrize("argument", ARGUMENTS)
 
@@ -267,6 +289,19 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
         (lambda: rates(pose_rates=np.zeros((0, 3, 4))), r"pose_rates: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
         (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(1, 3\), got \(1, 4\)"),
         (lambda: rates(point_rates=np.zeros((2, 3))), r"point_rates: expected shape \(1, 3\), got \(2, 3\)"),
+        (lambda: deform(VERTICES[:5]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deform(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
+        (lambda: deform(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: deform(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
+        (lambda: deformed_paths(), "vertices: expected 1 arrays, one per body that deforms, got 0"),
+        (lambda: deformed_paths(VERTICES[None], VERTICES[None]), "vertices: expected 1 arrays, .* got 2"),
+        (lambda: deformed_paths(VERTICES[None, :5]), r"vertices: expected shape \(1, 6, 3\), got \(1, 5, 3\)"),
+        (lambda: deformed_paths(np.zeros((2, 6, 3))), r"vertices: expected shape \(1, 6, 3\), got \(2, 6, 3\)"),
+        (lambda: deformed_rates(VERTICES[:5]), r"vertices: expected shape \(6, 3\), got \(5, 3\)"),
+        (lambda: deformed_rates(vertex_rates=VERTICES[1:]), r"vertex_rates: expected shape \(6, 3\), got \(5, 3\)"),
+        (lambda: paths(vertices=[VERTICES[None]]), "vertices: expected 0 arrays, .* got 1"),
+        (lambda: HITS.place_on_mesh(HUGE), "pixel: expected one that hit something, got 18446744073709551615"),
+        (lambda: EMPTY_HITS.place_on_mesh(0), "pixel: expected one that hit something, got 0"),
         (lambda: surfels(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
         (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
         (lambda: surfels(body=np.zeros((4, 4), np.int32)), r"body: expected shape \(4, 5\), got \(4, 4\)"),
@@ -304,7 +339,9 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
-@pytest.mark.parametrize("call", [beat, cast, scatterers, surfels, paths, rates, HITS.cos_incidence, HITS.shaded])
+@pytest.mark.parametrize(
+    "call", [beat, cast, deform, scatterers, surfels, paths, rates, HITS.cos_incidence, HITS.shaded]
+)
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
 
@@ -408,6 +445,8 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     delay, amplitude = hit_scatterers.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
     assert delay.shape == amplitude.shape == (2, 2, len(hit_scatterers) + 1)
     rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
+    assert deformed_paths(np.full((1, 6, 3), value))[0].shape == (1, 2, len(DEFORMED) + 1)
+    deformed_rates(np.full((6, 3), value), np.full((6, 3), value))
     scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
     if np.isfinite(value):
         wild, rates_of = np.full((2, 3), value), np.full((2, 3), value)
@@ -495,10 +534,13 @@ def runs_beside(call: Call) -> bool:
 
 def test_interpreter_is_free_while_the_core_computes() -> None:
     delay, amplitude = np.full((1, 20_000), 1e-8), np.ones((1, 20_000), complex)
+    soup = np.random.default_rng(2).uniform(-1.0, 1.0, (60_000, 3))
+    large = surface(soup, np.arange(60_000, dtype=np.uint32).reshape(-1, 3))
     chirps = 1e-4 * np.arange(16)
     calls: list[Call] = [
         lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),
         lambda: cast(rows=700, columns=700, threads=1),
+        lambda: large.deform(soup, threads=1),
     ]
     # Some ten milliseconds each; where the machine is so busy that the other thread sleeps through it: once more.
     for call in calls:

@@ -10,6 +10,7 @@ from radarcore.antenna import GaussianPattern, IsotropicPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.camera import Camera
+from radarcore.deformation import Deformation
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
 from radarcore.material import Material, materials
@@ -29,6 +30,7 @@ __all__ = [
     "Attached",
     "Body",
     "Camera",
+    "Deformation",
     "DepthImage",
     "Frame",
     "Function",

@@ -146,6 +146,13 @@ class Surface:
     def kept(self) -> NDArray[np.uint32] | None:
         """Rows of the triangles that were kept, (m,); None where all were."""
 
+    def deform(self, vertices: NDArray[np.float64], *, threads: int | None = None) -> Surface:
+        """The same triangles between vertices (n, 3) at other places, with the shading and the speckle of this surface.
+
+        The tree is refitted, or built anew where it has become much worse; hits do not depend on it. Material points on
+        such a surface stay with their facets, see `Scatterers.deforming`.
+        """
+
     @property
     def memory(self) -> tuple[int, int]:
         """Memory of triangles, tree and shading, and of the vertices [bytes]."""
@@ -207,6 +214,8 @@ class Hits:
         """Power reflectance of the material, (rows, columns); 0 where nothing was hit."""
     def body(self) -> NDArray[np.int32]:
         """Number of the body, (rows, columns); -1 where nothing was hit."""
+    def place_on_mesh(self, pixel: int) -> tuple[list[int], list[float]]:
+        """The three vertices of the triangle that a pixel (row by row) hit, and their weights there."""
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
     def scatterers(
@@ -225,13 +234,15 @@ class Hits:
 
 @final
 class Scatterers:
-    """Material points; delays and amplitudes follow from where their bodies are."""
+    """Material points; delays and amplitudes follow from where their bodies, or their vertices, are."""
 
     def __len__(self) -> int: ...
     def body(self) -> NDArray[np.uint32]:
         """Number of the body of every material point, (scatterer,)."""
     def pixel(self) -> NDArray[np.uint32]:
         """Number of the pixel of every material point, row by row, (scatterer,)."""
+    def deforming(self) -> NDArray[np.uint32]:
+        """Numbers of the bodies that deform and have material points here, increasing."""
     def select(self, wanted: NDArray[np.bool_]) -> Scatterers:
         """The material points of the bodies for which `wanted` (body,) is true, in the same order."""
     def paths(
@@ -240,6 +251,7 @@ class Scatterers:
         points: NDArray[np.float64],
         rcs: NDArray[np.float64],
         *,
+        vertices: Sequence[NDArray[np.float64]] | None = None,
         first: int = 0,
         last: int | None = None,
         step: int = 1,
@@ -248,7 +260,7 @@ class Scatterers:
         """Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` to `last`.
 
         First the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-        (node, point, 3).
+        (node, point, 3). `vertices` has one array (node, vertex, 3) for each of the bodies of `deforming`.
         """
     def delay_rates(
         self,
@@ -257,6 +269,8 @@ class Scatterers:
         points: NDArray[np.float64],
         point_rates: NDArray[np.float64],
         *,
+        vertices: Sequence[NDArray[np.float64]] | None = None,
+        vertex_rates: Sequence[NDArray[np.float64]] | None = None,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
-        """Rate of every delay [s/s], (channel, path)."""
+        """Rate of every delay [s/s], (channel, path); vertices (vertex, 3) are those of the bodies of `deforming`."""

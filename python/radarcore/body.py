@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.deformation import Deformation, DeformationFunction, as_deformation
 from radarcore.material import Material, materials
 from radarcore.mesh import Mesh
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion
@@ -15,7 +17,7 @@ from radarcore.motion import AnyMotion, Motion, Pose, as_motion
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rigid mesh of one material that may move.
+    """A mesh of one material that may move and change its shape.
 
     Parameters
     ----------
@@ -25,6 +27,10 @@ class Body:
         Default: ``materials["metal"]``.
     motion : Pose, Linear, Trajectory, Attached or function of time
         Body to world; default: the world's own frame.
+    deformation : Deformation or function of time, optional
+        Where the vertices of the mesh are in body coordinates; a function maps a time [s] to all of them, (n, 3) [m].
+        Rates of a function are taken by differences, see `Function`. Default: the body is rigid. Speckle and smooth
+        shading belong to the mesh as it was given: where facets meet below the crease angle, its own vertices say.
     name : str, optional
         For tables and pictures.
     """
@@ -32,6 +38,7 @@ class Body:
     mesh: Mesh
     material: Material
     motion: Motion
+    deformation: Deformation | DeformationFunction | None
     name: str | None
 
     def __init__(
@@ -40,6 +47,7 @@ class Body:
         *,
         material: Material | None = None,
         motion: AnyMotion | None = None,
+        deformation: Deformation | Callable[[float], ArrayLike] | None = None,
         name: str | None = None,
     ) -> None:
         material = materials["metal"] if material is None else material
@@ -51,7 +59,12 @@ class Body:
         put(self, "mesh", mesh)
         put(self, "material", material)
         put(self, "motion", Pose() if motion is None else as_motion("motion", motion))
+        put(self, "deformation", None if deformation is None else as_deformation(deformation, len(mesh.vertices)))
         put(self, "name", name)
+
+    def vertices_at(self, time: float) -> NDArray[np.float64]:
+        """Vertices of the mesh at a time [s], (n, 3) in body coordinates [m]."""
+        return self.mesh.vertices if self.deformation is None else self.deformation.at(time)
 
 
 @dataclass(frozen=True, eq=False)

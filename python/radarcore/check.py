@@ -96,6 +96,17 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
     return result
 
 
+def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """At least two times in increasing order, frozen."""
+    times = frozen(array(name, value, (None,)))
+    if len(times) < 2:
+        raise ValueError(f"{name}: expected at least two, got {len(times)}")
+    if not (np.diff(times) > 0.0).all():
+        k = int((np.diff(times) <= 0.0).argmax())
+        raise ValueError(f"{name}: expected increasing times [s], got {times[k]:g} and then {times[k + 1]:g}")
+    return times
+
+
 def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same array, no longer writable: fields of frozen records must not change under them."""
     values.flags.writeable = False

@@ -181,15 +181,8 @@ class Trajectory:
         from scipy.interpolate import CubicSpline
         from scipy.spatial.transform import Rotation, RotationSpline
 
-        self.times = check.frozen(check.array("times", times, (None,)))
+        self.times = check.increasing("times", times)
         self.poses = tuple(poses)
-        if len(self.times) < 2:
-            raise ValueError(f"times: expected at least two, got {len(self.times)}")
-        if not (np.diff(self.times) > 0.0).all():
-            k = int((np.diff(self.times) <= 0.0).argmax())
-            raise ValueError(
-                f"times: expected increasing times [s], got {self.times[k]:g} and then {self.times[k + 1]:g}"
-            )
         if len(self.poses) != len(self.times):
             raise ValueError(f"poses: expected {len(self.times)}, one per time, got {len(self.poses)}")
         for k, pose in enumerate(self.poses):
@@ -248,13 +241,11 @@ class Function:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         if self._rate is not None:
             return check.array("rate", self._rate(time), (3, 4))
-        near, far = (self._difference(time, step) / (2.0 * step) for step in (_STEP, 2.0 * _STEP))
-        derivative: Matrix = (4.0 * near - far) / 3.0
-        return derivative
+        return derivative(self._matrix, time)
 
-    def _difference(self, time: float, step: float) -> Matrix:
-        later, earlier = self.at(time + step), self.at(time - step)
-        return np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position])
+    def _matrix(self, time: float) -> Matrix:
+        pose = self.at(time)
+        return np.column_stack([pose.rotation, pose.position])
 
 
 class Attached:
@@ -325,6 +316,13 @@ def is_static(motion: Motion) -> bool:
     if isinstance(motion, Attached):
         return is_static(motion.parent) and is_static(motion.motion)
     return isinstance(motion, Pose)
+
+
+def derivative(values: Callable[[float], Matrix], time: float) -> Matrix:
+    """Time derivative of a function of time by central differences, see `Function`."""
+    near, far = ((values(time + step) - values(time - step)) / (2.0 * step) for step in (_STEP, 2.0 * _STEP))
+    rate: Matrix = (4.0 * near - far) / 3.0
+    return rate
 
 
 def relative_pose(body: Pose, sensor: Pose) -> Matrix:

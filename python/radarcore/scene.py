@@ -18,11 +18,22 @@ from radarcore.motion import Motion, is_static, relative_pose, relative_rate
 class Placement:
     """Bodies and points at several times, in sensor axes about the centre of the array.
 
-    ``poses``: (time, body, 3, 4) maps of body coordinates; ``points``: (time, point, 3) [m].
+    ``poses``: (time, body, 3, 4) maps of body coordinates; ``points``: (time, point, 3) [m]; ``vertices``: one array
+    (time, vertex, 3) in body coordinates [m] for each body that was asked for.
     """
 
     poses: NDArray[np.float64]
     points: NDArray[np.float64]
+    vertices: list[NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """The vertices of the bodies that deform, and the core's scene with their surfaces."""
+
+    vertices: dict[int, NDArray[np.float64]]
+    surfaces: list[_core.Surface]
+    core: _core.Scene
 
 
 class Scene:
@@ -60,11 +71,8 @@ class Scene:
         self._rcs = np.array([target.rcs for _, target in self._targets], dtype=np.float64)
         self._positions = np.array([t.position for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
         self._velocities = np.array([t.velocity for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
-        self._core = _core.Scene(
-            [body.mesh._surface for _, body in self._meshed],
-            np.array([body.material.reflection for _, body in self._meshed], dtype=np.complex128),
-            np.array([body.material.albedo for _, body in self._meshed], dtype=np.float64),
-        )
+        self._deforming = [b for b, (_, body) in enumerate(self._meshed) if body.deformation is not None]
+        self._shape = self._shape_of({}, [body.mesh._surface for _, body in self._meshed])
 
     @property
     def num_triangles(self) -> int:
@@ -73,9 +81,33 @@ class Scene:
 
     @property
     def memory(self) -> int:
-        """Memory of triangles, trees and vertices in the core [bytes]; a mesh that bodies share counts once."""
-        surfaces = {id(body.mesh._surface): body.mesh._surface for _, body in self._meshed}
+        """Memory of all triangles, trees and vertices in the core [bytes].
+
+        A mesh that several bodies share counts once, and once more for each of them that deforms.
+        """
+        meshes = [body.mesh._surface for _, body in self._meshed]
+        surfaces = {id(surface): surface for surface in [*meshes, *self._shape.surfaces]}
         return sum(sum(surface.memory) for surface in surfaces.values())
+
+    def _core_at(self, time: float, threads: int | None) -> _core.Scene:
+        """The core's scene with the vertices of a time [s]; what has not changed since the last call stays as it is."""
+        shape = self._shape
+        vertices = {b: self._vertices(b, time) for b in self._deforming}
+        moved = [b for b, new in vertices.items() if not np.array_equal(new, shape.vertices.get(b, ()))]
+        if moved:
+            surfaces = list(shape.surfaces)
+            for b in moved:
+                surfaces[b] = surfaces[b].deform(vertices[b], threads=threads)
+            self._shape = shape = self._shape_of(vertices, surfaces)
+        return shape.core
+
+    def _shape_of(self, vertices: dict[int, NDArray[np.float64]], surfaces: list[_core.Surface]) -> _Shape:
+        core = _core.Scene(
+            surfaces,
+            np.array([body.material.reflection for _, body in self._meshed], dtype=np.complex128),
+            np.array([body.material.albedo for _, body in self._meshed], dtype=np.float64),
+        )
+        return _Shape(vertices, surfaces, core)
 
     @property
     def is_static(self) -> bool:
@@ -85,10 +117,17 @@ class Scene:
     @cached_property
     def _are_still(self) -> NDArray[np.bool_]:
         """Bodies with meshes that never move, (body,)."""
-        return np.array([is_static(body.motion) for _, body in self._meshed], dtype=np.bool_)
+        still = [is_static(body.motion) and body.deformation is None for _, body in self._meshed]
+        return np.array(still, dtype=np.bool_)
 
-    def _place(self, times: NDArray[np.float64], sensor_motion: Motion, center: NDArray[np.float64]) -> Placement:
-        """Bodies and points at `times` (n,) [s], in sensor axes about the array's centre."""
+    def _place(
+        self,
+        times: NDArray[np.float64],
+        sensor_motion: Motion,
+        center: NDArray[np.float64],
+        deforming: Iterable[int] = (),
+    ) -> Placement:
+        """Bodies and points at `times` (n,) [s], in sensor axes about the array's centre, and some bodies' vertices."""
         poses = np.empty((len(times), len(self._meshed), 3, 4))
         points = np.empty((len(times), len(self._targets), 3))
         for k, time in enumerate(times.tolist()):
@@ -97,10 +136,11 @@ class Scene:
                 poses[k, b] = relative_pose(body.motion.at(time), sensor)
             points[k] = (self._positions + time * self._velocities - sensor.position) @ sensor.rotation
         poses[..., 3] -= center
-        return Placement(poses, points - center)
+        vertices = [np.array([self._vertices(b, time) for time in times.tolist()]) for b in deforming]
+        return Placement(poses, points - center, vertices)
 
-    def _place_rates(self, time: float, sensor_motion: Motion) -> Placement:
-        """Time derivatives of `_place` at one time: poses (1, body, 3, 4) and points (1, point, 3) [m/s]."""
+    def _place_rates(self, time: float, sensor_motion: Motion, deforming: Iterable[int] = ()) -> Placement:
+        """Time derivatives of `_place` at one time: poses (1, body, 3, 4), points (1, point, 3) [m/s] and vertices."""
         sensor, sensor_rate = sensor_motion.at(time), sensor_motion.rate_at(time)
         rates = [
             relative_rate(body.motion.at(time), body.motion.rate_at(time), sensor, sensor_rate)
@@ -108,7 +148,18 @@ class Scene:
         ]
         offsets = self._positions + time * self._velocities - sensor.position
         velocities = (self._velocities - sensor_rate[:, 3]) @ sensor.rotation + offsets @ sensor_rate[:, :3]
-        return Placement(np.array(rates, dtype=np.float64).reshape(1, -1, 3, 4), velocities[None])
+        vertices = [self._vertex_rates(b, time)[None] for b in deforming]
+        return Placement(np.array(rates, dtype=np.float64).reshape(1, -1, 3, 4), velocities[None], vertices)
+
+    def _vertices(self, body: int, time: float) -> NDArray[np.float64]:
+        """Vertices of a body with a mesh at a time [s], (n, 3) in body coordinates [m]."""
+        return np.ascontiguousarray(self._meshed[body][1].vertices_at(time))
+
+    def _vertex_rates(self, body: int, time: float) -> NDArray[np.float64]:
+        """Their velocities [m/s]."""
+        deformation = self._meshed[body][1].deformation
+        assert deformation is not None  # only asked for bodies that deform
+        return np.ascontiguousarray(deformation.rate_at(time))
 
     def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Body | PointTarget, ...]]]:
         return type(self), (self.bodies,)

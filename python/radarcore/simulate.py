@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -143,14 +143,23 @@ class Simulator:
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
 
-        The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies.
+        The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies, or
+        with their facets where bodies deform.
         """
         start = check.number("time", time, "s")
         scatterers = self._scatterers(self._cast(start + self._middle))
-        place, rates = self._place(np.array([start])), self.scene._place_rates(start, self.radar_motion)
+        deforming = scatterers.deforming()
+        place = self._place(np.array([start]), deforming)
+        rates = self.scene._place_rates(start, self.radar_motion, deforming)
         delay, amplitude = self._follow(scatterers, place)
         delay_rate = scatterers.delay_rates(
-            place.poses[0], rates.poses[0], place.points[0], rates.points[0], threads=self.threads
+            place.poses[0],
+            rates.poses[0],
+            place.points[0],
+            rates.points[0],
+            vertices=[vertices[0] for vertices in place.vertices],
+            vertex_rates=[vertices[0] for vertices in rates.vertices],
+            threads=self.threads,
         )
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
         return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
@@ -158,8 +167,9 @@ class Simulator:
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
 
-        The rays are cast once, at the middle of the frame. What they hit moves with its body, and delay and amplitude
-        follow the exact geometry through the frame; which surfaces are seen does not change within it.
+        The rays are cast once, at the middle of the frame. What they hit moves with its body, or with its facet where
+        the body deforms, and delay and amplitude follow the exact geometry through the frame; which surfaces are seen
+        does not change within it.
         `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
@@ -190,7 +200,7 @@ class Simulator:
             "paths_skipped": num_hit - len(scatterers),
             **synthesis.stats,
         }
-        truth = self._truth(body, hits.distance(), start + self._middle)
+        truth = self._truth(hits, body, start + self._middle)
         return Frame(cube, start, self.radar, truth, stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
@@ -242,9 +252,9 @@ class Simulator:
         waveform = self.radar.waveform
         return 0.5 * (float(waveform.chirp_times[0]) + waveform.duration)
 
-    def _place(self, times: NDArray[np.float64]) -> Placement:
-        """Bodies and points at `times` [s], in sensor axes about the centre of the array."""
-        return self.scene._place(times, self.radar_motion, self.radar.array_center)
+    def _place(self, times: NDArray[np.float64], deforming: Iterable[int] = ()) -> Placement:
+        """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
+        return self.scene._place(times, self.radar_motion, self.radar.array_center, deforming)
 
     @property
     def _half_sizes(self) -> tuple[float, float]:
@@ -258,7 +268,7 @@ class Simulator:
         beam = None
         if not is_image and np.isfinite(self.gain_floor_db):
             beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
-        hits = self.scene._core.cast(
+        hits = self.scene._core_at(time, self.threads).cast(
             self._place(np.array([time])).poses[0],
             rows=rows,
             columns=columns,
@@ -315,6 +325,7 @@ class Simulator:
             place.poses,
             place.points if has_points else place.points[:, :0],
             self.scene._rcs if has_points else self.scene._rcs[:0],
+            vertices=place.vertices,
             first=part.start,
             last=part.stop,
             step=part.step,
@@ -328,10 +339,13 @@ class Simulator:
         """How the paths run through time: those of bodies that stand still need no more than one time."""
 
         def course(chosen: _core.Scatterers, is_still: bool, has_points: bool) -> Course:
+            deforming = chosen.deforming()
             return Course(
                 num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
                 is_static=is_still,
-                follow=lambda times, part: self._follow(chosen, self._place(times), part, has_points=has_points),
+                follow=lambda times, part: self._follow(
+                    chosen, self._place(times, deforming), part, has_points=has_points
+                ),
             )
 
         if not is_static(self.radar_motion):
@@ -344,12 +358,12 @@ class Simulator:
             course(scatterers.select(~are_still), False, has_points=True),
         ]
 
-    def _truth(self, body: NDArray[np.int32], distance: NDArray[np.float64], time: float) -> Truth:
+    def _truth(self, hits: _core.Hits, body: NDArray[np.int32], time: float) -> Truth:
         """Range, velocity and direction at `time` of the nearest point of every body that pixels show."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
         place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
-
+        distance = hits.distance()
         for b, number in enumerate(self.scene._mesh_numbers):
             pixels = np.flatnonzero(body == b)
             if len(pixels) > 0:
@@ -358,6 +372,10 @@ class Simulator:
                 points[number] = distance.flat[nearest] * self._direction(nearest)
                 material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
                 velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
+                if self.scene._meshed[b][1].deformation is not None:
+                    corners, weights = hits.place_on_mesh(nearest)
+                    vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
+                    velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
         points[self.scene._point_numbers] = place.points[0]
         velocities[self.scene._point_numbers] = rates.points[0]
 

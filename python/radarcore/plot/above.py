@@ -99,7 +99,8 @@ def draw_scene(
 
     # Bodies, from the largest to the smallest so that none is hidden.
     names = []
-    for name, body in sorted(zip(scene.names, scene.bodies, strict=True), key=lambda pair: -_extent(pair[1])):
+    last = float(moments[-1])
+    for name, body in sorted(zip(scene.names, scene.bodies, strict=True), key=lambda pair: -_extent(pair[1], last)):
         trail = _trail(body, dense)
         moves = _moves(body, dense)
         color = palette.get(name, canvas.GREY)
@@ -109,7 +110,7 @@ def draw_scene(
         for k, time in enumerate(shown.tolist()):
             strength = (k + 1) / len(shown)
             _draw_body(ax, body, time, color, strength, sensor_pose.position[:2])
-        names.append(_name_place(name, body, float(moments[-1]), color, sensor_pose.position[:2]))
+        names.append(_name_place(name, body, last, color, sensor_pose.position[:2]))
 
     # The sensor on top, then the limits, and the field of view as far as they go.
     path = np.array([sensor.at(time).position[:2] for time in dense.tolist()])
@@ -194,11 +195,11 @@ def _name_place(name: str, body: Body | PointTarget, time: float, color: str, se
     return Name(float(x), float(y), name, color, (float(width), float(height)))
 
 
-def _corners(body: Body | PointTarget) -> NDArray[np.float64]:
-    """Points of a body in its own coordinates, (n, 3)."""
+def _corners(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
+    """Points of a body in its own coordinates at one time, (n, 3)."""
     if isinstance(body, PointTarget) or len(body.mesh.triangles) == 0:
         return np.zeros((1, 3))
-    return np.asarray(body.mesh.vertices[np.unique(body.mesh.triangles)])
+    return np.asarray(body.vertices_at(time)[np.unique(body.mesh.triangles)])
 
 
 def _pose(body: Body | PointTarget, time: float) -> Pose:
@@ -209,7 +210,7 @@ def _pose(body: Body | PointTarget, time: float) -> Pose:
 
 def _outline(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     """Corners (n, 2) of the convex outline on the floor at one time, anticlockwise [m]."""
-    flat = _pose(body, time).apply(_corners(body))[:, :2]
+    flat = _pose(body, time).apply(_corners(body, time))[:, :2]
     farthest = np.argmax(flat @ _DIRECTIONS, axis=0)
     around = farthest[np.flatnonzero(farthest != np.roll(farthest, 1))]
     return np.asarray(flat[around] if len(around) > 0 else flat[farthest[:1]])
@@ -223,24 +224,30 @@ def _encloses(outline: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
     return bool((along[:, 0] * to_point[:, 1] - along[:, 1] * to_point[:, 0] >= 0.0).all())
 
 
+def _bounds(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Smallest and largest of a body's own coordinates at several times, (time, 2, 3) [m]."""
+    deforms = isinstance(body, Body) and body.deformation is not None
+    corners = [_corners(body, time) for time in times[: None if deforms else 1].tolist()]
+    bounds = np.array([[points.min(axis=0), points.max(axis=0)] for points in corners])
+    return np.broadcast_to(bounds, (len(times), 2, 3))
+
+
 def _trail(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """The middle of a body on the floor at several times, (time, 2) [m]."""
-    corners = _corners(body)
-    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    return np.array([_pose(body, time).apply(middle)[:2] for time in times.tolist()])
+    middles = _bounds(body, times).mean(axis=1)
+    return np.array([_pose(body, time).apply(at)[:2] for time, at in zip(times.tolist(), middles, strict=True)])
 
 
 def _moves(body: Body | PointTarget, times: NDArray[np.float64]) -> bool:
     """Whether a corner of the body's bounds leaves its place."""
-    corners = _corners(body)
-    bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
-    places = np.array([_pose(body, time).apply(bounds) for time in times.tolist()])
+    bounds = _bounds(body, times)
+    places = np.array([_pose(body, time).apply(at) for time, at in zip(times.tolist(), bounds, strict=True)])
     return bool((np.ptp(places, axis=0) > _STILL).any())
 
 
-def _extent(body: Body | PointTarget) -> float:
-    """Diagonal of the body's bounds [m]."""
-    return float(np.linalg.norm(np.ptp(_corners(body), axis=0)))
+def _extent(body: Body | PointTarget, time: float) -> float:
+    """Diagonal of the body's bounds at one time [m]."""
+    return float(np.linalg.norm(np.ptp(_corners(body, time), axis=0)))
 
 
 def _dense(times: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,137 @@
+//! A triangle that moves and changes its shape, and what stays with it.
+
+use glam::DVec3;
+
+/// The frame of a triangle: a material point keeps its coordinates in it, wherever the corners go.
+#[derive(Clone, Copy, Debug)]
+pub struct Facet {
+    /// The first corner.
+    origin: DVec3,
+    /// From there to the others.
+    edges: [DVec3; 2],
+    /// Normal with the length of twice the area.
+    area_normal: DVec3,
+    /// Unit normal; zero where there is no area.
+    normal: DVec3,
+}
+
+impl Facet {
+    /// Of a triangle's corners.
+    pub fn new([a, b, c]: [DVec3; 3]) -> Self {
+        let edges = [b - a, c - a];
+        let area_normal = edges[0].cross(edges[1]);
+        Self {
+            origin: a,
+            edges,
+            area_normal,
+            normal: area_normal.normalize_or_zero(),
+        }
+    }
+
+    /// Coordinates of a point: the weights of the second and third corner at its foot, and its height above the plane [m].
+    /// The triangle has an area.
+    pub fn coordinates(&self, point: DVec3) -> DVec3 {
+        let offset = point - self.origin;
+        let [e, f] = self.duals();
+        DVec3::new(offset.dot(e), offset.dot(f), 0.0) / self.area_normal.length() + DVec3::Z * offset.dot(self.normal)
+    }
+
+    /// The point with these coordinates.
+    pub fn point(&self, coordinates: DVec3) -> DVec3 {
+        let [e, f] = self.edges;
+        self.origin + coordinates.x * e + coordinates.y * f + coordinates.z * self.normal
+    }
+
+    /// Velocity of that point; `rate` is the frame of the velocities of the corners.
+    pub fn velocity(&self, rate: &Self, coordinates: DVec3) -> DVec3 {
+        let [e, f] = rate.edges;
+        let along = rate.origin + coordinates.x * e + coordinates.y * f;
+        let length = self.area_normal.length();
+        if length == 0.0 {
+            return along;
+        }
+        // The unit normal turns by what its change is across it.
+        let turning = (e.cross(self.edges[1]) + self.edges[0].cross(f)) / length;
+        along + coordinates.z * (turning - self.normal * self.normal.dot(turning))
+    }
+
+    /// Slopes of a surface with this normal along the edges, and its rise above the plane.
+    pub fn slopes(&self, normal: DVec3) -> DVec3 {
+        DVec3::new(
+            normal.dot(self.edges[0]),
+            normal.dot(self.edges[1]),
+            normal.dot(self.normal),
+        )
+    }
+
+    /// The unit normal of the surface with these slopes; zero where the triangle has no area.
+    pub fn normal(&self, slopes: DVec3) -> DVec3 {
+        let [e, f] = self.duals();
+        (slopes.x * e + slopes.y * f + slopes.z * self.area_normal).normalize_or_zero()
+    }
+
+    /// Across the other edge each, in the plane; the product with its own edge is twice the area.
+    fn duals(&self) -> [DVec3; 2] {
+        [self.edges[1].cross(self.normal), self.normal.cross(self.edges[0])]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    const CORNERS: [DVec3; 3] = [
+        DVec3::new(0.3, -0.2, 1.0),
+        DVec3::new(0.5, 0.1, 1.1),
+        DVec3::new(0.2, 0.3, 0.8),
+    ];
+    const POINT: DVec3 = DVec3::new(0.36, 0.1, 1.2);
+
+    #[test]
+    fn coordinates_are_weights_and_height() {
+        let facet = Facet::new(CORNERS);
+        let [a, b, c] = CORNERS;
+        let normal = (b - a).cross(c - a).normalize();
+        let coordinates = facet.coordinates(0.5 * a + 0.2 * b + 0.3 * c - 0.04 * normal);
+        assert!(coordinates.distance(DVec3::new(0.2, 0.3, -0.04)) < 1e-15);
+        assert!(facet.point(facet.coordinates(POINT)).distance(POINT) < 1e-15);
+        let tilted = DVec3::new(0.2, -0.5, -0.7).normalize();
+        assert!(facet.normal(facet.slopes(tilted)).distance(tilted) < 1e-15);
+    }
+
+    #[test]
+    fn points_and_normals_turn_with_their_facet() {
+        let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, -1.1, 2.0);
+        let shift = DVec3::new(3.0, -1.0, 0.5);
+        let before = Facet::new(CORNERS);
+        let after = Facet::new(CORNERS.map(|corner| turn * corner + shift));
+        let point = after.point(before.coordinates(POINT));
+        assert!(point.distance(turn * POINT + shift) < 4e-15);
+        let tilted = DVec3::new(0.2, -0.5, 0.7).normalize();
+        assert!(after.normal(before.slopes(tilted)).distance(turn * tilted) < 1e-15);
+    }
+
+    #[test]
+    fn velocity_is_the_derivative_of_the_point() {
+        let rates = [
+            DVec3::new(1.0, -2.0, 0.5),
+            DVec3::new(-0.7, 0.3, 2.0),
+            DVec3::new(0.1, 0.9, -1.5),
+        ];
+        let at = |time: f64| Facet::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
+        let coordinates = at(0.0).coordinates(POINT);
+        let step = 1e-5;
+        let difference = (at(step).point(coordinates) - at(-step).point(coordinates)) / (2.0 * step);
+        let velocity = at(0.0).velocity(&Facet::new(rates), coordinates);
+        assert!(velocity.distance(difference) < 1e-8, "{velocity} {difference}"); // step^2 times a third derivative
+    }
+
+    #[test]
+    fn a_facet_without_area_has_no_normal_and_finite_places() {
+        let needle = Facet::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
+        assert_eq!(needle.normal(DVec3::new(0.1, 0.2, 0.9)), DVec3::ZERO);
+        assert_eq!(needle.point(DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);
+        assert_eq!(needle.velocity(&needle, DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);
+    }
+}

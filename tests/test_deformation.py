@@ -1,0 +1,449 @@
+"""Bodies that change their shape: rigid motion written as vertices, a chest that breathes, speckle and history."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+
+C = 299_792_458.0
+
+TX = [[0.0, -0.005, 0.0]]
+RX = [[0.0, 0.004, 0.001], [0.0, 0.0, -0.003]]
+HALF_MATT = rc.Material(-0.5, 0.5)
+
+SYNTHESIS = 1e-8
+"""Two frames of a tolerance of 1e-9, which is an rms error relative to l2(amplitudes): peaks are a few times that."""
+
+Vertices = NDArray[np.float64]
+Shape = Callable[[float], Vertices]
+
+
+def waveform(**changes: Any) -> rc.Waveform:
+    settings: dict[str, Any] = {
+        "start_frequency": 60e9,
+        "slope": 2e13,
+        "sample_rate": 2e6,
+        "num_samples": 32,
+        "num_chirps": 8,
+        "chirp_interval": 300e-6,
+    }
+    return rc.Waveform(**settings | changes)
+
+
+def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:
+    settings: dict[str, Any] = {"resolution": 48, "field_of_view_deg": (40.0, 40.0), "tolerance": 1e-9} | options
+    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **settings)
+
+
+def instant() -> rc.Radar:
+    """A radar whose frame is over at once: its rays are cast at the time of `paths`, one antenna at the origin."""
+    return rc.Radar(waveform(num_samples=1, num_chirps=1))
+
+
+def relative_error(got: NDArray[Any], expected: NDArray[Any]) -> float:
+    """Largest error over the largest value."""
+    return float(np.abs(got - expected).max() / np.abs(expected).max())
+
+
+def grid(cells: int = 6, size: float = 0.5) -> rc.Mesh:
+    """A square of many triangles in the y-z plane that faces -x."""
+    steps = np.linspace(-0.5 * size, 0.5 * size, cells + 1)
+    y, z = np.meshgrid(steps, steps, indexing="ij")
+    vertices = np.stack([np.zeros_like(y), y, z], axis=-1).reshape(-1, 3)
+    a = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    b, c, d = a + 1, a + cells + 2, a + cells + 1
+    return rc.Mesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+
+
+def wave(mesh: rc.Mesh, frequency: float = 3.0) -> Shape:
+    """The mesh with a standing wave of 1 cm."""
+    y, z = mesh.vertices[:, 1], mesh.vertices[:, 2]
+
+    def vertices(time: float) -> Vertices:
+        height = 0.01 * np.sin(2.0 * np.pi * frequency * time) * np.cos(9.0 * y) * np.cos(7.0 * z + 0.3)
+        return mesh.vertices + height[:, None] * [1.0, 0.2, 0.0]
+
+    return vertices
+
+
+BREATH, RATE, RADIUS, DISTANCE = 0.004, 0.3, 0.15, 1.0
+"""A chest: amplitude [m], breaths per second, radius and distance [m]."""
+
+
+def radius_at(time: float) -> float:
+    return RADIUS + BREATH * float(np.sin(2.0 * np.pi * RATE * time))
+
+
+def chest(**options: Any) -> rc.Body:
+    """A sphere that breathes, one of its vertices towards the sensor."""
+    mesh = rc.shapes.sphere(RADIUS, **options)
+    unit = mesh.vertices / RADIUS
+    towards = rc.Pose.look_at([0.0, 0.0, 0.0], -unit[0]).rotation.T
+    return rc.Body(mesh, motion=rc.Pose([DISTANCE, 0.0, 0.0], towards), deformation=lambda t: radius_at(t) * unit)
+
+
+# --- rigid motion, written as vertices -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["spline", "function"])
+def test_vertices_that_all_move_alike_make_the_frame_of_the_moving_body(kind: str) -> None:
+    mesh, pose, velocity = (
+        rc.shapes.plate(0.4, 0.3),
+        rc.Pose.from_rpy([1.2, 0.1, 0.0], [0.1, 0.1, 0.2]),
+        [0.9, -0.4, 0.3],
+    )
+    in_body = pose.rotation.T @ velocity
+    kinds: dict[str, Any] = {
+        "spline": rc.Deformation([-1.0, 1.0], [mesh.vertices - in_body, mesh.vertices + in_body]),
+        "function": lambda t: mesh.vertices + t * in_body,
+    }
+    deformed = simulator([rc.Body(mesh, material=HALF_MATT, motion=pose, deformation=kinds[kind], name="plate")])
+    rigid = simulator([rc.Body(mesh, material=HALF_MATT, motion=rc.Linear(pose, velocity=velocity), name="plate")])
+    for time in (0.0, 0.1):
+        got, expected = deformed.frame(time), rigid.frame(time)
+        assert relative_error(got.cube, expected.cube) <= SYNTHESIS
+        assert got.truth is not None
+        assert expected.truth is not None
+        for name in ("range", "velocity", "azimuth", "elevation"):
+            np.testing.assert_allclose(getattr(got.truth, name), getattr(expected.truth, name), rtol=0, atol=1e-12)
+        rates = [sim.paths(time).delay_rate for sim in (deformed, rigid)]
+        np.testing.assert_allclose(0.5 * C * rates[0], 0.5 * C * rates[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "phase"),
+    [
+        (rc.shapes.box((0.3, 0.5, 0.4)), SYNTHESIS),
+        # Normals at corners are stored in f32, 6e-8: surfaces over facets of 2 cm are known to 1e-9 m, 2e-6 rad.
+        (rc.shapes.sphere(0.2, subdivisions=3), 1e-5),
+    ],
+    ids=["flat", "curved"],
+)
+@pytest.mark.parametrize(
+    "radar_motion", [rc.Pose(), rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2])], ids=["fixed sensor", "moving sensor"]
+)
+def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, phase: float, radar_motion: Any) -> None:
+    start = rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.2, 0.4])
+    turning = rc.Linear(start, angular_velocity=[2.0, -1.0, 3.0])
+    place = rc.Pose([1.5, 0.1, -0.05])
+    deformed = rc.Body(
+        mesh, material=HALF_MATT, motion=place, deformation=lambda t: turning.at(t).apply(mesh.vertices), name="ball"
+    )
+    rigid = rc.Body(mesh, material=HALF_MATT, motion=rc.Attached(place, turning), name="ball")
+    radar = rc.Radar(waveform(num_chirps=32), tx=TX, rx=RX)  # 10 ms: 2 degrees
+    here, there = (simulator([body], radar, radar_motion=radar_motion) for body in (deformed, rigid))
+    time = 0.05
+    assert relative_error(here.frame(time).cube, there.frame(time).cube) <= phase
+    got, expected = here.paths(time), there.paths(time)
+    np.testing.assert_allclose(C * got.delay, C * expected.delay, rtol=0, atol=4e-9)  # as above
+    # A surface 1e-9 m off turns with it; differences of a function of time are good to 1e-12 m/s.
+    np.testing.assert_allclose(0.5 * C * got.delay_rate, 0.5 * C * expected.delay_rate, rtol=0, atol=2e-8)
+
+
+@pytest.mark.parametrize("mesh", [rc.shapes.sphere(0.2, subdivisions=3), rc.shapes.box(0.3)], ids=["sphere", "box"])
+def test_a_deformation_that_never_changes_is_the_body_as_it_is(mesh: rc.Mesh) -> None:
+    # Matt, so that every phase is that of its place on the surface.
+    bodies = [
+        rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.5, 0.1, 0.0]), deformation=deformation)
+        for deformation in (None, lambda _: mesh.vertices, rc.Deformation([0.0, 1.0], [mesh.vertices] * 2))
+    ]
+    rigid, *others = (simulator([body]) for body in bodies)
+    for same in others:
+        image, expected = same.depth_image(0.3), rigid.depth_image(0.3)
+        for name in ("distance", "body", "surface_distance", "normals"):
+            np.testing.assert_array_equal(getattr(image, name), getattr(expected, name))
+        # Points are taken to their facets and back: rounding.
+        paths, as_it_is = same.paths(0.3), rigid.paths(0.3)
+        np.testing.assert_allclose(paths.delay, as_it_is.delay, rtol=1e-15, atol=0)
+        assert relative_error(paths.amplitude, as_it_is.amplitude) <= 1e-13
+        assert not paths.delay_rate.any()
+        assert relative_error(same.frame(0.3).cube, rigid.frame(0.3).cube) <= SYNTHESIS
+
+
+def test_speckle_stays_on_a_surface_that_swells() -> None:
+    # Matt facets of 3 mm on a plate that grows by a tenth: their phases go with them.
+    mesh = grid(cells=40, size=0.12)
+    grown = rc.Body(
+        mesh,
+        material=rc.Material.lambertian(1.0),
+        motion=rc.Pose([1.1, 0.0, 0.0]),
+        deformation=lambda _: 1.1 * mesh.vertices,
+    )
+    plain = rc.Body(mesh, material=rc.Material.lambertian(1.0), motion=rc.Pose([1.0, 0.0, 0.0]))
+    # At 1.1 of the distance the same rays meet the same places.
+    here, there = (
+        simulator([body], instant(), resolution=96, field_of_view_deg=(6.0, 6.0)).paths() for body in (plain, grown)
+    )
+    assert here.amplitude.shape[1] > 5000
+    np.testing.assert_allclose(np.angle(there.amplitude / here.amplitude), 0.0, atol=1e-6)
+    # A patch has 1.1^2 of the area, and its power falls with 1.1^4.
+    np.testing.assert_allclose(np.abs(there.amplitude / here.amplitude), 1.0 / 1.1, rtol=1e-9)
+
+
+# --- a chest that breathes -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("time", [0.0, 0.4, 1.7])
+def test_nearest_point_of_a_breathing_chest_is_where_and_as_fast_as_on_paper(time: float) -> None:
+    distance = DISTANCE - radius_at(time)
+    velocity = -BREATH * 2.0 * np.pi * RATE * np.cos(2.0 * np.pi * RATE * time)
+    sim = simulator([chest()], instant(), resolution=65, field_of_view_deg=(20.0, 20.0))  # odd: a ray along the axis
+    paths = sim.paths(time)
+    nearest = paths.delay[0].argmin()
+    assert 0.5 * C * paths.delay[0, nearest] == pytest.approx(distance, abs=1e-14)
+    assert paths.delay_rate[0, nearest] == pytest.approx(2.0 * velocity / C, abs=2e-12 / C)  # differences of a function
+    truth = sim.frame(time).truth
+    assert truth is not None
+    assert truth.range == pytest.approx([distance], abs=1e-14)
+    assert truth.velocity == pytest.approx([velocity], abs=1e-12)
+
+
+def test_every_point_of_a_breathing_chest_moves_along_its_radius() -> None:
+    # Point mode, flat facets: every hit is a path and a point of its facet, in the order of the image.
+    body = chest(subdivisions=4)
+    flat = rc.Mesh(body.mesh.vertices, body.mesh.triangles, shading="flat")
+    body = rc.Body(flat, motion=body.motion, deformation=lambda t: radius_at(t) / RADIUS * flat.vertices)
+    sim = simulator([body], instant(), sampling="point")
+    time = 0.3
+    points = sim.depth_image(time).points
+    swelling = BREATH * 2.0 * np.pi * RATE * np.cos(2.0 * np.pi * RATE * time) / radius_at(time)
+    velocity = swelling * (points - [DISTANCE, 0.0, 0.0])
+    expected = np.sum(velocity * points, axis=1) / np.linalg.norm(points, axis=1)
+    assert len(points) > 100
+    np.testing.assert_allclose(0.5 * C * sim.paths(time).delay_rate[0], expected, rtol=0, atol=1e-12)
+
+
+def test_phase_over_slow_time_is_the_breath() -> None:
+    # Thirty frames of one breath: less than a quarter of a wavelength from one to the next.
+    radar = rc.Radar(waveform(slope=1e9, num_samples=1, num_chirps=1))
+    sim = simulator([chest()], radar, resolution=192, field_of_view_deg=(20.0, 20.0))
+    times = np.arange(30) / 30 / RATE
+    phase = np.unwrap([float(np.angle(sim.frame(time).cube[0, 0, 0])) for time in times])
+    moved = C / (4.0 * np.pi * 60e9) * (phase - phase[0])
+    expected = RADIUS - np.array([radius_at(time) for time in times])
+    # The phase centre of a sphere is its nearest point but for 1 / (2 k R); what the pixels miss is 0.025 rad, 10 um.
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=10e-6)
+
+
+# --- within a frame --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "radar_motion",
+    [rc.Pose(), rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2], angular_velocity=[0.5, -0.3, 0.8])],
+    ids=["fixed sensor", "moving sensor"],
+)
+def test_delay_rate_is_the_derivative_of_delay(radar_motion: Any) -> None:
+    # Frames that start h earlier and last 2 h longer have the same middle, hence the same material points.
+    h, start, mesh = 2e-5, 0.02, rc.shapes.sphere(0.25, subdivisions=3)
+    motion = rc.Linear(rc.Pose([1.4, 0.1, 0.0]), velocity=[0.8, -0.5, 0.3], angular_velocity=[2.0, -1.0, 3.0])
+    body = rc.Body(mesh, material=HALF_MATT, motion=motion, deformation=wave(mesh))
+
+    def paths(shift: float) -> rc.Paths:
+        wf = waveform(num_chirps=2, chirp_interval=None, chirp_times=[0.0, 1e-3 - 2.0 * shift])
+        return simulator([body], rc.Radar(wf, tx=TX, rx=RX), radar_motion=radar_motion).paths(start + shift)
+
+    before, now, after = paths(-h), paths(0.0), paths(h)
+    assert now.delay.shape[1] > 100
+    difference = (after.delay - before.delay) / (2.0 * h)
+    # In m/s: delays of 10 ns are known to 1e-24 s (1e-11 m/s); h^2 / 6 times a third derivative of at most 300 m/s^3.
+    np.testing.assert_allclose(0.5 * C * now.delay_rate, 0.5 * C * difference, rtol=0, atol=5e-8)
+
+
+def test_frame_follows_vertices_through_its_chirps() -> None:
+    # A flat facet on the axis swings by 1 cm at 30 Hz, a quarter of a turn in the frame: every chirp has its own delay.
+    mesh = rc.shapes.plate(0.2, 0.2)
+    wf = waveform(num_chirps=32, chirp_interval=260e-6, num_samples=1)
+
+    def swing(time: float) -> Vertices:
+        return mesh.vertices + np.array([0.01 * np.sin(60.0 * np.pi * time), 0.0, 0.0])
+
+    body = rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=swing)
+    # One ray straight ahead, one antenna where it begins: one path.
+    sim = simulator([body], rc.Radar(wf), resolution=1, field_of_view_deg=(1.0, 1.0))
+    (samples,) = sim.frame().cube[..., 0]
+    distance = 1.0 + 0.01 * np.sin(60.0 * np.pi * wf.chirp_times)
+    delay = 2.0 * distance / C
+    turns = 60e9 * delay - 0.5 * 2e13 * delay**2
+    expected = np.exp(2j * np.pi * turns) / distance**2
+    assert relative_error(samples / samples[0], expected / expected[0]) <= SYNTHESIS
+
+
+def test_what_stands_still_beside_a_deforming_body_adds_up() -> None:
+    mesh = grid(size=0.2)
+    sheet = rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.0, 0.2, 0.0]), deformation=wave(mesh), name="sheet")
+    box = rc.Body(rc.shapes.box(0.2), material=HALF_MATT, motion=rc.Pose([1.2, -0.25, 0.0]), name="box")
+    point = rc.PointTarget([1.5, 0.0, 0.2], rcs=1e-3)
+    radar = rc.Radar(waveform(num_samples=64), tx=TX, rx=RX)
+    together = simulator([box, sheet, point], radar).frame(0.1)
+    alone = [simulator([body], radar).frame(0.1).cube for body in (box, sheet, point)]
+    assert relative_error(together.cube, np.sum(alone, axis=0)) <= 3 * SYNTHESIS
+    assert together.stats["still_paths"] > 100
+    assert not rc.Scene([box, sheet]).is_static
+    assert rc.Scene([box]).is_static
+
+
+# --- history ---------------------------------------------------------------------------------------------------------
+
+
+def test_hits_after_many_deformations_are_those_of_a_mesh_made_of_the_vertices() -> None:
+    mesh = rc.shapes.sphere(0.25, subdivisions=4)
+    shape = wave(mesh)
+    place = rc.Pose([1.4, 0.1, 0.0])
+    # Two that stand still beside it: tiles that show only these are taken over from the image before.
+    still = [
+        rc.Body(rc.shapes.box(0.2), material=HALF_MATT, motion=rc.Pose([1.5, y, 0.3]), name=name)
+        for y, name in [(-0.35, "right"), (0.45, "left")]
+    ]
+    deforming = rc.Body(mesh, material=HALF_MATT, motion=place, deformation=shape)
+    old, new = (simulator([deforming, *still], resolution=96) for _ in range(2))
+    for time in np.linspace(-1.0, 2.0, 50):
+        old.depth_image(time)
+    time = 2.08
+    remade = rc.Body(rc.Mesh(shape(time), mesh.triangles), material=HALF_MATT, motion=place)
+    fresh = simulator([remade, *still], resolution=96)
+    images = [sim.depth_image(time) for sim in (old, new, fresh)]
+    assert min((images[0].body == number).sum() for number in range(3)) > 100
+    for name in ("distance", "body", "cos_incidence", "surface_distance", "normals"):
+        for image in images[:2]:
+            np.testing.assert_array_equal(getattr(image, name), getattr(images[2], name))
+    for later in (time, time + 0.01):
+        ahead, behind = old.frame(later), simulator([deforming, *still], resolution=96).frame(later)
+        np.testing.assert_array_equal(ahead.cube, behind.cube)
+    assert ahead.stats["tiles_reused"] > 0
+    assert behind.stats["tiles_reused"] == 0
+
+
+def test_bodies_of_one_mesh_deform_each_by_itself() -> None:
+    mesh = grid(size=0.2)
+    sheets = [
+        rc.Body(mesh, motion=rc.Pose([1.0, y, 0.0]), deformation=deformation)
+        for y, deformation in [(-0.3, None), (0.0, wave(mesh)), (0.3, lambda t: wave(mesh)(2.0 * t))]
+    ]
+    together = simulator(sheets).depth_image(0.03)
+    for number, sheet in enumerate(sheets):
+        alone = simulator([sheet]).depth_image(0.03)
+        np.testing.assert_array_equal(
+            alone.distance[together.body == number], together.distance[together.body == number]
+        )
+        assert (together.body == number).sum() > 50
+
+
+def test_the_same_vertices_are_not_fitted_twice() -> None:
+    mesh = grid()
+    later = mesh.vertices + np.array([0.1, 0.0, 0.0])
+    body = rc.Body(mesh, deformation=rc.Deformation([0.0, 1.0], [mesh.vertices, later]))
+    scene = rc.Scene([body, rc.Body(mesh)])
+    first = scene._core_at(0.5, None)
+    assert scene._core_at(0.5, None) is first
+    assert scene._core_at(0.6, None) is not first
+    assert scene._core_at(2.0, None) is scene._core_at(3.0, None)  # beyond the end nothing moves
+
+
+def test_deforming_bodies_travel_to_other_processes() -> None:
+    mesh = grid()
+    times = np.linspace(0.0, 0.2, 5)
+    deformation = rc.Deformation(times, [wave(mesh)(time) for time in times])
+    sim = simulator([rc.Body(mesh, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=deformation)])
+    again = pickle.loads(pickle.dumps(sim))
+    np.testing.assert_array_equal(again.frame(0.1).cube, sim.frame(0.1).cube)
+
+
+# --- splines ---------------------------------------------------------------------------------------------------------
+
+
+def test_deformation_passes_through_its_vertices_and_stays_at_the_last() -> None:
+    times = np.array([0.0, 0.1, 0.25, 0.4])
+    vertices = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 7, 3))
+    deformation = rc.Deformation(times, vertices)
+    for time, there in zip(times, vertices, strict=True):
+        np.testing.assert_allclose(deformation.at(time), there, rtol=0, atol=1e-15)
+    for time, k in [(-5.0, 0), (7.0, -1)]:
+        np.testing.assert_array_equal(deformation.at(time), vertices[k])
+        np.testing.assert_array_equal(deformation.rate_at(time), np.zeros((7, 3)))
+    step = 1e-5
+    difference = (deformation.at(0.2 + step) - deformation.at(0.2 - step)) / (2.0 * step)
+    np.testing.assert_allclose(deformation.rate_at(0.2), difference, rtol=0, atol=1e-6)  # step^2 / 6 of 6000 m/s^3
+    assert repr(deformation) == "<Deformation: 7 vertices at 4 times, 0 to 0.4 s>"
+
+
+def test_two_times_make_a_straight_line() -> None:
+    first, last = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 5, 3))
+    deformation = rc.Deformation([1.0, 3.0], [first, last])
+    np.testing.assert_allclose(deformation.at(1.5), 0.75 * first + 0.25 * last, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(deformation.rate_at(1.5), 0.5 * (last - first), rtol=0, atol=1e-15)
+
+
+# --- silly input -----------------------------------------------------------------------------------------------------
+
+PLATE = rc.shapes.plate(0.2, 0.2)
+FOUR = np.zeros((2, 4, 3))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: rc.Deformation([0.0], FOUR[:1]), ValueError, "times: expected at least two, got 1"),
+        (lambda: rc.Deformation([0.0, 0.0], FOUR), ValueError, "times: expected increasing times .* got 0 and then 0"),
+        (lambda: rc.Deformation([0.0, np.nan], FOUR), ValueError, "times: expected finite numbers, got nan"),
+        (lambda: rc.Deformation("now", FOUR), TypeError, r"times: expected numbers of shape \(n,\), got str"),
+        (lambda: rc.Deformation([0, 1], FOUR[0]), ValueError, r"vertices: expected shape \(2, n, 3\), got \(4, 3\)"),
+        (lambda: rc.Deformation([0, 1, 2], FOUR), ValueError, r"vertices: expected shape \(3, n, 3\), got \(2, 4, 3\)"),
+        (
+            lambda: rc.Deformation([0, 1], np.full((2, 4, 3), np.nan)),
+            ValueError,
+            "vertices: expected finite numbers, got nan at",
+        ),
+        (
+            lambda: rc.Body(PLATE, deformation=rc.Deformation([0, 1], FOUR[:, :3])),
+            ValueError,
+            "deformation: expected 4 vertices as the mesh has, got 3",
+        ),
+        (
+            lambda: rc.Body(PLATE, deformation=PLATE.vertices),  # type: ignore[arg-type]
+            TypeError,
+            "deformation: expected Deformation or a function of time, got ndarray",
+        ),
+    ],
+)
+def test_what_is_no_deformation_is_refused_with_its_name(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "message"),
+    [
+        (np.zeros((3, 3)), ValueError, r"deformation at 0.25 s: expected shape \(4, 3\), got \(3, 3\)"),
+        (
+            np.full((4, 3), np.nan),
+            ValueError,
+            r"deformation at 0.25 s: expected finite numbers, got nan at index \(0, 0\)",
+        ),
+        ("here", TypeError, r"deformation at 0.25 s: expected numbers of shape \(4, 3\), got str"),
+        (None, ValueError, r"deformation at 0.25 s: expected shape \(4, 3\), got \(\)"),
+        (np.full((4, 3), 1e200), ValueError, "vertices: expected coordinates below 1e15 m"),
+    ],
+)
+def test_function_that_returns_no_vertices_is_refused_with_the_time(
+    value: Any, error: type[Exception], message: str
+) -> None:
+    body = rc.Body(PLATE, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=lambda _: value)
+    with pytest.raises(error, match=message):
+        simulator([body]).depth_image(0.25)
+
+
+def test_a_body_that_shrinks_to_nothing_and_turns_inside_out_is_silent_or_seen() -> None:
+    body = rc.Body(PLATE, material=HALF_MATT, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=lambda t: t * PLATE.vertices)
+    sim = simulator([body])
+    middle = 0.5 * sim.radar.waveform.duration
+    assert not sim.frame(-middle).cube.any()  # no rays meet it in the middle of the frame
+    for time in (-middle + 1e-6, -1.0, 1.0):
+        assert np.isfinite(sim.frame(time).cube).all()
