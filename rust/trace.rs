@@ -266,6 +266,9 @@ impl Snapshot {
             counts: Counts::default(),
             beam: cast.beam,
         };
+        let mut cast = *cast;
+        cast.beam = cast.beam.filter(|beam| beam.ends_within(plane));
+        let cast = &cast;
         let previous = cast.previous.and_then(|(snapshot, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
             let is_alike = before.plane == *plane && before.beam == cast.beam && has_all;
@@ -518,6 +521,16 @@ impl CastBand<'_> {
 }
 
 impl Beam {
+    /// Whether some direction of an image may be out of the beam.
+    fn ends_within(&self, plane: &ImagePlane) -> bool {
+        let (last_row, last_column) = (plane.rows - 1, plane.columns - 1);
+        let corners = [(0, 0), (0, last_column), (last_row, 0), (last_row, last_column)];
+        let sides = corners.map(|(row, column)| plane.center(row, column));
+        let most = |x: [f64; 4]| x.into_iter().fold(0.0, |most: f64, x| most.max(x.abs())).atan();
+        let (az, el) = (most(sides.map(|s| s.0)), most(sides.map(|s| s.1)));
+        2.0 * (self.pattern.azimuth * az * az + self.pattern.elevation * el * el) > -self.floor.ln()
+    }
+
     /// Whether all rays of a tile are out of the beam.
     fn misses(&self, fan: &Fan) -> bool {
         let [u, v] = fan.ranges();

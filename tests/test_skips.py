@@ -128,7 +128,7 @@ def test_points_hide_behind_bodies() -> None:
     assert not sim.is_hidden(surface).any(), "what is seen is not hidden"
     points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
     poses = sim._place(np.array([0.0])).poses[0]
-    all_the_way = sim.scene._core.hide(poses, points - RADAR.array_center, ends_early=False)
+    all_the_way = sim.scene._core_at(0.0, None).hide(poses, points - RADAR.array_center, ends_early=False)
     np.testing.assert_array_equal(sim.is_hidden(points), all_the_way)
     assert 0.01 < all_the_way.mean() < 0.5
     assert sim.is_hidden(np.zeros((0, 3))).shape == (0,)
@@ -160,3 +160,13 @@ def test_an_image_can_be_kept(tmp_path: Any) -> None:
     again = pickle.loads(path.read_bytes())
     for name in ("distance", "cos_incidence", "reflectance", "body", "directions", "surface_distance", "normals"):
         np.testing.assert_array_equal(getattr(again, name), getattr(image, name))
+
+
+def test_a_simulator_can_be_sent_to_another_process() -> None:
+    import pickle
+
+    sim = simulator()
+    frame = sim.frame(0.1)
+    again = pickle.loads(pickle.dumps(sim))
+    assert again.frame(0.1).stats["tiles_reused"] == 0
+    np.testing.assert_array_equal(again.frame(0.1).cube, frame.cube)

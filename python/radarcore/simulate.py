@@ -138,7 +138,7 @@ class Simulator:
         world, sensor = check.array("points", points, (None, 3)), self.radar_motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
         poses = self._place(np.array([at])).poses[0]
-        return self.scene._core.hide(poses, np.ascontiguousarray(local), threads=self.threads)
+        return self.scene._core_at(at, self.threads).hide(poses, np.ascontiguousarray(local), threads=self.threads)
 
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
@@ -357,6 +357,9 @@ class Simulator:
             course(scatterers.select(are_still), True, has_points=False),
             course(scatterers.select(~are_still), False, has_points=True),
         ]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_previous": {}}
 
     def _truth(self, hits: _core.Hits, body: NDArray[np.int32], time: float) -> Truth:
         """Range, velocity and direction at `time` of the nearest point of every body that pixels show."""
