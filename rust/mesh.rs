@@ -1,14 +1,12 @@
 //! Triangles of OBJ files.
 //!
 //! ```text
-//! bytes ── repair ── plain OBJ ── tobj ── polygons ── polygon ── triangles
+//! bytes ── statements ── vertices, faces, names ── polygon ── triangles
 //! ```
 //!
-//! OBJ files in the wild disagree about nearly everything. `repair` turns any of them into the one dialect on which
-//! all readers agree and finds the line of every fault; `polygon` cuts faces into triangles.
+//! OBJ files in the wild disagree about nearly everything. `statements` reads any of them and finds the line of every
+//! fault; `polygon` cuts faces into triangles.
 
-use std::fmt::Write;
-use std::io::Read;
 use std::path::Path;
 
 use glam::DVec3;
@@ -16,10 +14,10 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 
 mod polygon;
-mod repair;
+mod statements;
 
 pub use polygon::triangulate;
-use repair::{Fault, Repaired, repair};
+use statements::{Fault, Statements};
 
 /// Triangles of an OBJ file, in file order.
 ///
@@ -65,17 +63,25 @@ pub fn parse_obj(bytes: &[u8], path: &Path) -> Result<Obj> {
         message,
     };
 
-    // Rewrite the file in the common dialect, and read that.
-    let repaired = repair(bytes).map_err(fault)?;
-    let (vertices, corners) = read_plain(&repaired).map_err(fault)?;
+    let Statements {
+        vertices,
+        corners,
+        faces,
+        objects,
+        groups,
+        materials,
+    } = statements::read(bytes).map_err(fault)?;
 
     // Cut the faces into triangles; each inherits the names of its face.
     let mut obj = Obj {
         vertices,
+        object_names: objects.list,
+        group_names: groups.list,
+        material_names: materials.list,
         ..Obj::default()
     };
     let mut corners = corners.as_slice();
-    for face in &repaired.faces {
+    for face in &faces {
         let (polygon, rest) = corners.split_at(face.num_corners);
         corners = rest;
         let first = obj.triangles.len();
@@ -90,40 +96,7 @@ pub fn parse_obj(bytes: &[u8], path: &Path) -> Result<Obj> {
         obj.group.extend(std::iter::repeat_n(face.group, num_triangles));
         obj.material.extend(std::iter::repeat_n(face.material, num_triangles));
     }
-    obj.object_names = repaired.objects.list;
-    obj.group_names = repaired.groups.list;
-    obj.material_names = repaired.materials.list;
     Ok(obj)
-}
-
-/// Vertices of a plain file, and the corners of all its faces one after another, counted from 0.
-fn read_plain(repaired: &Repaired) -> std::result::Result<(Vec<[f64; 3]>, Vec<u32>), Fault> {
-    // tobj numbers vertices as elements first name them: begin with a line through all, which keeps the file's order.
-    let mut line = "l".to_owned();
-    for index in 1..=repaired.num_vertices {
-        let _ = write!(line, " {index}"); // writing to a String cannot fail
-    }
-    line.push('\n');
-    let mut text = repaired
-        .vertex_lines
-        .as_bytes()
-        .chain(line.as_bytes())
-        .chain(repaired.face_lines.as_bytes());
-
-    // Plain OBJ holds nothing that tobj refuses, and no object, group or material that would begin another model.
-    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) =
-        tobj::load_obj_buf(&mut text, &tobj::LoadOptions::default(), no_materials).map_err(|error| Fault {
-            line: 1,
-            message: error.to_string(),
-        })?;
-    let tobj::Mesh {
-        positions, mut indices, ..
-    } = models.into_iter().map(|model| model.mesh).next().unwrap_or_default();
-    Ok((
-        positions.as_chunks().0.to_vec(),
-        indices.split_off(repaired.num_vertices),
-    ))
 }
 
 /// Adds the triangles of one face.
@@ -371,7 +344,6 @@ mod tests {
         let expected = [[9.0; 3], [0.0; 3], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [8.0; 3]];
         assert_eq!(obj.vertices, expected);
         assert_eq!(obj.triangles, [[4, 3, 1]]);
-        // One to five vertices: tobj tells points, lines, triangles, quads and polygons apart.
         for num_vertices in 1..6 {
             let obj = read(&"v 1 2 3\n".repeat(num_vertices));
             assert_eq!((obj.vertices.len(), obj.triangles.len()), (num_vertices, 0));

@@ -1,8 +1,7 @@
-//! Rewrites an OBJ file of any dialect as plain `v x y z` and `f a b c ...` lines.
+//! What the statements of an OBJ file of any dialect say.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fmt::Write;
 
 /// What is wrong with a file, and the line where it is, counted from 1.
 #[derive(Debug)]
@@ -11,14 +10,12 @@ pub(super) struct Fault {
     pub message: String,
 }
 
-/// A file in plain OBJ, and what plain OBJ does not say about its faces.
+/// Vertices, faces and names, each in file order.
 #[derive(Default)]
-pub(super) struct Repaired {
-    /// One line `v x y z` per vertex, numbers as the file has them and all finite.
-    pub vertex_lines: String,
-    /// One line `f a b c ...` per face, positive indices without texture and normal.
-    pub face_lines: String,
-    pub num_vertices: usize,
+pub(super) struct Statements {
+    pub vertices: Vec<[f64; 3]>,
+    /// Indices into `vertices` of the corners of all faces, one face after another.
+    pub corners: Vec<u32>,
     pub faces: Vec<Face>,
     pub objects: Names,
     pub groups: Names,
@@ -34,26 +31,26 @@ pub(super) struct Face {
     pub material: u32,
 }
 
-/// Plain OBJ of a file, or its first fault.
-pub(super) fn repair(bytes: &[u8]) -> Result<Repaired, Fault> {
+/// Statements of a file, or its first fault.
+pub(super) fn read(bytes: &[u8]) -> Result<Statements, Fault> {
     let text = decode(bytes);
-    let mut repaired = Repaired::default();
+    let mut read = Statements::default();
     let mut ahead = Ahead::default();
     for (line, statement) in statements(&text) {
         let statement = statement.trim();
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         let outcome = match keyword {
-            "v" => repaired.add_vertex(rest),
-            "f" => repaired.add_face(line, rest, &mut ahead),
+            "v" => read.add_vertex(rest),
+            "f" => read.add_face(line, rest, &mut ahead),
             _ => {
-                repaired.select_name(keyword, rest.trim());
+                read.select_name(keyword, rest.trim());
                 Ok(())
             }
         };
         outcome.map_err(|message| Fault { line, message })?;
     }
-    ahead.check(repaired.num_vertices)?;
-    Ok(repaired)
+    ahead.check(read.vertices.len())?;
+    Ok(read)
 }
 
 /// Text of a file, with `\n` as the only line end.
@@ -115,45 +112,41 @@ fn quoted(word: &str) -> String {
     format!("`{shown}`")
 }
 
-impl Repaired {
+impl Statements {
     /// Reads `x y z`; a weight or colour after them is ignored.
     fn add_vertex(&mut self, rest: &str) -> Result<(), String> {
-        self.vertex_lines.push('v');
+        let mut vertex = [0.0; 3];
         let mut num_coordinates = 0;
-        for word in words(rest).take(3) {
-            match word.parse::<f64>() {
-                Ok(number) if number.is_finite() => {}
-                Ok(_) => return Err(format!("vertex: expected a finite number, got {}", quoted(word))),
-                Err(_) => return Err(format!("vertex: expected a number, got {}", quoted(word))),
-            }
-            self.vertex_lines.push(' ');
-            self.vertex_lines.push_str(word);
+        for (coordinate, word) in vertex.iter_mut().zip(words(rest)) {
+            let wrong = |expected| format!("vertex: expected {expected}, got {}", quoted(word));
+            *coordinate = match word.parse::<f64>() {
+                Ok(number) if number.is_finite() => number,
+                Ok(_) => return Err(wrong("a finite number")),
+                Err(_) => return Err(wrong("a number")),
+            };
             num_coordinates += 1;
         }
         if num_coordinates < 3 {
             return Err(format!("vertex: expected 3 coordinates, got {num_coordinates}"));
         }
-        self.vertex_lines.push('\n');
-        self.num_vertices += 1;
+        self.vertices.push(vertex);
         Ok(())
     }
 
     /// Reads corners `v`, `v/vt`, `v//vn` or `v/vt/vn`, of which only `v` is used.
     fn add_face(&mut self, line: usize, rest: &str, ahead: &mut Ahead) -> Result<(), String> {
-        self.face_lines.push('f');
         let mut num_corners = 0;
         for word in words(rest) {
             let index = self.vertex_index(word)?;
-            if index > self.num_vertices {
+            if index >= self.vertices.len() {
                 ahead.note(line, index);
             }
-            let _ = write!(self.face_lines, " {index}"); // writing to a String cannot fail
+            self.corners.push(index as u32); // those that do not fit are ahead of any vertex
             num_corners += 1;
         }
         if num_corners < 3 {
             return Err(format!("face: expected at least 3 corners, got {num_corners}"));
         }
-        self.face_lines.push('\n');
         self.faces.push(Face {
             line,
             num_corners,
@@ -175,25 +168,20 @@ impl Repaired {
         }
     }
 
-    /// Index, counted from 1, of the vertex that a corner names; it may lie beyond the vertices read so far.
+    /// Index into `vertices` of the vertex that a corner names; it may lie beyond those read so far.
     fn vertex_index(&self, corner: &str) -> Result<usize, String> {
         let word = corner.split_once('/').map_or(corner, |(vertex, _)| vertex);
-        let index: isize = word
+        let number: isize = word
             .parse()
             .map_err(|_| format!("face: expected a vertex index, got {}", quoted(corner)))?;
-        match index {
+        let num_vertices = self.vertices.len();
+        match number {
             0 => Err("face: expected a vertex index counted from 1, got 0".to_owned()),
-            1.. => Ok(index.unsigned_abs()),
+            1.. => Ok(number.unsigned_abs() - 1),
             // -1 is the last vertex read so far.
-            _ => (self.num_vertices + 1)
-                .checked_sub(index.unsigned_abs())
-                .filter(|&index| index > 0)
-                .ok_or_else(|| {
-                    format!(
-                        "face: expected at most {} vertices back, got {index}",
-                        self.num_vertices
-                    )
-                }),
+            _ => num_vertices
+                .checked_sub(number.unsigned_abs())
+                .ok_or_else(|| format!("face: expected at most {num_vertices} vertices back, got {number}")),
         }
     }
 }
@@ -211,9 +199,10 @@ impl Ahead {
     }
 
     fn check(&self, num_vertices: usize) -> Result<(), Fault> {
-        let missing = self.0.iter().find(|&&(_, index)| index > num_vertices);
+        let missing = self.0.iter().find(|&&(_, index)| index >= num_vertices);
         missing.map_or(Ok(()), |&(line, index)| {
-            let message = format!("face: expected a vertex index of at most {num_vertices}, got {index}");
+            let number = index + 1;
+            let message = format!("face: expected a vertex index of at most {num_vertices}, got {number}");
             Err(Fault { line, message })
         })
     }
