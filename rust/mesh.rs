@@ -121,6 +121,7 @@ fn add_triangles(obj: &mut Obj, corners: &[u32]) -> std::result::Result<(), Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{DQuat, EulerRot};
     use proptest::prelude::*;
 
     /// Corners of the cube between (0, 0, 0) and (1, 1, 1): vertex 1 + x + 2 y + 4 z.
@@ -757,6 +758,36 @@ mod tests {
         assert!(fault(&text).1.contains("expected a polygon whose edges do not cross"));
     }
 
+    /// A curve of `num_corners / 2` corners and the way back along it, `noise` beside it.
+    fn there_and_back(num_corners: usize, noise: f64) -> Vec<DVec3> {
+        let corner = |i: usize| {
+            let step = i.min(num_corners - 1 - i);
+            let radius = 1.0 + noise * ((i * 7919) % 1000) as f64 / 1000.0;
+            let angle = std::f64::consts::TAU * step as f64 / (num_corners / 2) as f64;
+            radius * DVec3::new(angle.cos(), angle.sin(), 0.0)
+        };
+        (0..num_corners).map(corner).collect()
+    }
+
+    #[test]
+    fn way_there_and_back_has_no_area() {
+        assert_eq!(triangulate(&there_and_back(1000, 0.0)), Ok(vec![]));
+    }
+
+    #[test]
+    fn hopeless_ring_is_given_up_soon() {
+        // What takes cubic time takes half a minute here.
+        for noise in [1e-15, 1e-12, 1e-9, 1e-3] {
+            let _ = triangulate(&there_and_back(8_000, noise));
+        }
+        let almost_laps = |i: i32| f64::from(i) * (std::f64::consts::TAU / 3.0 + 1e-5);
+        let star: Vec<DVec3> = (0..8_000)
+            .map(almost_laps)
+            .map(|t| DVec3::new(t.cos(), t.sin(), 0.0))
+            .collect();
+        assert!(triangulate(&star).unwrap_err().contains("whose edges do not cross"));
+    }
+
     #[test]
     fn polygon_with_too_many_corners_is_refused() {
         let points: Vec<DVec3> = (0..20_000)
@@ -792,6 +823,55 @@ mod tests {
             let points: Vec<[f64; 2]> = radii.iter().enumerate().map(corner).collect();
             let next = radii.iter().cycle().skip(1);
             let true_area: f64 = radii.iter().zip(next).map(|(a, b)| a * b * step.sin() / 2.0).sum();
+            let (text, normal) = tilted_file(&points);
+            let obj = read(&text);
+            prop_assert!((area(&obj) / true_area - 1.0).abs() <= 1e-12);
+            prop_assert!((area_vector(&obj) / true_area - normal).length() <= 1e-12);
+        }
+
+        #[test]
+        fn any_simple_polygon_in_any_plane_is_cut_whole(
+            mut points in prop::collection::vec(prop::array::uniform2(0.0..1.0), 3..40),
+            turns in prop::array::uniform3(0.0..std::f64::consts::TAU),
+            origin in prop::array::uniform3(-1.0..1.0),
+        ) {
+            untangle(&mut points);
+            let plane = DQuat::from_euler(EulerRot::XYZ, turns[0], turns[1], turns[2]);
+            let (u, v, normal) = (plane * DVec3::X, plane * DVec3::Y, plane * DVec3::Z);
+            let origin = DVec3::from(origin);
+            let ring: Vec<[f64; 3]> = points.iter().map(|&[x, y]| (origin + u * x + v * y).to_array()).collect();
+            let next = points.iter().cycle().skip(1);
+            let true_area = points.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0;
+
+            // No part of the area is missing, none is counted twice, and the winding is that of the ring.
+            let rounding = 1e-13; // of coordinates up to 3 in 38 triangles
+            let obj = read(&polygon_file(&ring));
+            prop_assert_eq!(obj.triangles.len(), points.len() - 2);
+            prop_assert!((area(&obj) - true_area.abs()).abs() <= rounding, "{} {}", area(&obj), true_area);
+            prop_assert!((area_vector(&obj) - normal * true_area).length() <= rounding);
+        }
+
+        #[test]
+        fn any_perforated_plate_keeps_its_holes(
+            columns in 1..6_i32,
+            holes in prop::collection::vec((0..6_i32, 0.01..0.49), 1..6),
+            first in any::<prop::sample::Index>(),
+        ) {
+            // A hole is a square on its corner; edges along the middle of each row lead from the border to its holes.
+            let rows = i32::try_from(holes.len()).unwrap();
+            let mut points: Vec<[f64; 2]> = [[0, 0], [columns, 0], [columns, rows], [0, rows]].map(|p| p.map(f64::from)).into();
+            let mut true_area = f64::from(columns * rows);
+            for (row, &(num_holes, half)) in (0..rows).rev().zip(&holes) {
+                let (y, num_holes) = (f64::from(row) + 0.5, num_holes.min(columns));
+                let x = |hole: i32| f64::from(hole) + 0.5;
+                points.push([0.0, y]);
+                points.extend((0..num_holes).flat_map(|i| [[x(i) - half, y], [x(i), y + half], [x(i) + half, y]]));
+                points.extend((0..num_holes).rev().flat_map(|i| [[x(i) + half, y], [x(i), y - half], [x(i) - half, y]]));
+                points.push([0.0, y]);
+                true_area -= f64::from(num_holes) * 2.0 * half * half;
+            }
+            let first = first.index(points.len());
+            points.rotate_left(first);
             let (text, normal) = tilted_file(&points);
             let obj = read(&text);
             prop_assert!((area(&obj) / true_area - 1.0).abs() <= 1e-12);
@@ -853,6 +933,22 @@ mod tests {
         ];
         (prop::sample::select(word.to_vec()), any::<bool>())
             .prop_map(|(word, glue)| word.to_owned() + if glue { "" } else { " " })
+    }
+
+    /// Reverses parts of a ring until its edges do not cross: each time it becomes shorter.
+    fn untangle(ring: &mut [[f64; 2]]) {
+        let side =
+            |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let cross = |a, b, c, d| side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0;
+        let crossing = |ring: &[[f64; 2]]| {
+            let edges = (0..ring.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+            edges
+                .into_iter()
+                .find(|&(i, j)| cross(ring[i], ring[i + 1], ring[j], ring[(j + 1) % ring.len()]))
+        };
+        while let Some((i, j)) = crossing(ring) {
+            ring[i + 1..=j].reverse();
+        }
     }
 
     fn check(obj: &Obj) -> std::result::Result<(), TestCaseError> {
