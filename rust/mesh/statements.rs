@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+/// Coordinates from this on are refused, whatever the unit of the file: no body is so large, and squares stay finite.
+const LARGEST: f64 = 1e15;
+
 /// What is wrong with a file, and the line where it is, counted from 1.
 #[derive(Debug)]
 pub(super) struct Fault {
@@ -33,7 +36,7 @@ pub(super) struct Face {
 
 /// Statements of a file, or its first fault.
 pub(super) fn read(bytes: &[u8]) -> Result<Statements, Fault> {
-    let text = decode(bytes);
+    let text = decode(bytes)?;
     let mut read = Statements::default();
     let mut ahead = Ahead::default();
     for (line, statement) in statements(&text) {
@@ -53,18 +56,26 @@ pub(super) fn read(bytes: &[u8]) -> Result<Statements, Fault> {
     Ok(read)
 }
 
-/// Text of a file, with `\n` as the only line end.
-fn decode(bytes: &[u8]) -> Cow<'_, str> {
-    let text = match bytes {
+/// Text of a file, with `\n` as the only line end and without byte-order marks.
+fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Fault> {
+    let mut text = match bytes {
         [0xff, 0xfe, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_le_bytes)),
         [0xfe, 0xff, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_be_bytes)),
-        [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest),
         _ => String::from_utf8_lossy(bytes),
     };
+    // Files put together have marks in their midst.
+    if text.contains('\u{feff}') {
+        text = Cow::Owned(text.replace('\u{feff}', ""));
+    }
     if text.contains('\r') {
-        Cow::Owned(text.replace("\r\n", "\n").replace('\r', "\n"))
-    } else {
-        text
+        text = Cow::Owned(text.replace("\r\n", "\n").replace('\r', "\n"));
+    }
+    match text.split_once('\0') {
+        None => Ok(text),
+        Some((before, _)) => Err(Fault {
+            line: before.matches('\n').count() + 1,
+            message: "text: expected UTF-8, or UTF-16 with a byte-order mark, got a NUL character".to_owned(),
+        }),
     }
 }
 
@@ -77,8 +88,8 @@ fn decode_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
 
 /// Lines with those joined that end in a backslash, each with the number of its first line.
 fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
-    // A comment may end in a backslash by accident, as in a path.
-    let continued = |line: &'_ str| line.trim_end().ends_with('\\') && !line.trim_start().starts_with('#');
+    // A comment may end in a backslash by accident, as in a path: it ends with its line.
+    let continued = |line: &str| line.trim_end().ends_with('\\') && !line.split_ascii_whitespace().any(is_comment);
     let mut lines = text.lines().zip(1..);
     std::iter::from_fn(move || {
         let (line, number) = lines.next()?;
@@ -99,17 +110,19 @@ fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
 
 /// Blank-separated words of a statement up to a comment.
 fn words(rest: &str) -> impl Iterator<Item = &str> {
-    rest.split_ascii_whitespace().take_while(|word| !word.starts_with('#'))
+    rest.split_ascii_whitespace().take_while(|word| !is_comment(word))
 }
 
-/// A word for a message, cut where it is unreasonably long.
+fn is_comment(word: &str) -> bool {
+    word.starts_with('#')
+}
+
+/// A word for a message: characters that do not print are escaped, and it is cut where it is unreasonably long.
 fn quoted(word: &str) -> String {
     const SHOWN: usize = 40;
-    let mut shown: String = word.chars().take(SHOWN).collect();
-    if shown.len() < word.len() {
-        shown.push_str("...");
-    }
-    format!("`{shown}`")
+    let shown: String = word.chars().take(SHOWN).flat_map(char::escape_debug).collect();
+    let dots = if word.chars().nth(SHOWN).is_some() { "..." } else { "" };
+    format!("`{shown}{dots}`")
 }
 
 impl Statements {
@@ -118,9 +131,12 @@ impl Statements {
         let mut vertex = [0.0; 3];
         let mut num_coordinates = 0;
         for (coordinate, word) in vertex.iter_mut().zip(words(rest)) {
-            let wrong = |expected| format!("vertex: expected {expected}, got {}", quoted(word));
+            let wrong = |expected: &str| format!("vertex: expected {expected}, got {}", quoted(word));
             *coordinate = match word.parse::<f64>() {
-                Ok(number) if number.is_finite() => number,
+                Ok(number) if number.abs() < LARGEST => number,
+                Ok(number) if number.is_finite() => {
+                    return Err(wrong(&format!("a number between -{LARGEST:e} and {LARGEST:e}")));
+                }
                 Ok(_) => return Err(wrong("a finite number")),
                 Err(_) => return Err(wrong("a number")),
             };
