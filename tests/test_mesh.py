@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -207,14 +208,51 @@ def test_file_without_faces_warns_and_is_an_empty_mesh(tmp_path: Path, text: str
         ("v 0 0 0\nv 1 0 x\n", r"part\.obj:2: vertex: expected a number, got `x`"),
         ("# one\n\nv 0 0\n", r"part\.obj:3: vertex: expected 3 coordinates, got 2"),
         ("v 0 0 nan\n", r"part\.obj:1: vertex: expected a finite number, got `nan`"),
+        ("v 0 0 0\nv -inf 0 0\n", r"part\.obj:2: vertex: expected a finite number, got `-inf`"),
+        ("v 0 1e308 0\n", r"part\.obj:1: vertex: expected a number between -1e15 and 1e15, got `1e308`"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", r"part\.obj:4: face: expected a vertex index of at most 3, got 4"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", r"part\.obj:4: face: expected a vertex index counted from 1, got 0"),
+        ("v 0 0 0\nv 1 0 0\nf -1 -2 -3\n", r"part\.obj:3: face: expected at most 2 vertices back, got -3"),
         ("v 0 0 0\nv 1 0 0\nf 1 2\n", r"part\.obj:3: face: expected at least 3 corners, got 2"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 x\n", r"part\.obj:3: face: expected a vertex index, got `x`"),
+        (
+            "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 3 4\n",
+            r"part\.obj:6: face: expected a polygon whose edges do not cross, got one whose edges do",
+        ),
+        (
+            "".join(f"v {i} {i % 7} 0\n" for i in range(20_000)) + f"f {' '.join(map(str, range(1, 20_001)))}\n",
+            r"part\.obj:20001: face: expected at most 16384 corners, got 20000",
+        ),
     ],
 )
 def test_fault_in_a_file_names_its_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         rc.load_mesh(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le", "utf-16-be"])
+def test_encodings_are_read_or_refused_by_name(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "part.obj"
+    path.write_bytes(CUBE.replace("cube", "W\u00fcrfel").encode(encoding))
+    if encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        assert list(rc.load_meshes(path)) == ["W\u00fcrfel"]
+    else:
+        message = r"part\.obj:1: text: expected UTF-8, or UTF-16 with a byte-order mark, got a NUL character"
+        with pytest.raises(ValueError, match=message):
+            rc.load_mesh(path)
+
+
+def test_material_files_need_not_exist(tmp_path: Path) -> None:
+    text = CUBE.replace("o cube", "mtllib nowhere.mtl\nusemtl steel")
+    (mesh,) = rc.load_meshes(written(tmp_path, text), split_by="material").values()
+    assert len(mesh.triangles) == 12
+
+
+def test_faces_may_precede_their_vertices_or_count_back_from_the_last(tmp_path: Path) -> None:
+    vertices, faces = CUBE.partition("f 4")[0], "f 4" + CUBE.partition("f 4")[2]
+    counted_back = re.sub(r" (\d)", lambda match: f" -{9 - int(match[1])}", faces)
+    for text in (faces + vertices, vertices + counted_back):
+        assert rc.load_mesh(written(tmp_path, text)).volume == pytest.approx(1.0, rel=1e-15)
 
 
 TWO_PARTS = """v 0 0 0
@@ -255,6 +293,13 @@ def test_file_splits_by_objects_groups_or_materials(tmp_path: Path, split_by: st
         assert mesh.area == pytest.approx(2.0 * len(mesh.triangles), rel=1e-15)
         assert mesh.shading == "flat"
         assert set(mesh.triangles.ravel().tolist()) == set(range(len(mesh.vertices))), "no vertex of another part"
+
+
+def test_parts_are_found_by_name_wherever_their_faces_are(tmp_path: Path) -> None:
+    faces = "".join(f"g {name}\nf 1 2 3\n" for _ in range(20) for name in range(1000))
+    meshes = rc.load_meshes(written(tmp_path, "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + faces), split_by="group")
+    assert list(meshes) == [str(name) for name in range(1000)]
+    assert {len(mesh.triangles) for mesh in meshes.values()} == {20}
 
 
 def test_only_obj_files_split(tmp_path: Path) -> None:

@@ -200,9 +200,12 @@ def load_meshes(
     factor = check.positive("scale", scale, "m per unit")
     vertices, triangles, parts = _core.load_obj(fspath(path))
     numbers, names = parts[kind]
+    # Sort the triangles by part once, rather than look through all of them for each part.
+    order = np.argsort(numbers, kind="stable")
+    found, starts = np.unique(numbers[order], return_index=True)
     meshes = {}
-    for number in dict.fromkeys(numbers.tolist()):
-        used, rows = np.unique(triangles[numbers == number], return_inverse=True)
+    for number, part in zip(found, np.split(triangles[order], starts[1:]), strict=False):
+        used, rows = np.unique(part, return_inverse=True)
         meshes[names[number]] = Mesh(vertices[used] * factor, rows.reshape(-1, 3), **options)
     return meshes
 

@@ -1,13 +1,15 @@
 //! Triangles of one polygon.
 
-use earcut::Earcut;
 use glam::DVec3;
 
 /// Corners are trusted to this fraction of the polygon's largest coordinate: files carry about six digits, and edges
 /// that touch in the drawing may cross by that much in the file.
 const ROUNDING: f64 = 1e-5;
 
-/// Where edges cross, clipping ears takes up to cubic time to fail: seconds for this number of corners.
+/// Rounding of the areas here, in the same unit.
+const ARITHMETIC: f64 = 1e-12;
+
+/// Time is quadratic in the number of corners: up to seconds for this one.
 const MAX_CORNERS: usize = 1 << 14;
 
 /// Triangles of one polygon, as positions of their corners in `polygon`, with its winding.
@@ -18,18 +20,18 @@ const MAX_CORNERS: usize = 1 << 14;
 /// their mean normal. The error says why there is no answer, as for edges that cross one another.
 pub fn triangulate(polygon: &[DVec3]) -> Result<Vec<[u32; 3]>, String> {
     let ring = one_lap(polygon);
+    if ring.len() > MAX_CORNERS {
+        return Err(format!(
+            "face: expected at most {MAX_CORNERS} corners, got {}",
+            ring.len()
+        ));
+    }
     let points = scaled(polygon, &ring);
     let triangles = match points[..] {
         [] | [_] | [_, _] => Some(Vec::new()),
         [_, _, _] => Some(vec![[0, 1, 2]]),
         [a, b, c, d] => split_quad(a, b, c, d),
-        _ if points.len() > MAX_CORNERS => {
-            return Err(format!(
-                "face: expected at most {MAX_CORNERS} corners, got {}",
-                points.len()
-            ));
-        }
-        _ => clip_ears(&points),
+        _ => cut_flat(&points),
     };
     let triangles = triangles.ok_or("face: expected a polygon whose edges do not cross, got one whose edges do")?;
     Ok(triangles
@@ -89,7 +91,7 @@ fn split_quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> Option<Vec<[u32; 3]>> {
 }
 
 /// Triangles of five corners or more, cut in the plane; `None` where they do not make up the ring.
-fn clip_ears(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
+fn cut_flat(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     if repeats_an_edge(points) {
         return None;
     }
@@ -108,7 +110,7 @@ fn clip_ears(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         _ => points.iter().map(|point| [point.x, point.y]).collect(),
     };
 
-    // The ears come out counter-clockwise: make the ring so too.
+    // Make the ring counter-clockwise.
     let mut flat_area = edges(&flat).map(|(a, b)| doubled_area(flat[0], a, b)).sum::<f64>() / 2.0;
     if flat_area < 0.0 {
         flat_area = -flat_area;
@@ -117,20 +119,100 @@ fn clip_ears(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         }
     }
 
-    let mut corners: Vec<u32> = Vec::new();
-    Earcut::new().earcut_slice::<u32>(&flat, &[], &mut corners);
-    let triangles: Vec<[u32; 3]> = corners.as_chunks().0.to_vec();
-
-    // Crossing edges leave ears that are wound the wrong way, missing, or counted twice.
+    // Corners that were dropped for being nearly on a line may add up.
+    let triangles = cut_ears(&flat)?;
     let area = |&[a, b, c]: &[u32; 3]| doubled_area(flat[a as usize], flat[b as usize], flat[c as usize]) / 2.0;
-    let backward: f64 = triangles.iter().map(|triangle| area(triangle).min(0.0)).sum();
     let total: f64 = triangles.iter().map(area).sum();
-    ((total - flat_area).abs() <= tolerance && -backward <= tolerance).then_some(triangles)
+    ((total - flat_area).abs() <= tolerance).then_some(triangles)
+}
+
+/// Triangles of a counter-clockwise ring, cut off its ears one by one; `None` where no ear is left.
+///
+/// Ears are found as in Eberly, "Triangulation by Ear Clipping". Time is quadratic in the number of corners for any
+/// ring: a corner that is no ear is looked at again when one of its neighbours has gone, and once per slack.
+fn cut_ears(flat: &[[f64; 2]]) -> Option<Vec<[u32; 3]>> {
+    let num_corners = flat.len();
+    let mut ring = Ring {
+        previous: [num_corners - 1].into_iter().chain(0..num_corners - 1).collect(),
+        next: (1..num_corners).chain([0]).collect(),
+        flat,
+    };
+    let mut triangles = Vec::with_capacity(num_corners - 2);
+    let (mut num_left, mut corner) = (num_corners, 0);
+    for slack in [0.0, ARITHMETIC, ROUNDING] {
+        let mut is_known = vec![false; num_corners];
+        let mut num_failed = 0;
+        while num_left > 2 && num_failed < num_left {
+            let (previous, next) = (ring.previous[corner], ring.next[corner]);
+            if is_known[corner] || !ring.is_ear(corner, slack) {
+                is_known[corner] = true;
+                num_failed += 1;
+                corner = next;
+                continue;
+            }
+            if ring.turn(corner) > 0.0 {
+                triangles.push([previous, corner, next].map(|corner| corner as u32));
+            }
+            (ring.next[previous], ring.previous[next]) = (next, previous);
+            (is_known[previous], is_known[next]) = (false, false);
+            num_left -= 1;
+            num_failed = 0;
+            corner = ring.next[next]; // every other corner: a fan would have needles
+        }
+    }
+    (num_left <= 2).then_some(triangles)
+}
+
+/// Corners that are left of a ring, each linked to its neighbours.
+struct Ring<'a> {
+    flat: &'a [[f64; 2]],
+    previous: Vec<usize>,
+    next: Vec<usize>,
+}
+
+impl Ring<'_> {
+    /// Doubled area of the triangle at a corner, positive where the corner is convex.
+    fn turn(&self, corner: usize) -> f64 {
+        let [a, b, c] = [self.previous[corner], corner, self.next[corner]].map(|corner| self.flat[corner]);
+        doubled_area(a, b, c)
+    }
+
+    /// Whether the triangle at a corner can be cut off: the corner is convex, and no reflex corner lies deeper than
+    /// `slack` in the triangle.
+    fn is_ear(&self, corner: usize, slack: f64) -> bool {
+        let [a, b, c] = [self.previous[corner], corner, self.next[corner]].map(|corner| self.flat[corner]);
+        let turn = self.turn(corner);
+
+        // Where the ring turns back on itself, nothing is cut off.
+        let turns_back = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) <= 0.0;
+        if turn == 0.0 && turns_back {
+            return true;
+        }
+        let sides = [(a, b), (b, c), (c, a)];
+        let margins = sides.map(|(a, b)| slack * (b[0] - a[0]).hypot(b[1] - a[1]));
+        if turn <= -margins[2] {
+            return false;
+        }
+
+        // Corners at the ends of the cut are no obstacle: edges that lead to a hole and back have two of each.
+        let low = [0, 1].map(|axis| a[axis].min(b[axis]).min(c[axis]));
+        let high = [0, 1].map(|axis| a[axis].max(b[axis]).max(c[axis]));
+        let mut others = std::iter::successors(Some(self.next[self.next[corner]]), |&other| Some(self.next[other]))
+            .take_while(|&other| other != self.previous[corner]);
+        !others.any(|other| {
+            let point = self.flat[other];
+            (0..2).all(|axis| low[axis] <= point[axis] && point[axis] <= high[axis])
+                && (0..3).all(|side| doubled_area(sides[side].0, sides[side].1, point) >= margins[side])
+                && point != a
+                && point != c
+                && self.turn(other) <= 0.0
+        })
+    }
 }
 
 /// Whether the ring runs along one edge twice in the same direction, so that it lies over itself.
 ///
-/// Ears of such a ring would have its area, counted twice, and take time cubic in the number of corners.
+/// Ears of such a ring would have its area, counted twice.
 fn repeats_an_edge(points: &[DVec3]) -> bool {
     let bits = |point: DVec3| point.to_array().map(|x| (x + 0.0).to_bits()); // -0 becomes 0
     let mut edges: Vec<_> = edges(points).map(|(a, b)| (bits(a), bits(b))).collect();

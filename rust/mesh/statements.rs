@@ -1,8 +1,10 @@
-//! Rewrites an OBJ file of any dialect as plain `v x y z` and `f a b c ...` lines.
+//! What the statements of an OBJ file of any dialect say.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fmt::Write;
+
+/// Coordinates from this on are refused, whatever the unit of the file: no body is so large, and squares stay finite.
+const LARGEST: f64 = 1e15;
 
 /// What is wrong with a file, and the line where it is, counted from 1.
 #[derive(Debug)]
@@ -11,14 +13,12 @@ pub(super) struct Fault {
     pub message: String,
 }
 
-/// A file in plain OBJ, and what plain OBJ does not say about its faces.
+/// Vertices, faces and names, each in file order.
 #[derive(Default)]
-pub(super) struct Repaired {
-    /// One line `v x y z` per vertex, numbers as the file has them and all finite.
-    pub vertex_lines: String,
-    /// One line `f a b c ...` per face, positive indices without texture and normal.
-    pub face_lines: String,
-    pub num_vertices: usize,
+pub(super) struct Statements {
+    pub vertices: Vec<[f64; 3]>,
+    /// Indices into `vertices` of the corners of all faces, one face after another.
+    pub corners: Vec<u32>,
     pub faces: Vec<Face>,
     pub objects: Names,
     pub groups: Names,
@@ -34,40 +34,48 @@ pub(super) struct Face {
     pub material: u32,
 }
 
-/// Plain OBJ of a file, or its first fault.
-pub(super) fn repair(bytes: &[u8]) -> Result<Repaired, Fault> {
-    let text = decode(bytes);
-    let mut repaired = Repaired::default();
+/// Statements of a file, or its first fault.
+pub(super) fn read(bytes: &[u8]) -> Result<Statements, Fault> {
+    let text = decode(bytes)?;
+    let mut read = Statements::default();
     let mut ahead = Ahead::default();
     for (line, statement) in statements(&text) {
         let statement = statement.trim();
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         let outcome = match keyword {
-            "v" => repaired.add_vertex(rest),
-            "f" => repaired.add_face(line, rest, &mut ahead),
+            "v" => read.add_vertex(rest),
+            "f" => read.add_face(line, rest, &mut ahead),
             _ => {
-                repaired.select_name(keyword, rest.trim());
+                read.select_name(keyword, rest.trim());
                 Ok(())
             }
         };
         outcome.map_err(|message| Fault { line, message })?;
     }
-    ahead.check(repaired.num_vertices)?;
-    Ok(repaired)
+    ahead.check(read.vertices.len())?;
+    Ok(read)
 }
 
-/// Text of a file, with `\n` as the only line end.
-fn decode(bytes: &[u8]) -> Cow<'_, str> {
-    let text = match bytes {
+/// Text of a file, with `\n` as the only line end and without byte-order marks.
+fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Fault> {
+    let mut text = match bytes {
         [0xff, 0xfe, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_le_bytes)),
         [0xfe, 0xff, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_be_bytes)),
-        [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest),
         _ => String::from_utf8_lossy(bytes),
     };
+    // Files put together have marks in their midst.
+    if text.contains('\u{feff}') {
+        text = Cow::Owned(text.replace('\u{feff}', ""));
+    }
     if text.contains('\r') {
-        Cow::Owned(text.replace("\r\n", "\n").replace('\r', "\n"))
-    } else {
-        text
+        text = Cow::Owned(text.replace("\r\n", "\n").replace('\r', "\n"));
+    }
+    match text.split_once('\0') {
+        None => Ok(text),
+        Some((before, _)) => Err(Fault {
+            line: before.matches('\n').count() + 1,
+            message: "text: expected UTF-8, or UTF-16 with a byte-order mark, got a NUL character".to_owned(),
+        }),
     }
 }
 
@@ -80,8 +88,8 @@ fn decode_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
 
 /// Lines with those joined that end in a backslash, each with the number of its first line.
 fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
-    // A comment may end in a backslash by accident, as in a path.
-    let continued = |line: &'_ str| line.trim_end().ends_with('\\') && !line.trim_start().starts_with('#');
+    // A comment may end in a backslash by accident, as in a path: it ends with its line.
+    let continued = |line: &str| line.trim_end().ends_with('\\') && !line.split_ascii_whitespace().any(is_comment);
     let mut lines = text.lines().zip(1..);
     std::iter::from_fn(move || {
         let (line, number) = lines.next()?;
@@ -102,58 +110,59 @@ fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
 
 /// Blank-separated words of a statement up to a comment.
 fn words(rest: &str) -> impl Iterator<Item = &str> {
-    rest.split_ascii_whitespace().take_while(|word| !word.starts_with('#'))
+    rest.split_ascii_whitespace().take_while(|word| !is_comment(word))
 }
 
-/// A word for a message, cut where it is unreasonably long.
+fn is_comment(word: &str) -> bool {
+    word.starts_with('#')
+}
+
+/// A word for a message: characters that do not print are escaped, and it is cut where it is unreasonably long.
 fn quoted(word: &str) -> String {
     const SHOWN: usize = 40;
-    let mut shown: String = word.chars().take(SHOWN).collect();
-    if shown.len() < word.len() {
-        shown.push_str("...");
-    }
-    format!("`{shown}`")
+    let shown: String = word.chars().take(SHOWN).flat_map(char::escape_debug).collect();
+    let dots = if word.chars().nth(SHOWN).is_some() { "..." } else { "" };
+    format!("`{shown}{dots}`")
 }
 
-impl Repaired {
+impl Statements {
     /// Reads `x y z`; a weight or colour after them is ignored.
     fn add_vertex(&mut self, rest: &str) -> Result<(), String> {
-        self.vertex_lines.push('v');
+        let mut vertex = [0.0; 3];
         let mut num_coordinates = 0;
-        for word in words(rest).take(3) {
-            match word.parse::<f64>() {
-                Ok(number) if number.is_finite() => {}
-                Ok(_) => return Err(format!("vertex: expected a finite number, got {}", quoted(word))),
-                Err(_) => return Err(format!("vertex: expected a number, got {}", quoted(word))),
-            }
-            self.vertex_lines.push(' ');
-            self.vertex_lines.push_str(word);
+        for (coordinate, word) in vertex.iter_mut().zip(words(rest)) {
+            let wrong = |expected: &str| format!("vertex: expected {expected}, got {}", quoted(word));
+            *coordinate = match word.parse::<f64>() {
+                Ok(number) if number.abs() < LARGEST => number,
+                Ok(number) if number.is_finite() => {
+                    return Err(wrong(&format!("a number between -{LARGEST:e} and {LARGEST:e}")));
+                }
+                Ok(_) => return Err(wrong("a finite number")),
+                Err(_) => return Err(wrong("a number")),
+            };
             num_coordinates += 1;
         }
         if num_coordinates < 3 {
             return Err(format!("vertex: expected 3 coordinates, got {num_coordinates}"));
         }
-        self.vertex_lines.push('\n');
-        self.num_vertices += 1;
+        self.vertices.push(vertex);
         Ok(())
     }
 
     /// Reads corners `v`, `v/vt`, `v//vn` or `v/vt/vn`, of which only `v` is used.
     fn add_face(&mut self, line: usize, rest: &str, ahead: &mut Ahead) -> Result<(), String> {
-        self.face_lines.push('f');
         let mut num_corners = 0;
         for word in words(rest) {
             let index = self.vertex_index(word)?;
-            if index > self.num_vertices {
+            if index >= self.vertices.len() {
                 ahead.note(line, index);
             }
-            let _ = write!(self.face_lines, " {index}"); // writing to a String cannot fail
+            self.corners.push(index as u32); // those that do not fit are ahead of any vertex
             num_corners += 1;
         }
         if num_corners < 3 {
             return Err(format!("face: expected at least 3 corners, got {num_corners}"));
         }
-        self.face_lines.push('\n');
         self.faces.push(Face {
             line,
             num_corners,
@@ -175,25 +184,20 @@ impl Repaired {
         }
     }
 
-    /// Index, counted from 1, of the vertex that a corner names; it may lie beyond the vertices read so far.
+    /// Index into `vertices` of the vertex that a corner names; it may lie beyond those read so far.
     fn vertex_index(&self, corner: &str) -> Result<usize, String> {
         let word = corner.split_once('/').map_or(corner, |(vertex, _)| vertex);
-        let index: isize = word
+        let number: isize = word
             .parse()
             .map_err(|_| format!("face: expected a vertex index, got {}", quoted(corner)))?;
-        match index {
+        let num_vertices = self.vertices.len();
+        match number {
             0 => Err("face: expected a vertex index counted from 1, got 0".to_owned()),
-            1.. => Ok(index.unsigned_abs()),
+            1.. => Ok(number.unsigned_abs() - 1),
             // -1 is the last vertex read so far.
-            _ => (self.num_vertices + 1)
-                .checked_sub(index.unsigned_abs())
-                .filter(|&index| index > 0)
-                .ok_or_else(|| {
-                    format!(
-                        "face: expected at most {} vertices back, got {index}",
-                        self.num_vertices
-                    )
-                }),
+            _ => num_vertices
+                .checked_sub(number.unsigned_abs())
+                .ok_or_else(|| format!("face: expected at most {num_vertices} vertices back, got {number}")),
         }
     }
 }
@@ -211,9 +215,10 @@ impl Ahead {
     }
 
     fn check(&self, num_vertices: usize) -> Result<(), Fault> {
-        let missing = self.0.iter().find(|&&(_, index)| index > num_vertices);
+        let missing = self.0.iter().find(|&&(_, index)| index >= num_vertices);
         missing.map_or(Ok(()), |&(line, index)| {
-            let message = format!("face: expected a vertex index of at most {num_vertices}, got {index}");
+            let number = index + 1;
+            let message = format!("face: expected a vertex index of at most {num_vertices}, got {number}");
             Err(Fault { line, message })
         })
     }
