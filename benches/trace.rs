@@ -1,7 +1,7 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `motion`: what new poses cost.
+//! `motion`: what new poses cost; `twisted`: a tree that was refitted far.
 
 mod common;
 
@@ -118,10 +118,30 @@ fn motion(criterion: &mut Criterion) {
     cast(criterion, "motion/50_bodies", &Snapshot::new(surfaces, poses));
 }
 
+/// A sphere that was twisted as far as its tree is kept, and the same built anew.
+fn twisted(criterion: &mut Criterion) {
+    let (vertices, triangles) = common::sphere(1.0, common::sizes([100_000], 100)[0]);
+    let twist = |p: &DVec3| DMat3::from_rotation_z(1.8 * p.z) * *p;
+    let bent: Vec<DVec3> = vertices.iter().map(twist).collect();
+    let deformed = surface(&(vertices, triangles.clone())).deform(bent.clone()).unwrap();
+    let ahead = Pose {
+        translation: DVec3::new(2.0, 0.0, 0.0),
+        ..Pose::IDENTITY
+    };
+    cast(
+        criterion,
+        "twisted/refitted",
+        &Snapshot::new(vec![Arc::new(deformed)], vec![ahead]),
+    );
+    let rebuilt = surface(&(bent, triangles));
+    cast(criterion, "twisted/rebuilt", &Snapshot::new(vec![rebuilt], vec![ahead]));
+}
+
 fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
     motion(&mut criterion);
+    twisted(&mut criterion);
     criterion.final_summary();
 }

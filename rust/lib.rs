@@ -5,9 +5,9 @@
 //! poses ─────────┴─ Scene ── image tiles ── Hits ── scattering ── Paths ── beat signal
 //! ```
 //!
-//! Images: `rays` (pixels and tiles), `trace` (bodies at their places), `surface` (triangles of one body and the exact test),
-//! `bundle` (rays of a tile that search a tree together), `leaf` (their triangles in single precision), `bvh` (the trees),
-//! `shown` and `shading` (the curved surfaces that facets stand for). `scatter` makes paths of what they show, which stays
+//! Images: `rays` (pixels and tiles), `trace` (bodies at their places and images of them), `surface` (triangles of one body),
+//! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
+//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `scatter` makes paths of what they show, which stays
 //! with its `facet` where a body deforms.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
@@ -59,6 +59,8 @@ pub mod surface;
 pub mod survey;
 pub mod trace;
 pub mod trig;
+pub mod walk;
 pub mod wide;
+pub mod woop;
 
 pub use error::{Error, Result};

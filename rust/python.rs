@@ -659,13 +659,11 @@ impl Hits {
     #[pyo3(signature = (*, threads=None))]
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         check_threads(threads)?;
-        match &self.image.cosine {
-            Some(cosine) => self.image(PyArray1::from_slice(py, cosine)),
-            None => {
-                let shown = compute(py, threads, || Ok(self.shown()))?;
-                self.image(PyArray1::from_slice(py, &shown.cosine))
-            }
+        if let Some(cosine) = &self.image.cosine {
+            return self.image(PyArray1::from_slice(py, cosine));
         }
+        let shown = compute(py, threads, || Ok(self.shown()))?;
+        self.image(PyArray1::from_slice(py, &shown.cosine))
     }
 
     /// Distance along the ray to the surface that the facets stand for [m], (rows, columns), and its unit normal

@@ -6,13 +6,15 @@ use glam::DVec3;
 
 use rayon::prelude::*;
 
-use crate::bundle::{Best, Bundle, Exact, Search, Single, Visit};
+use crate::bundle::{Best, Bundle, Exact, Search};
 use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
 use crate::hash::mix;
 use crate::leaf::{Leaf, Table};
 use crate::shading::{Groups, Shading};
 use crate::simd::{Isa, Kernel, Level, prefetch};
+use crate::walk::{Single, Visit};
+use crate::woop::{Crossing, Woop};
 
 /// Triangles below this area are dropped [m^2].
 const MIN_AREA: f64 = 1e-18;
@@ -20,8 +22,8 @@ const MIN_AREA: f64 = 1e-18;
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
 
-/// Leaves of a tree from which on rays are tested against their boxes one by one: it saves a fifth of the time of a million
-/// triangles, and costs as much with five thousand.
+/// Leaves of a tree from which on rays are tested against their boxes one by one: in a room of a million triangles a third of
+/// the leaves are not visited then, in one of five thousand none.
 const FINE: usize = 2000;
 
 /// How normals follow from triangles.
@@ -67,9 +69,9 @@ struct Mesh {
     fingerprint: u64,
 }
 
-/// Share of its first cost by which a tree may become dearer before it is built anew: deformed bodies of
-/// `cargo bench --bench bvh` are cast as much slower then as a build takes in some ten images.
-const DECAY: f64 = 1.5;
+/// A tree that has become so many times dearer than it was is built anew: at that, images take a seventh longer than with a
+/// new tree (`cargo bench --bench trace -- twisted`, a little below it).
+const DECAY: f64 = 2.0;
 
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -516,138 +518,6 @@ impl Visit for NearestVisitor<'_> {
 /// Area of a triangle [m^2].
 pub fn area(t: &[DVec3; 3]) -> f64 {
     0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length()
-}
-
-/// A ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
-///
-/// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
-/// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
-pub struct Woop {
-    ray: Ray,
-    axes: [usize; 3],
-    shear: DVec3,
-}
-
-impl Woop {
-    /// Prepare a ray.
-    pub fn new(ray: &Ray) -> Self {
-        let d = ray.direction;
-        let z = if d.x.abs() >= d.y.abs().max(d.z.abs()) {
-            0
-        } else if d.y.abs() >= d.z.abs() {
-            1
-        } else {
-            2
-        };
-        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        Self {
-            ray: *ray,
-            axes: [x, y, z],
-            shear: DVec3::new(d[x] / d[z], d[y] / d[z], 1.0 / d[z]),
-        }
-    }
-
-    /// Where the ray meets the triangle behind its start; edges belong to it.
-    pub fn intersect(&self, triangle: &[DVec3; 3]) -> Option<Crossing> {
-        let seen = self.look(triangle);
-        let [u, v, w] = seen.sides();
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let sum = u + v + w;
-        if sum == 0.0 {
-            return None; // the ray lies in the triangle's plane
-        }
-        let crossing = if seen.is_edge_on(sum) {
-            seen.first_edge(self.ray.start)?
-        } else {
-            // The distance to the plane, from the normal: the interpolated one is less exact on needles.
-            let [a, b, c] = triangle.map(|v| v - self.ray.origin);
-            let normal = (b - a).cross(c - a);
-            Crossing {
-                distance: normal.dot(a) / normal.dot(self.ray.direction),
-                barycentric: [u / sum, v / sum, w / sum],
-                is_edge_on: false,
-            }
-        };
-        (crossing.distance > self.ray.start && crossing.distance.is_finite()).then_some(crossing)
-    }
-
-    /// The triangle in the ray's own axes.
-    fn look(&self, triangle: &[DVec3; 3]) -> Seen {
-        let [x, y, z] = self.axes;
-        let corners = triangle.map(|v| {
-            let v = v - self.ray.origin;
-            let (across, down) = (v[x] - self.shear.x * v[z], v[y] - self.shear.y * v[z]);
-            DVec3::new(across, down, self.shear.z * v[z])
-        });
-        let reach = triangle.iter().fold(0.0, |reach: f64, v| {
-            reach.max((v - self.ray.origin).abs().max_element())
-        });
-        Seen { corners, reach }
-    }
-}
-
-/// Where a ray meets a triangle.
-#[derive(Clone, Copy, Debug)]
-pub struct Crossing {
-    /// Parameter along the ray.
-    pub distance: f64,
-    /// Weights of the corners, adding up to one.
-    pub barycentric: [f64; 3],
-    /// Whether the ray lies in the triangle's plane, to rounding: then it is met at an edge.
-    pub is_edge_on: bool,
-}
-
-/// A triangle as a ray sees it: the ray goes through (0, 0) along the third axis, which counts its parameter.
-struct Seen {
-    corners: [DVec3; 3],
-    /// Largest coordinate relative to the ray's origin.
-    reach: f64,
-}
-
-impl Seen {
-    /// Twice the areas of the ray's point with the edges.
-    fn sides(&self) -> [f64; 3] {
-        let [a, b, c] = self.corners;
-        [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
-    }
-
-    /// Whether the sides, which add up to `sum`, are no more than rounding.
-    fn is_edge_on(&self, sum: f64) -> bool {
-        let width = |v: &DVec3| v.x.abs().max(v.y.abs());
-        let widest = self.corners.iter().map(width).fold(0.0, f64::max);
-        sum.abs() <= 64.0 * f64::EPSILON * widest * self.reach
-    }
-
-    /// Where the ray first meets an edge behind its start, for a triangle that is but a line.
-    fn first_edge(&self, start: f64) -> Option<Crossing> {
-        let spread = |axis: usize| {
-            let all = self.corners.map(|v| v[axis]);
-            all.into_iter().fold(f64::NEG_INFINITY, f64::max) - all.into_iter().fold(f64::INFINITY, f64::min)
-        };
-        let axis = usize::from(spread(1) > spread(0));
-        let mut first: Option<Crossing> = None;
-        for i in 0..3 {
-            let j = (i + 1) % 3;
-            let (p, q) = (self.corners[i], self.corners[j]);
-            let share = p[axis] / (p[axis] - q[axis]);
-            if !(0.0..=1.0).contains(&share) {
-                continue;
-            }
-            let distance = p.z + share * (q.z - p.z);
-            if distance > start && first.is_none_or(|first| distance < first.distance) {
-                let mut barycentric = [0.0; 3];
-                (barycentric[i], barycentric[j]) = (1.0 - share, share);
-                first = Some(Crossing {
-                    distance,
-                    barycentric,
-                    is_edge_on: true,
-                });
-            }
-        }
-        first
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,615 @@
+//! Images: which tiles are cast, and what their rays hit.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{NEAREST, NO_BODY, Snapshot, bounds};
+use crate::antenna::Pattern;
+use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::bvh::{Bounds, Node, Tree};
+use crate::error::{Result, fits_memory};
+use crate::leaf::Table;
+use crate::rays::{ImagePlane, TILE, Tile};
+use crate::shown::Shade;
+use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::walk::Visit;
+
+/// Hits of all pixels of an image, row by row.
+pub struct Hits {
+    /// The image they belong to.
+    pub plane: ImagePlane,
+    /// Distance along the ray [m]; infinite where nothing was hit.
+    pub distance: Vec<f64>,
+    /// Number of the body, or [`NO_BODY`].
+    pub body: Vec<u32>,
+    /// Number of the triangle in the body's surface.
+    pub triangle: Vec<u32>,
+    /// Cosine of incidence, zero where nothing was hit; where these were wanted.
+    pub cosine: Option<Vec<f64>>,
+    /// What was done for them.
+    pub counts: Counts,
+    beam: Option<Beam>,
+}
+
+/// What the hits of an image took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Rays that searched a tree.
+    pub rays: usize,
+    /// Tiles in which there is no body, or nothing to be seen through the antennas.
+    pub tiles_skipped: usize,
+    /// Tiles taken over from the hits before.
+    pub tiles_reused: usize,
+}
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            tiles_skipped: self.tiles_skipped + other.tiles_skipped,
+            tiles_reused: self.tiles_reused + other.tiles_reused,
+        }
+    }
+}
+
+/// Directions that antennas see: others are not cast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// Pattern of every antenna.
+    pub pattern: Pattern,
+    /// Least gain of interest, there and back, relative to the peak.
+    pub floor: f64,
+}
+
+/// How rays are cast; nothing of it changes what they hit, but for those out of the beam.
+#[derive(Clone, Copy)]
+pub struct Cast<'a> {
+    /// Instruction set.
+    pub level: Level,
+    /// Whether tiles without bodies are left out.
+    pub skip_empty: bool,
+    /// Directions of interest.
+    pub beam: Option<Beam>,
+    /// Whether cosines of incidence are wanted as well.
+    pub with_cosines: bool,
+    /// Hits of another time. Tiles are taken over if no body has moved there.
+    pub previous: Option<(&'a Snapshot, &'a Hits)>,
+}
+
+impl Default for Cast<'_> {
+    fn default() -> Self {
+        Self {
+            level: Level::best(),
+            skip_empty: true,
+            beam: None,
+            with_cosines: false,
+            previous: None,
+        }
+    }
+}
+
+impl Snapshot {
+    /// Hits of all pixels, tile by tile in parallel: those of rays one by one, [`Self::cast`], to the last bit.
+    pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
+        self.cast_image_at(plane, Level::best())
+    }
+
+    /// The same with an instruction set.
+    pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
+        self.cast_image_with(
+            plane,
+            &Cast {
+                level,
+                ..Cast::default()
+            },
+        )
+    }
+
+    /// The same, leaving out what need not be cast.
+    pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
+        plane.check()?;
+        fits_memory(
+            "hits",
+            &[plane.rows, plane.columns],
+            size_of::<f64>() + 2 * size_of::<u32>(),
+        )?;
+        let num_pixels = plane.num_pixels();
+        let mut hits = Hits {
+            plane: *plane,
+            distance: vec![0.0; num_pixels],
+            body: vec![0; num_pixels],
+            triangle: vec![0; num_pixels],
+            cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
+            counts: Counts::default(),
+            beam: cast.beam,
+        };
+        let mut cast = *cast;
+        cast.beam = cast.beam.filter(|beam| beam.ends_within(plane));
+        let cast = &cast;
+        let previous = cast.previous.and_then(|(snapshot, before)| {
+            let has_all = before.cosine.is_some() || !cast.with_cosines;
+            let is_alike = before.plane == *plane && before.beam == cast.beam && has_all;
+            let moved = if is_alike { self.moved(snapshot) } else { None };
+            moved.map(|moved| (before, moved))
+        });
+        let band = TILE * plane.columns;
+        let distance = hits.distance.par_chunks_mut(band);
+        let body = hits.body.par_chunks_mut(band);
+        let triangle = hits.triangle.par_chunks_mut(band);
+        let mut cosine: Vec<Option<&mut [f64]>> = match &mut hits.cosine {
+            Some(cosine) => cosine.chunks_mut(band).map(Some).collect(),
+            None => (0..plane.rows.div_ceil(TILE)).map(|_| None).collect(),
+        };
+        let counts = distance
+            .zip_eq(body)
+            .zip_eq(triangle)
+            .zip_eq(cosine.par_iter_mut())
+            .enumerate()
+            .map(|(index, (((distance, body), triangle), cosine))| {
+                cast.level.run(CastBand {
+                    snapshot: self,
+                    cast,
+                    previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
+                    plane,
+                    index,
+                    distance,
+                    body,
+                    triangle,
+                    cosine: cosine.as_deref_mut(),
+                })
+            });
+        hits.counts = counts.reduce(Counts::default, Counts::plus);
+        Ok(hits)
+    }
+
+    /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
+    /// where that is most of them.
+    fn moved(&self, before: &Self) -> Option<Tree> {
+        if self.surfaces.len() != before.surfaces.len() {
+            return None;
+        }
+        let has_moved = |body: &usize| {
+            let is_same = Arc::ptr_eq(&self.surfaces[*body], &before.surfaces[*body]);
+            !is_same || self.poses[*body] != before.poses[*body]
+        };
+        let moved: Vec<usize> = (0..self.surfaces.len()).filter(has_moved).collect();
+        if 2 * moved.len() > self.surfaces.len() {
+            return None;
+        }
+        let of = |snapshot: &Self, body: usize| bounds(&snapshot.surfaces[body], &snapshot.poses[body]);
+        let both = moved.iter().flat_map(|body| [of(self, *body), of(before, *body)]);
+        let boxes: Vec<Bounds> = both.filter(|b| b.min.is_finite()).collect();
+        Some(Tree::build(boxes.len(), 1, |i| boxes[i]).0)
+    }
+}
+
+/// Casts the rays of a row of tiles.
+struct CastBand<'a> {
+    snapshot: &'a Snapshot,
+    cast: &'a Cast<'a>,
+    /// Hits of another time, and boxes where these may not be taken over.
+    previous: Option<(&'a Hits, &'a Tree)>,
+    plane: &'a ImagePlane,
+    /// Number of the row of tiles.
+    index: usize,
+    distance: &'a mut [f64],
+    body: &'a mut [u32],
+    triangle: &'a mut [u32],
+    cosine: Option<&'a mut [f64]>,
+}
+
+impl Kernel for CastBand<'_> {
+    type Output = Counts;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(mut self) -> Counts {
+        let tiles = self.plane.columns.div_ceil(TILE);
+        let mut scratch = Scratch {
+            fan: Fan::EMPTY,
+            bundle: Bundle::EMPTY,
+            best: Best::EMPTY,
+            table: Table::EMPTY,
+            stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
+            distance: [0.0; MOST_RAYS],
+            shade: Shade::NOTHING,
+        };
+        let mut counts = Counts::default();
+        for index in 0..tiles {
+            let tile = self.plane.tile(self.index * tiles + index);
+            scratch.fan.aim::<I>(self.plane, &tile);
+            if self.cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+                self.clear(&tile);
+                counts.tiles_skipped += 1;
+                continue;
+            }
+            if let Some((hits, moved)) = self.previous {
+                let mut touch = Touch(false);
+                scratch.fan.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
+                if !touch.0 {
+                    self.take_over(&tile, hits);
+                    counts.tiles_reused += 1;
+                    continue;
+                }
+            }
+            let is_empty = self.snapshot.search::<I>(&mut scratch, self.cast.skip_empty);
+            if is_empty {
+                self.clear(&tile);
+                counts.tiles_skipped += 1;
+                continue;
+            }
+            counts.rays += tile.rows * tile.columns;
+            self.snapshot
+                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            if self.cosine.is_some() {
+                let (best, distance) = (&scratch.best, &scratch.distance);
+                scratch
+                    .shade
+                    .fill::<I, false>(self.snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+            }
+            self.write(&tile, &scratch);
+        }
+        counts
+    }
+}
+
+impl CastBand<'_> {
+    /// Rows of the tile, as ranges of pixels of this row of tiles.
+    fn rows(&self, tile: &Tile) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+        let (columns, first, number) = (self.plane.columns, tile.column, tile.columns);
+        (0..tile.rows).map(move |row| row * columns + first..row * columns + first + number)
+    }
+
+    /// Nothing was hit.
+    fn clear(&mut self, tile: &Tile) {
+        for pixels in self.rows(tile) {
+            self.distance[pixels.clone()].fill(f64::INFINITY);
+            self.body[pixels.clone()].fill(NO_BODY);
+            self.triangle[pixels.clone()].fill(u32::MAX);
+            if let Some(cosine) = &mut self.cosine {
+                cosine[pixels].fill(0.0);
+            }
+        }
+    }
+
+    /// What was hit before.
+    fn take_over(&mut self, tile: &Tile, hits: &Hits) {
+        let first = self.index * TILE * self.plane.columns;
+        for pixels in self.rows(tile) {
+            let from = first + pixels.start..first + pixels.end;
+            self.distance[pixels.clone()].copy_from_slice(&hits.distance[from.clone()]);
+            self.body[pixels.clone()].copy_from_slice(&hits.body[from.clone()]);
+            self.triangle[pixels.clone()].copy_from_slice(&hits.triangle[from.clone()]);
+            if let (Some(cosine), Some(before)) = (&mut self.cosine, &hits.cosine) {
+                cosine[pixels].copy_from_slice(&before[from]);
+            }
+        }
+    }
+
+    /// What was found.
+    #[inline(always)]
+    fn write(&mut self, tile: &Tile, scratch: &Scratch) {
+        let best = &scratch.best;
+        for row in 0..tile.rows {
+            let pixel = row * self.plane.columns + tile.column;
+            // A row of a tile is in two packets.
+            for first in (0..tile.columns).step_by(TILE / 2) {
+                let (from, to) = (Fan::ray(row, first), pixel + first);
+                let number = (tile.columns - first).min(TILE / 2);
+                copy(&mut self.distance[to..], &scratch.distance[from..], number);
+                copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
+                copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
+                if let Some(cosine) = &mut self.cosine {
+                    copy(&mut cosine[to..], &scratch.shade.cosine[from..], number);
+                }
+            }
+        }
+    }
+}
+
+impl Beam {
+    /// Whether some direction of an image may be out of the beam.
+    fn ends_within(&self, plane: &ImagePlane) -> bool {
+        let (last_row, last_column) = (plane.rows - 1, plane.columns - 1);
+        let corners = [(0, 0), (0, last_column), (last_row, 0), (last_row, last_column)];
+        let sides = corners.map(|(row, column)| plane.center(row, column));
+        let most = |x: [f64; 4]| x.into_iter().fold(0.0, |most: f64, x| most.max(x.abs())).atan();
+        let (az, el) = (most(sides.map(|s| s.0)), most(sides.map(|s| s.1)));
+        2.0 * (self.pattern.azimuth * az * az + self.pattern.elevation * el * el) > -self.floor.ln()
+    }
+
+    /// Whether all rays of a tile are out of the beam.
+    fn misses(&self, fan: &Fan) -> bool {
+        let [u, v] = fan.ranges();
+        2.0 * self.pattern.least_decay(u, v) > -self.floor.ln()
+    }
+}
+
+/// Whether rays may meet any box of a tree.
+struct Touch(bool);
+
+impl Visit for Touch {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
+        true
+    }
+
+    #[inline(always)] // part of a kernel
+    fn visit<I: Isa>(&mut self, _leaf: usize, _count: usize, _near: f32) -> f32 {
+        self.0 = true;
+        -1.0
+    }
+}
+
+/// The first numbers, nearly always half a tile's row of them.
+#[inline(always)]
+fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
+    const ALL: usize = TILE / 2;
+    if number == ALL
+        && let (Some(to), Some(from)) = (to.first_chunk_mut::<ALL>(), from.first_chunk::<ALL>())
+    {
+        *to = *from;
+    } else {
+        to[..number].copy_from_slice(&from[..number]);
+    }
+}
+
+/// What the rays of a tile are and find, kept from tile to tile.
+struct Scratch {
+    fan: Fan,
+    bundle: Bundle,
+    best: Best,
+    table: Table,
+    stacks: [Vec<u64>; 2],
+    /// [m]
+    distance: [f64; MOST_RAYS],
+    shade: Shade,
+}
+
+impl Snapshot {
+    /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
+    #[inline(always)]
+    fn search<I: Isa>(&self, scratch: &mut Scratch, skip_empty: bool) -> bool {
+        let fan = &scratch.fan;
+        let [top, stack] = &mut scratch.stacks;
+        let mut bodies = Bodies {
+            snapshot: self,
+            fan,
+            bundle: &mut scratch.bundle,
+            best: &mut scratch.best,
+            table: &mut scratch.table,
+            stack,
+            is_empty: true,
+        };
+        if skip_empty {
+            fan.walk::<I>(&self.top, top, &mut bodies);
+            return bodies.is_empty;
+        }
+        bodies.best.clear::<I>(&fan.valid);
+        bodies.is_empty = false;
+        for leaf in 0..self.bodies.len() {
+            bodies.visit::<I>(leaf, 1, 0.0);
+        }
+        false
+    }
+
+    /// Distances of the triangles that were found [m], infinite where there is none.
+    #[inline(always)]
+    fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+        let splat = <I::F64 as Vector>::splat;
+        let lanes = I::F64::LANES;
+        let mut height = [f64::INFINITY; MOST_RAYS];
+        let mut slope = [1.0; MOST_RAYS];
+        let mut rest = fan.valid;
+        for packet in 0..PACKETS {
+            rest[packet] &= !I::equal(&best.body[packet], NO_BODY);
+        }
+        for packet in 0..PACKETS {
+            while rest[packet] != 0 {
+                // All rays that meet one triangle; as `Woop::intersect` does.
+                let lane = rest[packet].trailing_zeros() as usize;
+                let (body, triangle) = (best.body[packet][lane], best.triangle[packet][lane]);
+                let view = &self.views[body as usize];
+                let [a, b, c] = self.surface(body).corners(triangle);
+                let (a, b, c) = (a - view.origin, b - view.origin, c - view.origin);
+                let normal = (b - a).cross(c - a);
+                let above = splat(normal.dot(a));
+                let (x, y, z) = (splat(normal.x), splat(normal.y), splat(normal.z));
+                for other in packet..PACKETS {
+                    let same =
+                        rest[other] & I::equal(&best.triangle[other], triangle) & I::equal(&best.body[other], body);
+                    rest[other] &= !same;
+                    for half in 0..PACKET / lanes {
+                        let bits = same >> (half * lanes) & 0xff;
+                        if bits == 0 {
+                            continue;
+                        }
+                        let first = other * PACKET + half * lanes;
+                        let direction = view.direction(I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let [dx, dy, dz] = direction;
+                        let along = x.mul(dx).add(y.mul(dy)).add(z.mul(dz));
+                        along
+                            .select(bits, I::F64::load(&slope[first..]))
+                            .store(&mut slope[first..]);
+                        above
+                            .select(bits, I::F64::load(&height[first..]))
+                            .store(&mut height[first..]);
+                    }
+                }
+            }
+        }
+        for first in (0..MOST_RAYS).step_by(lanes) {
+            let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+            let length = splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
+            let t = I::F64::load(&height[first..]).div(I::F64::load(&slope[first..]));
+            t.mul(length).store(&mut distance[first..]);
+        }
+        for packet in 0..PACKETS {
+            let mut edge_on = best.edge_on[packet];
+            while edge_on != 0 {
+                let lane = edge_on.trailing_zeros() as usize;
+                edge_on &= edge_on - 1;
+                let direction = fan.direction(packet * PACKET + lane);
+                let crossing = self.cross(direction, best.body[packet][lane], best.triangle[packet][lane]);
+                let t = crossing.map_or(f64::INFINITY, |crossing| crossing.distance);
+                distance[packet * PACKET + lane] = t * direction.length();
+            }
+        }
+    }
+}
+
+/// Casts the rays of a tile at bodies.
+struct Bodies<'a> {
+    snapshot: &'a Snapshot,
+    fan: &'a Fan,
+    bundle: &'a mut Bundle,
+    best: &'a mut Best,
+    table: &'a mut Table,
+    stack: &'a mut Vec<u64>,
+    /// Whether no body was visited.
+    is_empty: bool,
+}
+
+impl Visit for Bodies<'_> {
+    #[inline(always)]
+    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
+        true
+    }
+
+    #[inline(always)] // part of a kernel
+    fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
+        if self.is_empty {
+            self.best.clear::<I>(&self.fan.valid);
+            self.is_empty = false;
+        }
+        let body = self.snapshot.bodies[leaf];
+        let surface = self.snapshot.surface(body);
+        let view = &self.snapshot.views[body as usize];
+        self.bundle
+            .aim::<I>(self.fan, view, surface.middle(), surface.is_fine());
+        let exact = ExactRays {
+            snapshot: self.snapshot,
+            fan: self.fan,
+        };
+        let scratch = (&mut *self.table, &mut *self.stack);
+        surface.search::<I, _>(body, self.bundle, NEAREST as f32, self.best, &exact, scratch);
+        self.best.farthest()
+    }
+}
+
+/// Exact tests of the rays of a tile.
+struct ExactRays<'a> {
+    snapshot: &'a Snapshot,
+    fan: &'a Fan,
+}
+
+impl Exact for ExactRays<'_> {
+    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
+        let crossing = self.snapshot.cross(self.fan.direction(ray), body, triangle)?;
+        Some((crossing.distance, crossing.is_edge_on))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::tests::furnished;
+    use super::*;
+
+    #[test]
+    fn only_tiles_that_a_moved_body_touches_are_cast_again() {
+        let plane = ImagePlane::centered(93, 101, 0.5, 0.5);
+        let (mut surfaces, mut poses) = furnished();
+        let before = Snapshot::new(surfaces.clone(), poses.clone());
+        let hits = before.cast_image(&plane).unwrap();
+        assert_eq!(hits.counts.rays, plane.num_pixels());
+
+        poses[3].translation += DVec3::new(0.1, 0.15, 0.0);
+        surfaces[7] = Arc::new(
+            surfaces[7]
+                .deform(surfaces[7].vertices().iter().map(|p| 1.2 * p).collect())
+                .unwrap(),
+        );
+        let after = Snapshot::new(surfaces, poses);
+        let fresh = after.cast_image(&plane).unwrap();
+        for level in Level::available() {
+            let cast = Cast {
+                level,
+                previous: Some((&before, &hits)),
+                ..Cast::default()
+            };
+            let reused = after.cast_image_with(&plane, &cast).unwrap();
+            assert_eq!(reused.distance, fresh.distance);
+            assert_eq!((&reused.body, &reused.triangle), (&fresh.body, &fresh.triangle));
+            assert_eq!(fresh.counts.tiles_reused, 0);
+            assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
+            assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
+            // Every pixel that shows something else was cast.
+            let changed = (0..plane.num_pixels())
+                .filter(|i| hits.distance[*i] != fresh.distance[*i])
+                .count();
+            assert!(changed > 20 && changed <= reused.counts.rays);
+
+            // Nothing has moved: nothing is cast. A different image is cast whole.
+            let again = Cast {
+                previous: Some((&after, &reused)),
+                ..cast
+            };
+            assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
+            let other = ImagePlane::centered(93, 101, 0.5, 0.4);
+            assert_eq!(after.cast_image_with(&other, &again).unwrap().counts.tiles_reused, 0);
+        }
+    }
+
+    #[test]
+    fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
+        let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces[1..].to_vec(), poses[1..].to_vec());
+        let skipping = scene.cast_image(&plane).unwrap();
+        let cast = Cast {
+            skip_empty: false,
+            ..Cast::default()
+        };
+        let whole = scene.cast_image_with(&plane, &cast).unwrap();
+        assert_eq!(skipping.distance, whole.distance);
+        assert_eq!(skipping.body, whole.body);
+        assert_eq!((whole.counts.tiles_skipped, whole.counts.rays), (0, 64 * 64));
+        let Counts {
+            rays, tiles_skipped, ..
+        } = skipping.counts;
+        assert!(tiles_skipped > 20, "{tiles_skipped}");
+        assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
+    }
+
+    #[test]
+    fn directions_out_of_the_beam_are_not_cast() {
+        let plane = ImagePlane::centered(64, 96, 1.0, 0.7);
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces, poses);
+        let whole = scene.cast_image(&plane).unwrap();
+        let pattern = Pattern {
+            peak: 7.0,
+            azimuth: 20.0,
+            elevation: 60.0,
+        };
+        let beam = Beam { pattern, floor: 1e-5 };
+        let cast = Cast {
+            beam: Some(beam),
+            ..Cast::default()
+        };
+        let within = scene.cast_image_with(&plane, &cast).unwrap();
+        let mut out = 0;
+        for pixel in 0..plane.num_pixels() {
+            let direction = plane.direction(pixel / plane.columns, pixel % plane.columns);
+            let gain = (pattern.gain(direction) / pattern.peak).powi(2);
+            if within.distance[pixel] != whole.distance[pixel] {
+                assert!(gain < beam.floor, "{pixel} {gain}");
+                out += 1;
+            }
+        }
+        assert!(out > 500, "{out}");
+        assert!(within.counts.tiles_skipped > 20);
+    }
+}
