@@ -19,6 +19,7 @@ mod linux {
     use std::hint::black_box;
 
     use radarcore::beat;
+    use radarcore::shown::Shown;
     use radarcore::simd::Level;
     use radarcore::trace::Snapshot;
 
@@ -26,6 +27,7 @@ mod linux {
         // What is never named is not linked: these lead to every kernel, at every level.
         black_box(Snapshot::cast_image_at as *const ());
         black_box(Snapshot::cast as *const ());
+        black_box(Shown::new as *const ());
         black_box(beat::beat_signal as *const ());
 
         let executable = std::env::current_exe().and_then(std::fs::read).expect("own executable");

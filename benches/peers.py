@@ -53,8 +53,8 @@ image but for its corners. The camera moves from frame to frame. Times are media
 frames in which the casters take turns; "×" says how many times faster a row is than embreex and than Embree's packets,
 in the same rounds: other machines shift times more than ratios. Distances are compared before anything is timed.
 
-"tracer" is what `Simulator` does first: rays from the pose of the camera, the search in f32, distances in f64, triangle
-and barycentric coordinates. "depth_image" adds its other images, normals among them. The libraries get rays that lie
+"tracer" is what `Simulator` does first: rays from the pose of the camera, the search in f32, distances in f64 and
+triangles. "depth_image" adds cosines of incidence, reflectance and body numbers. The libraries get rays that lie
 ready in the layout they like. embreex and Open3D take them one by one and measure distances in f32, Open3D returns
 normals as well; trimesh calls embreex and finds the points in f64. "Embree packets" is Embree called from C: 4 x 4
 pixels at once, marked as coherent, in its default mode, which lets rays pass between triangles now and then; embreex
@@ -134,14 +134,27 @@ class Caster:
 def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
     """From the poses of the bodies to the hits."""
     simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=threads)
+    core, half = scene._core_at(0.0, threads), math.tan(0.5 * math.radians(FIELD_OF_VIEW_DEG))
+
+    def poses(view: View) -> NDArray[np.float64]:
+        return simulator._place(np.array([view.time])).poses[0]
+
+    def cast(poses: NDArray[np.float64]) -> Any:
+        return core.cast(poses, rows=side, columns=side, half_width=half, half_height=half, threads=threads)
+
     name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")
-    return Caster(name, lambda view: view.time, simulator._cast, lambda hits: hits.distance(), threads)
+    return Caster(name, poses, cast, lambda hits: hits.distance(), threads)
 
 
 def depth_image(scene: rc.Scene, side: int) -> Caster:
     """The same with all images."""
-    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=1)
-    return Caster("radarcore depth_image", lambda view: view.time, simulator.depth_image, lambda image: image.distance)
+    simulator = rc.Simulator(scene, RADAR, resolution=side, threads=1)
+
+    def place(view: View) -> float:
+        simulator.radar_motion = camera(view.time)
+        return view.time
+
+    return Caster("radarcore depth_image", place, simulator.depth_image, lambda image: image.distance)
 
 
 def embreex(mesh: Triangles) -> Caster:
