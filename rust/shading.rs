@@ -12,14 +12,14 @@ use glam::{DVec3, Vec3};
 /// Shading of a triangle mesh: which facets stand for a curved surface, and its normals at their corners.
 #[derive(Debug, Clone)]
 pub struct Shading {
-    /// Per triangle its place in `normals`, or `FLAT`.
-    place: Vec<u32>,
-    /// Unit normals at the corners of the triangles that are not flat.
-    normals: Vec<[Vec3; 3]>,
+    /// Per triangle the places of its corners in `normals`, or `FLAT`; empty when all are flat.
+    corners: Vec<[u32; 3]>,
+    /// Unit normals that corners share.
+    normals: Vec<Vec3>,
 }
 
-/// Place of a triangle without normals of its own.
-const FLAT: u32 = u32::MAX;
+/// Places of a triangle without normals of its own.
+const FLAT: [u32; 3] = [u32::MAX; 3];
 
 /// How far a corner may stand off the surface that the normals of an edge describe [m] and still count as on it:
 /// rounding of files written with a few digits.
@@ -34,9 +34,9 @@ pub const MAX_CORRECTED_COSINE: f64 = -0.05;
 
 impl Shading {
     /// Every facet is what it is.
-    pub fn flat(num_triangles: usize) -> Self {
+    pub fn flat() -> Self {
         Self {
-            place: vec![FLAT; num_triangles],
+            corners: Vec::new(),
             normals: Vec::new(),
         }
     }
@@ -65,15 +65,29 @@ impl Shading {
         }
 
         // Keep the normals where they describe a curved surface through the three vertices.
-        let mut shading = Self::flat(triangles.len());
+        let mut shading = Self {
+            corners: vec![FLAT; triangles.len()],
+            normals: Vec::new(),
+        };
+        let mut places = vec![u32::MAX; sums.len()];
         for (index, triangle) in triangles.iter().enumerate() {
             let corners = triangle.map(|vertex| vertices[vertex as usize]);
-            let normals = [0, 1, 2].map(|i| sums[groups[3 * index + i] as usize].normalize_or_zero());
+            let own = [0, 1, 2].map(|i| groups[3 * index + i] as usize);
+            let normals = own.map(|group| sums[group].normalize_or_zero());
             let face_normal = area_normals[index].normalize_or_zero();
             if is_curved(normals, face_normal) && is_consistent(corners, normals) {
-                shading.place[index] = shading.normals.len() as u32;
-                shading.normals.push(normals.map(DVec3::as_vec3));
+                for i in 0..3 {
+                    let place = &mut places[own[i]];
+                    if *place == u32::MAX {
+                        *place = shading.normals.len() as u32;
+                        shading.normals.push(normals[i].as_vec3());
+                    }
+                    shading.corners[index][i] = *place;
+                }
             }
+        }
+        if shading.normals.is_empty() {
+            return Self::flat();
         }
         shading.normals.shrink_to_fit();
         shading
@@ -81,14 +95,14 @@ impl Shading {
 
     /// Memory [bytes].
     pub fn memory(&self) -> usize {
-        size_of_val(self.place.as_slice()) + size_of_val(self.normals.as_slice())
+        size_of_val(self.corners.as_slice()) + size_of_val(self.normals.as_slice())
     }
 
     /// Unit normals at the three corners (to f32 precision), None where the triangle is flat.
     pub fn corner_normals(&self, triangle: usize) -> Option<[DVec3; 3]> {
-        let place = *self.place.get(triangle)?;
-        let normals = self.normals.get(place as usize)?;
-        Some(normals.map(Vec3::as_dvec3))
+        let [a, b, c] = *self.corners.get(triangle)?;
+        let normal = |place: u32| self.normals.get(place as usize).map(|normal| normal.as_dvec3());
+        Some([normal(a)?, normal(b)?, normal(c)?])
     }
 }
 
@@ -527,7 +541,7 @@ mod tests {
 
     #[test]
     fn flat_shading_is_the_facets_themselves() {
-        let shading = Shading::flat(2);
+        let shading = Shading::flat();
         assert!(all_flat(&shading, 2));
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let (normal, correction) = shade(corners, shading.corner_normals(0), [0.2, 0.3, 0.5], DVec3::Z, DVec3::Z);

@@ -123,7 +123,7 @@ impl Surface {
         let fingerprint = fingerprint(vertices, &triangles);
         report(0.1);
         let shading = match mode {
-            ShadingMode::Flat => Shading::flat(triangles.len()),
+            ShadingMode::Flat => Shading::flat(),
             ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &triangles, crease_angle),
         };
         report(0.5);
@@ -170,7 +170,7 @@ impl Surface {
         check_vertices(&vertices)?;
         let (mesh, vertices) = (self.mesh.clone(), Arc::new(vertices));
         let shading = match mesh.mode {
-            ShadingMode::Flat => Shading::flat(mesh.triangles.len()),
+            ShadingMode::Flat => Shading::flat(),
             ShadingMode::Smooth { crease_angle } => {
                 let groups = mesh
                     .groups

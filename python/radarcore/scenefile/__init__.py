@@ -54,6 +54,7 @@ class Simulation:
             field_of_view_deg=run.field_of_view_deg,
             sampling=run.sampling,
             tolerance=run.tolerance,
+            gain_floor_db=run.gain_floor_db,
             seed=run.seed,
             threads=threads,
         )

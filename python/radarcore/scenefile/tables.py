@@ -284,6 +284,7 @@ class RunTable(Table):
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
     sampling: Literal["footprint", "point"] = _key("footprint", "", "how a ray stands for the patch it hits")
     tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
+    gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
     seed: int = _key(0, "", "of noise and speckle")
 
 
