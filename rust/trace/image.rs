@@ -114,6 +114,10 @@ impl Snapshot {
             &[plane.rows, plane.columns],
             size_of::<f64>() + 2 * size_of::<u32>(),
         )?;
+        let cast = &Cast {
+            beam: cast.beam.filter(|beam| beam.ends_within(plane)),
+            ..*cast
+        };
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,
@@ -124,9 +128,6 @@ impl Snapshot {
             counts: Counts::default(),
             beam: cast.beam,
         };
-        let mut cast = *cast;
-        cast.beam = cast.beam.filter(|beam| beam.ends_within(plane));
-        let cast = &cast;
         let previous = cast.previous.and_then(|(snapshot, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
             let is_alike = before.plane == *plane && before.beam == cast.beam && has_all;
@@ -555,6 +556,19 @@ mod tests {
             let again = Cast {
                 previous: Some((&after, &reused)),
                 ..cast
+            };
+            assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
+            let everywhere = Beam {
+                pattern: Pattern {
+                    peak: 1.0,
+                    azimuth: 1.0,
+                    elevation: 1.0,
+                },
+                floor: 1e-8,
+            };
+            let again = Cast {
+                beam: Some(everywhere),
+                ..again
             };
             assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
             let other = ImagePlane::centered(93, 101, 0.5, 0.4);
