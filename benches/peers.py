@@ -400,7 +400,9 @@ def times_in_turns(casters: list[Caster], run: Run) -> list[float]:
         first, *others = [view(i * run.frames + frame, run.side) for frame in range(run.frames + 1)]
         for caster, own in zip(casters, times, strict=True):
             with cores_for(caster.threads):
-                caster.cast(caster.rays(first))  # fills the caches
+                # Fills the caches; and threads that have slept begin on one core.
+                for _ in range(1 if caster.threads == 1 else 20):
+                    caster.cast(caster.rays(first))
                 own += [duration(caster.cast, caster.rays(each)) for each in others]
     return [float(np.median(own)) for own in times]
 
