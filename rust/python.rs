@@ -681,14 +681,17 @@ impl Hits {
 
     /// Power reflectance of the material, (rows, columns); 0 where nothing was hit.
     fn reflectance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let of = |body: &u32| self.materials.get(*body as usize).map_or(0.0, Material::reflectance);
-        self.image(PyArray1::from_iter(py, self.image.body.iter().map(of)))
+        let per_body: Vec<f64> = self.materials.iter().map(Material::reflectance).collect();
+        let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
+        let reflectance: Vec<f64> = self.image.body.iter().map(of).collect();
+        self.image(reflectance.into_pyarray(py))
     }
 
     /// Number of the body, (rows, columns); -1 where nothing was hit.
     fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        let number = |body: &u32| if *body == NO_BODY { -1 } else { (*body).cast_signed() };
-        self.image(PyArray1::from_iter(py, self.image.body.iter().map(number)))
+        const { assert!(NO_BODY.cast_signed() == -1) };
+        let numbers: Vec<i32> = self.image.body.iter().map(|body| body.cast_signed()).collect();
+        self.image(numbers.into_pyarray(py))
     }
 
     /// The vertices of the triangle that a pixel hit and their weights there; the pixel hit something.
