@@ -195,8 +195,8 @@ pub const MOST_PRIMITIVES: usize = 1 << 27;
 /// Primitives of a leaf, the last one repeated.
 pub type Primitives = [u32; WIDTH];
 
-/// obvhs preset: images take as long as with trees that take three times as long to build
-/// (`cargo bench --bench trace`, rooms; search distance 6 and reinsertion of 2 %).
+/// obvhs preset. Larger search distances and reinsertion make builds two to three times longer and images of the rooms of
+/// `cargo bench --bench trace` no shorter: change it here and run that again.
 const BUILD: BvhBuildParams = BvhBuildParams {
     pre_split: false,
     ploc_search_distance: PlocSearchDistance::VeryLow,

@@ -22,8 +22,8 @@ const MIN_AREA: f64 = 1e-18;
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
 
-/// Leaves of a tree from which on rays are tested against their boxes one by one: in a room of a million triangles a third of
-/// the leaves are not visited then, in one of five thousand none.
+/// Leaves of a tree from which on rays are tested against their boxes one by one: where leaves are smaller than a tile, rays
+/// pass between them.
 const FINE: usize = 2000;
 
 /// How normals follow from triangles.

@@ -49,16 +49,23 @@ class DepthImage:
     _threads: int | None = field(default=None, repr=False)
 
     @cached_property
-    def directions(self) -> NDArray[np.float64]:  # noqa: D102 (with the attributes)
+    def directions(self) -> NDArray[np.float64]:
+        """Unit directions of the rays, see the attributes."""
         return self._hits.directions()
 
     @cached_property
-    def surface_distance(self) -> NDArray[np.float64]:  # noqa: D102
-        return self._hits.shaded(threads=self._threads)[0]
+    def surface_distance(self) -> NDArray[np.float64]:
+        """Distance to the smooth surface [m], see the attributes."""
+        return self._shaded[0]
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:  # noqa: D102
-        return self._hits.shaded(threads=self._threads)[1]
+    def normals(self) -> NDArray[np.float64]:
+        """Unit normals of the smooth surface, see the attributes."""
+        return self._shaded[1]
+
+    @cached_property
+    def _shaded(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._hits.shaded(threads=self._threads)
 
     @property
     def points(self) -> NDArray[np.float64]:
