@@ -1,0 +1,101 @@
+"""What a board of any protocol is to the sensor: its identity, frames of ADC codes, and what was lost between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.radar import Radar
+
+
+@dataclass(frozen=True)
+class BoardInfo:
+    """Identity of a board.
+
+    Attributes
+    ----------
+    port : str
+        Where it is: a device file, or ``usb:BUS-ADDRESS``.
+    protocol : str
+        ``"strata"`` or ``"comlib"``.
+    name : str
+        As the board calls itself.
+    chip : str
+        Radar chip, such as ``"BGT60TR13C"``.
+    firmware : str
+        Version of the firmware.
+    serial_number : str
+        What tells this board from others of its kind; empty where the board has none.
+    """
+
+    port: str
+    protocol: str
+    name: str
+    chip: str
+    firmware: str
+    serial_number: str
+
+
+@dataclass(frozen=True, eq=False)
+class RawFrame:
+    """One frame as the ADC has it.
+
+    Attributes
+    ----------
+    codes : (channel, chirp, sample) uint16
+        Codes of the ADC, from 0 to 4095.
+    index : int
+        Number of the frame since the start; counts lost ones.
+    host_time : float
+        When it arrived, seconds since 1970 by the clock of the host.
+    device_time : float or None
+        Time stamp of the board [s], from an origin of its own.
+    """
+
+    codes: NDArray[np.uint16]
+    index: int
+    host_time: float
+    device_time: float | None = None
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Frames that never came.
+
+    Attributes
+    ----------
+    num_frames : int
+        How many, at least one.
+    reason : str
+        What happened.
+    """
+
+    num_frames: int
+    reason: str
+
+
+class Board(Protocol):
+    """A board with its connection. `read` belongs to one thread, the rest to any one other."""
+
+    info: BoardInfo
+
+    def configure(self, radar: Radar, **options: Any) -> Radar:
+        """The radar that the board can do nearest to `radar`; it is in force from the next `start` on."""
+
+    def start(self) -> None:
+        """Begin to measure; frames count from 0."""
+
+    def read(self, timeout: float) -> list[RawFrame | Lost]:
+        """What has come since the last call, in order; waits up to `timeout` [s] for anything."""
+
+    def stop(self) -> None:
+        """End measuring; does nothing where nothing is measured."""
+
+    def temperature(self) -> float:
+        """Temperature of the chip [degrees Celsius]."""
+
+    def close(self) -> None:
+        """Give the port back; may be called twice."""

@@ -1,0 +1,36 @@
+"""What an emulated board looks like from the wire, for whatever carries the bytes: an emulated USB bus, a pty."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
+    """The board refuses a control transfer."""
+
+
+class Unplugged(Exception):  # noqa: N818  # what has happened
+    """The board is gone from the bus."""
+
+
+class StreamPeripheral(Protocol):
+    """A board behind a byte stream: CDC or UART. Both calls raise `Unplugged` when it is gone, in any thread."""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, cut anywhere."""
+
+    def send(self, size: int, timeout: float) -> bytes:
+        """What one transfer to the host holds: 1 to `size` bytes, none where nothing is to be sent in `timeout` [s]."""
+
+
+class VendorPeripheral(Protocol):
+    """A board behind vendor requests and one bulk endpoint. All calls raise `Unplugged` when it is gone."""
+
+    def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
+        """A control transfer to the board; `Stall` refuses it."""
+
+    def control_in(self, request_type: int, request: int, value: int, index: int, length: int) -> bytes:
+        """A control transfer from the board, at most `length` bytes; `Stall` refuses it."""
+
+    def send(self, size: int, timeout: float) -> bytes:
+        """One bulk transfer to the host, at most `size` bytes; none where nothing is to be sent in `timeout` [s]."""
