@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from radarcore.antenna import GaussianPattern
+from radarcore.infineon import to_samples
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
@@ -396,7 +398,7 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
         recording().save(tmp_path / path)
     with pytest.raises(ValueError, match="expected a directory"):
         RecordingWriter(tmp_path / path, RADAR)
-    with pytest.raises(ValueError, match="format: expected one of 'npz', got 'zarr'"):
+    with pytest.raises(ValueError, match="format: expected one of 'npz', 'infineon', got 'zarr'"):
         recording().save(tmp_path / path, format="zarr")
     with pytest.raises(ValueError, match="to write frame by frame"):
         RecordingWriter(tmp_path / "rec.npz", RADAR)
@@ -469,3 +471,317 @@ def test_source_that_json_cannot_hold_is_refused_before_anything_is_made(tmp_pat
         with pytest.raises((TypeError, ValueError), match="source: expected what JSON can hold"):
             rec.save(tmp_path / where)
         assert not (tmp_path / where).exists()
+
+
+# Codes of an ADC.
+
+SENSOR = bgt60tr13c(num_samples=16, num_chirps=4)
+CODES = np.random.default_rng(3).integers(0, 4096, (4, 3, 4, 16), dtype=np.uint16)
+FRAME_TIMES = [1.7e9, 1.7e9 + 0.031, 1.7e9 + 0.0999, 1.7e9 + 7.0]  # by the clock of a host: irregular
+
+
+def sensor_frame(index: int, **stats: int) -> Frame:
+    return Frame(to_samples(CODES[index]), FRAME_TIMES[index], SENSOR, stats=stats, raw=CODES[index])
+
+
+@pytest.mark.parametrize("where", ["rec", "rec.npz"])
+def test_frames_of_a_sensor_are_in_full_scale_on_disk_too(tmp_path: Path, where: str) -> None:
+    if where == "rec":
+        with RecordingWriter(tmp_path / where, SENSOR, source={"port": "usb:1-2"}) as writer:
+            for index in range(4):
+                writer.append(sensor_frame(index))
+        assert json.loads((tmp_path / "rec/meta.json").read_text())["units"]["cube"] == "full scale"
+    else:
+        Recording.from_frames(map(sensor_frame, range(4)), {"port": "usb:1-2"}).save(tmp_path / where)
+    rec = Recording.load(tmp_path / where)
+    assert rec.source == {"port": "usb:1-2", "cube_unit": "full scale"}
+    assert rec.time.tolist() == FRAME_TIMES
+    np.testing.assert_array_equal(rec.raw, CODES)
+    for index, one in enumerate(rec.frames()):
+        np.testing.assert_array_equal(one.raw, CODES[index])
+
+
+def test_samples_in_watts_have_no_codes() -> None:
+    assert recording(dtype="float32").raw is None
+    assert recording(dtype="float32")[0].raw is None
+    unit = {"cube_unit": "full scale"}
+    assert Recording(CUBE[None], np.zeros(1), RADAR, source=unit).raw is None  # I/Q
+    assert Recording(np.zeros((1, 2, 4, 16)), np.zeros(1), RADAR, source=unit).raw is not None
+
+
+@pytest.mark.parametrize(
+    ("raw", "error", "message"),
+    [
+        (CODES[0].astype(np.int32), TypeError, "raw: expected uint16, got int32"),
+        (CODES, ValueError, r"raw: expected shape \(3, 4, 16\) as the cube, got \(4, 3, 4, 16\)"),
+    ],
+)
+def test_codes_that_do_not_fit_the_samples_are_refused(raw: Any, error: Any, message: str) -> None:
+    with pytest.raises(error, match=message):
+        Frame(to_samples(CODES[0]), 0.0, SENSOR, raw=raw)
+
+
+# Lost frames.
+
+
+@pytest.mark.parametrize("where", ["rec", "rec.npz", "written", "late"])
+def test_lost_frames_are_counted_on_disk(tmp_path: Path, where: str) -> None:
+    lost = [0, 0, 5, 1]
+    frames = [sensor_frame(i, lost_before=n) for i, n in enumerate(lost)]
+    if where == "late":  # a sensor that says so only where frames were lost
+        frames[:2] = [sensor_frame(0), sensor_frame(1)]
+    if where in ("written", "late"):
+        with RecordingWriter(tmp_path / where, SENSOR) as writer:
+            for one in frames:
+                writer.append(one)
+    else:
+        Recording.from_frames(frames).save(tmp_path / where)
+    rec = Recording.load(tmp_path / where)
+    assert rec.lost is not None
+    assert rec.lost.dtype == np.int32
+    assert rec.lost.tolist() == lost
+    assert [one.stats["lost_before"] for one in rec.frames()] == lost
+    assert Recording.from_frames(rec.frames()).lost.tolist() == lost  # type: ignore[union-attr]
+
+
+def test_where_nobody_counted_lost_frames_there_is_no_file(tmp_path: Path) -> None:
+    rec = Recording.from_frames([sensor_frame(0, lost_before=2)])
+    rec.save(tmp_path / "rec")
+    assert (tmp_path / "rec/lost.npy").is_file()
+    recording().save(tmp_path / "rec", overwrite=True)
+    assert not (tmp_path / "rec/lost.npy").exists()
+    loaded = Recording.load(tmp_path / "rec")
+    assert loaded.lost is None
+    assert "lost_before" not in loaded[0].stats
+
+
+def test_lost_frames_are_readable_while_they_are_written(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "rec", SENSOR, num_frames=4)
+    for index, num_lost in enumerate((None, 0, 3)):
+        writer.append(sensor_frame(index) if num_lost is None else sensor_frame(index, lost_before=num_lost))
+        with pytest.warns(UserWarning, match=f"{index + 1} of 4 planned frames"):
+            rec = Recording.load(tmp_path / "rec")
+        assert (None if rec.lost is None else rec.lost.tolist()) == (None, [0, 0], [0, 0, 3])[index]
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=lost), ValueError, r"lost: expected shape \(1,\)"),  # type: ignore[arg-type]
+        (
+            lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[-1]),
+            ValueError,
+            "lost: expected .* from 0 on, got -1",
+        ),  # type: ignore[arg-type]
+        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[2**31]), ValueError, "lost: expected numbers"),  # type: ignore[arg-type]
+        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[0.5]), TypeError, "lost: expected integers"),  # type: ignore[arg-type]
+        (lambda lost: Recording.from_frames([sensor_frame(0, lost_before=-1)]), ValueError, "lost_before.*at least 0"),
+        (lambda lost: Recording.from_frames([sensor_frame(0, lost_before=2**31)]), ValueError, "lost_before.*at most"),
+        (lambda lost: Recording(CUBE[None], [0.0], RADAR, source=None), TypeError, "source: expected a dict"),  # type: ignore[arg-type]
+    ],
+)
+def test_silly_counts_are_refused_by_name(make: Any, error: Any, message: str) -> None:
+    with pytest.raises(error, match=message):
+        make([0, 0])
+
+
+@pytest.mark.parametrize("array", [np.zeros(4, np.int64), np.zeros((4, 1), np.int32), np.full(4, -3, np.int32)])
+def test_lost_frames_on_disk_that_do_not_fit_are_refused(tmp_path: Path, array: Any) -> None:
+    Recording.from_frames([sensor_frame(index, lost_before=0) for index in range(4)]).save(tmp_path / "rec")
+    np.save(tmp_path / "rec/lost.npy", array)
+    with pytest.raises(ValueError, match="lost"):
+        Recording.load(tmp_path / "rec")
+
+
+def test_writer_refuses_a_count_that_is_none_before_anything_is_written(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "rec", SENSOR) as writer:
+        writer.append(sensor_frame(0))
+        with pytest.raises(TypeError, match=r'stats\["lost_before"\]: expected an integer'):
+            writer.append(sensor_frame(1, lost_before=1.5))  # type: ignore[arg-type]
+        writer.append(sensor_frame(2))
+    assert Recording.load(tmp_path / "rec").time.tolist() == [FRAME_TIMES[0], FRAME_TIMES[2]]
+
+
+# Interruptions.
+
+INTERRUPT_AT_ANY_MOMENT = """
+import signal, sys, warnings
+import numpy as np
+from radarcore.radar import bgt60tr13c
+from radarcore.infineon import to_samples
+from radarcore.recording import Frame, Recording, RecordingWriter
+
+warnings.simplefilter("ignore")
+radar = bgt60tr13c(num_samples=64, num_chirps=16)
+codes = [np.full((3, 16, 64), index % 4096, np.uint16) for index in range(4096)]
+frames = [Frame(to_samples(c), float(i), radar, stats={"lost_before": i} if i > 2 else {}, raw=c)
+          for i, c in enumerate(codes)]
+signal.signal(signal.SIGALRM, signal.default_int_handler)  # raises KeyboardInterrupt, as Ctrl-C does
+total = 0
+for trial in range(60):
+    path = f"{sys.argv[1]}/{trial}"
+    try:
+        with RecordingWriter(path, radar) as writer:
+            if trial % 2:  # else it may come before there is any frame
+                writer.append(frames[0])
+            signal.setitimer(signal.ITIMER_REAL, 1e-4 * 1.06**trial)
+            for frame in (frames * 10)[trial % 2 :]:
+                writer.append(frame)
+    except KeyboardInterrupt:
+        pass
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    rec = Recording.load(path)
+    assert rec.time.tolist() == [float(i) for i in range(len(rec))], rec.time
+    assert rec.lost is None or rec.lost.tolist() == [i if i > 2 else 0 for i in range(len(rec))]
+    assert all((rec.raw[i] == codes[i]).all() for i in range(len(rec))) if len(rec) else True
+    total += len(rec)
+print(total)
+"""
+
+
+def test_interrupt_at_any_moment_leaves_the_whole_frames(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", INTERRUPT_AT_ANY_MOMENT, str(tmp_path)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.stderr == ""
+    assert int(result.stdout) >= 30
+
+
+WRITE_UNTIL_FULL = """
+import errno, sys, warnings
+import numpy as np
+from radarcore.radar import bgt60tr13c
+from radarcore.infineon import to_samples
+from radarcore.recording import Frame, Recording, RecordingWriter
+
+warnings.simplefilter("ignore")
+radar = bgt60tr13c(num_samples=64, num_chirps=64)  # frames of 48 KiB
+codes = [np.full((3, 64, 64), index, np.uint16) for index in range(100)]
+try:
+    with RecordingWriter(sys.argv[1] + "/rec", radar, num_frames=100) as writer:
+        for index, c in enumerate(codes):
+            writer.append(Frame(to_samples(c), float(index), radar, stats={"lost_before": index}, raw=c))
+except OSError as error:
+    assert error.errno == errno.ENOSPC, error
+    assert error.filename.startswith(sys.argv[1]), error
+rec = Recording.load(sys.argv[1] + "/rec")
+assert rec.lost.tolist() == rec.time.tolist() == list(range(len(rec)))
+assert (rec.raw == np.array(codes[: len(rec)])).all()
+assert np.load(sys.argv[1] + "/rec/cube.npy").shape[0] == len(rec)
+before = Recording.load(sys.argv[1] + "/rec", mmap=False)
+try:
+    before.save(sys.argv[1] + "/again", format="infineon")
+except OSError as error:
+    assert error.errno == errno.ENOSPC, error
+else:
+    raise AssertionError("there was room")
+import pathlib
+assert [path.name for path in pathlib.Path(sys.argv[1]).iterdir()] == ["rec"]
+print(len(rec))
+"""
+
+
+def test_disk_without_room_keeps_the_whole_frames(tmp_path: Path) -> None:
+    place = tmp_path / "small"
+    place.mkdir()
+    mount = 'mount -t tmpfs -o size=1m none "$0" && exec "$@"'
+    inside = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", mount, str(place)]
+    if shutil.which("unshare") is None or subprocess.run([*inside, "true"], capture_output=True).returncode != 0:
+        pytest.skip("no small disk can be mounted here (unshare --user --mount)")
+    command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(place)]
+    result = subprocess.run([*inside, *command], capture_output=True, text=True, check=False)
+    assert result.stderr == ""
+    assert 18 <= int(result.stdout) <= 21  # 1 MiB has room for 21 of 48 KiB and a page for each of the other files
+
+
+# Replay.
+
+
+class Clock:
+    """A clock that goes on only when someone sleeps, or is told to."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, duration: float) -> None:
+        assert duration > 0.0
+        self.now += duration
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    result = Clock()
+    monkeypatch.setattr("time.monotonic", result)
+    monkeypatch.setattr("time.sleep", result.sleep)
+    return result
+
+
+def of_times(*times: float) -> Recording:
+    return Recording(np.zeros((len(times), 2, 4, 16), np.complex64), np.array(times), RADAR)
+
+
+@pytest.mark.parametrize(("speed", "scale"), [(1.0, 1.0), (4.0, 0.25), (0.5, 2.0)])
+def test_frames_are_replayed_when_they_are_due(clock: Clock, speed: float, scale: float) -> None:
+    times = [7.0, 7.1, 7.15, 27.0]
+    due = []
+    for one in of_times(*times).replay(speed=speed):
+        due.append((one.time, clock.now))
+        clock.now += 0.005  # what the consumer takes does not add up
+    assert [time for time, _ in due] == times
+    np.testing.assert_allclose([now for _, now in due], 100.0 + scale * (np.array(times) - 7.0), atol=1e-9)
+
+
+def test_late_consumer_does_not_wait_until_it_has_caught_up(clock: Clock) -> None:
+    seen = []
+    for one in of_times(0.0, 0.1, 0.2, 0.3, 0.4).replay():
+        seen.append(clock.now)
+        clock.now += 0.25 if one.time == 0.0 else 0.0
+    np.testing.assert_allclose(seen, [100.0, 100.25, 100.25, 100.3, 100.4], atol=1e-9)
+
+
+def test_first_frame_comes_at_once_whenever_it_is_asked_for(clock: Clock) -> None:
+    frames = of_times(5.0, 6.0).replay()
+    clock.now = 200.0
+    next(frames)
+    assert clock.now == 200.0
+    next(frames)
+    assert clock.now == 201.0
+
+
+@pytest.mark.parametrize("speed", [None, 1.0])
+def test_replay_in_a_loop_goes_on_in_time(clock: Clock, speed: float | None) -> None:
+    frames = list(itertools.islice(of_times(2.0, 2.1, 2.2).replay(speed=speed, loop=True), 8))
+    np.testing.assert_allclose([one.time for one in frames], 2.0 + 0.1 * np.arange(8))
+    assert clock.now == pytest.approx(100.0 if speed is None else 100.7)
+
+
+def test_loop_of_a_single_frame_has_the_interval_of_the_radar() -> None:
+    frames = list(itertools.islice(of_times(2.0).replay(speed=None, loop=True), 3))
+    np.testing.assert_allclose([one.time for one in frames], 2.0 + WAVEFORM.frame_interval * np.arange(3))
+
+
+def test_times_that_go_back_are_not_waited_for(clock: Clock) -> None:
+    frames = list(itertools.islice(of_times(3.0, 1.0, 2.0).replay(loop=True), 6))
+    assert [one.time for one in frames[:3]] == [3.0, 1.0, 2.0]
+    assert frames[3].time > 3.0
+
+
+def test_replay_without_waiting_gives_what_frames_gives() -> None:
+    rec = recording()
+    replayed = Recording.from_frames(rec.replay(speed=None), rec.source)
+    assert_same(replayed, rec)
+    assert list(of_times().replay(speed=None, loop=True)) == []
+    assert list(of_times().replay()) == []
+
+
+def test_replay_by_the_real_clock_ends() -> None:
+    assert len(list(of_times(0.0, 0.01, 0.02).replay())) == 3
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf")])
+def test_speed_that_is_none_is_refused_at_once(speed: float) -> None:
+    with pytest.raises(ValueError, match="speed: expected"):
+        recording().replay(speed=speed)

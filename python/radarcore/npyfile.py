@@ -1,0 +1,148 @@
+"""NPY files that grow frame by frame and are read as far as they got; files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from tokenize import TokenError
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from radarcore import check
+
+
+class GrowingFile:
+    """An NPY file that grows along its first axis; NumPy leaves room in the header for any length of it.
+
+    Parameters
+    ----------
+    path : Path
+    dtype : dtype
+        Written little-endian.
+    row : tuple of int
+        Shape of what is appended.
+    first : (row, ...) array, optional
+        Rows that are there from the start.
+    """
+
+    def __init__(
+        self, path: Path, dtype: np.dtype[Any], row: tuple[int, ...], first: NDArray[Any] | None = None
+    ) -> None:
+        self.path, self.dtype, self.row = path, dtype.newbyteorder("<"), row
+        header = self._header(0)
+        self._offset = len(header)
+        write_whole(path, header + (b"" if first is None else self._bytes(first)))
+        self._file = path.open("r+b", buffering=0)  # the system has every frame at once, killed or not
+        self._file.seek(0, os.SEEK_END)
+
+    def append(self, values: NDArray[Any]) -> None:
+        """Write one row."""
+        self._write(self._bytes(values))
+
+    def close(self, num_rows: int) -> None:
+        """Put the number of rows into the header and drop what follows them."""
+        with self._file, naming(self.path):
+            self._file.truncate(self._offset + num_rows * _num_bytes(self.row, self.dtype))
+            self._file.seek(0)
+            self._write(memoryview(self._header(num_rows)))
+
+    def _bytes(self, values: NDArray[Any]) -> memoryview:
+        return np.ascontiguousarray(values, dtype=self.dtype).reshape(-1).view(np.uint8).data
+
+    def _write(self, data: memoryview) -> None:
+        with naming(self.path):
+            while len(data) > 0:
+                data = data[self._file.write(data) :]
+
+    def _header(self, num_rows: int) -> bytes:
+        text = BytesIO()
+        shape = (num_rows, *self.row)
+        npy.write_array_header_1_0(
+            text, {"descr": npy.dtype_to_descr(self.dtype), "fortran_order": False, "shape": shape}
+        )
+        return text.getvalue()
+
+
+class ArrayFile:
+    """Header and whole rows of an NPY file, whatever number of rows the header says.
+
+    Parameters
+    ----------
+    path : Path
+    row : tuple of int
+        Shape of a row.
+    dtypes : tuple of str
+        Names of the dtypes it may have.
+    described_by : str
+        File that says what the shape should be, for messages.
+    """
+
+    def __init__(self, path: Path, row: tuple[int, ...], dtypes: tuple[str, ...], described_by: str) -> None:
+        self.path = path
+        with path.open("rb") as file:
+            shape, fortran_order, self.dtype = read_header(file, path)
+            self._offset = file.tell()
+            file.seek(0)
+            self.header = file.read(self._offset)
+            num_bytes = file.seek(0, os.SEEK_END) - self._offset
+        if self.dtype.name not in dtypes:
+            raise ValueError(f"{path}: expected {', '.join(dtypes)}, got {self.dtype}")
+        if len(shape) != 1 + len(row) or shape[1:] != row or (fortran_order and row):
+            order = " in Fortran order" if fortran_order else ""
+            raise ValueError(
+                f"{path}: expected shape {check.shape_text((None, *row))} by its {described_by}, got {shape}{order}"
+            )
+        self.shape, self.header_rows = row, int(shape[0])
+        row_bytes = _num_bytes(row, self.dtype)
+        self.num_rows = num_bytes // row_bytes if row_bytes else None  # rows of nothing: any number of them
+
+    def read(self, num_rows: int, mmap: bool) -> NDArray[Any]:
+        """The first rows, copied or mapped."""
+        shape = (num_rows, *self.shape)
+        if mmap and num_rows > 0:
+            return np.memmap(self.path, self.dtype, "r", self._offset, shape)
+        return np.fromfile(self.path, self.dtype, math.prod(shape), offset=self._offset).reshape(shape)
+
+
+def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, Fortran order and dtype at the start of an NPY file; ValueError, with the path, for a damaged one."""
+    readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+    try:
+        version = npy.read_magic(file)
+        if version not in readers:
+            raise ValueError(f"NPY version {version}")
+        shape, fortran_order, dtype = readers[version](file)
+        return shape, fortran_order, dtype
+    except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
+        # All that NumPy's reader, which evaluates the header as an expression, has for damaged ones.
+        raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a small file so that it is there whole or not at all."""
+    partial = path.with_name(path.name + ".part")
+    with naming(path):
+        partial.write_bytes(data)
+        partial.replace(path)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Gives an OSError the path that the system left out (disk full and the like)."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            raise type(error)(error.errno, error.strerror, str(path)) from error
+        raise
+
+
+def _num_bytes(row: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    return math.prod(row) * dtype.itemsize
