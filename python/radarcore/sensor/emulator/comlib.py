@@ -1,0 +1,431 @@
+"""The board's side of ComLib: an XMC board with a 60 GHz radar behind a byte stream."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.radar import Radar
+from radarcore.receiver import Receiver
+from radarcore.sensor.comlib import (
+    MAX_PAYLOAD,
+    Adc,
+    AdcSettings,
+    Base,
+    BoardParser,
+    Direction,
+    Endpoint,
+    EndpointType,
+    Firmware,
+    Fmcw,
+    FmcwSettings,
+    Format,
+    Frame,
+    Info,
+    Message,
+    Reading,
+    SignalPart,
+    Status,
+    StatusMessage,
+    decode_byte,
+    decode_number,
+    encode_endpoints,
+    encode_number,
+)
+from radarcore.sensor.comlib import Protocol as ProtocolCode
+from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.waveform import Waveform
+
+_BASE, _FMCW, _ADC = 1, 2, 3
+"""Numbers of the endpoints."""
+
+_OVERHEAD_NS = 22_000
+"""A chirp lasts longer than its samples: 150 us were measured with 256 samples at 2 MHz."""
+
+_MIN_RATE, _MAX_RATE = 20_000, 3_000_000
+"""Sample rates [Hz]: the highest seen in use, and the lowest that lets the longest chirp be told in 32 bits of ns."""
+
+_RX = 1.75e-3 * np.array([[0, -1, 1], [0, 1, 1], [0, -1, -1], [0, 1, -1]])
+"""Receivers of the BGT60TR24, a square of 3.5 mm [m]: RX1 is taken to be the upper right one, seen along the beam."""
+
+_BASE_SIZES: dict[int, int] = {
+    Base.GET_FRAME: 2,
+    Base.SET_INTERVAL: 5,
+    Base.TEST: 8,
+    Base.GET_VERSION: 1,
+    Base.GET_INFO: 1,
+    Base.GET_TEMPERATURE: 2,
+    Base.GET_TX_POWER: 2,
+    Base.GET_CHIRP_DURATION: 1,
+    Base.GET_MIN_INTERVAL: 1,
+    Base.GET_FORMAT: 1,
+    Base.FORMAT: 11,
+}
+_FMCW_SIZES: dict[int, int] = {Fmcw.GET_SETTINGS: 1, Fmcw.SETTINGS: 11, Fmcw.SLOPE: 1}
+_ADC_SIZES: dict[int, int] = {Adc.GET_SETTINGS: 1, Adc.SETTINGS: 7}
+"""Bytes of every request."""
+
+
+class Source(Protocol):
+    """What a radar sees, as its ADC has it."""
+
+    def frame(self, radar: Radar, index: int, time: float) -> NDArray[np.uint16]:
+        """Codes of a frame, (rx, chirp, sample), 0 to 4095; it starts `time` [s] after measuring has begun."""
+
+
+class _Refused(Exception):  # noqa: N818  # what has happened
+    def __init__(self, status: int) -> None:
+        self.status = status
+
+
+class ComLibEmulator:
+    """A `StreamPeripheral` with the endpoints RBAS, RFMC and, if wanted, RADX.
+
+    It does what the published firmware does: checks the size of every request, reports what follows from a setting
+    before the status, discards everything after an error until the line has been silent, and sends a frame only when
+    asked. One TX; samples are real; chirps go up or down, one after the other.
+
+    Parameters
+    ----------
+    source : Source
+        Gives the frames. It is called by `send`, which raises what it raises.
+    speed : float, optional
+        Seconds of measuring in one of the clock: 1 is real time. A frame is ready an interval after the last one, and
+        over when the next is. Default: frames are ready whenever they are asked for, and none is ever lost.
+    sample_rate : float
+        Sample rate after power-up [Hz].
+    has_adc : bool
+        Whether there is the endpoint RADX, which sets the sample rate.
+    is_interleaved : bool
+        Whether frames have the receivers in turn, sample by sample.
+    temperature : float
+        Temperature of the chip [degrees Celsius]; the attribute may change.
+    resync_timeout : float
+        Silence after which an incomplete message is given up [s].
+    buffer_size : int
+        Largest payload of a request [bytes].
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        *,
+        speed: float | None = None,
+        sample_rate: float = 2e6,
+        has_adc: bool = True,
+        is_interleaved: bool = False,
+        temperature: float = 40.0,
+        resync_timeout: float = 10.0,
+        buffer_size: int = 512,
+    ) -> None:
+        self.temperature = check.number("temperature", temperature, "degrees Celsius")
+        self._source = source
+        self._speed = None if speed is None else check.positive("speed", speed)
+        self._initial_rate = round(check.positive("sample_rate", sample_rate, "Hz"))
+        if not _MIN_RATE <= self._initial_rate <= _MAX_RATE:
+            raise ValueError(f"sample_rate: expected {_MIN_RATE} to {_MAX_RATE} Hz, got {sample_rate}")
+        self._resync_timeout = check.positive("resync_timeout", resync_timeout, "s")
+        self._is_interleaved = is_interleaved
+        self._info = Info(56_000_000, 64_000_000, 2, len(_RX), 31, 1, 1, 0, int(is_interleaved), 0, "BGT60TR24B")
+        types = [EndpointType.RBAS, EndpointType.RFMC, EndpointType.RADX][: 3 if has_adc else 2]
+        self._endpoints = [Endpoint(letters) for letters in types]
+        self._handlers: list[Callable[[bytes], list[Message]]] = [self._protocol, self._base, self._fmcw, self._adc]
+        self._parser = BoardParser(len(types), check.count("buffer_size", buffer_size))
+        self._changed = threading.Condition()
+        self._is_unplugged = False
+        self._last_byte = 0.0
+        self._waiting: list[Message | StatusMessage] = []
+        self._out = bytearray()
+        self._reset()
+
+    @property
+    def radar(self) -> Radar:
+        """The radar as it is set, which the source is asked for frames of."""
+        ramp, adc, form = self._ramp, self._converter, self._format
+        duration = self._chirp_duration / 1e9
+        slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
+        is_up = ramp.direction == Direction.UP
+        waveform = Waveform(
+            start_frequency=(ramp.lower_khz if is_up else ramp.upper_khz) * 1e3,
+            slope=slope if is_up else -slope,
+            sample_rate=adc.sample_rate,
+            num_samples=form.num_samples,
+            num_chirps=form.num_chirps,
+            chirp_interval=duration,
+            frame_interval=max(self._interval, self._min_interval) / 1e6,
+            # Where in the ramp the samples lie is not known: in its middle.
+            adc_delay=0.5 * (duration - form.num_samples / adc.sample_rate),
+        )
+        enabled = [position for i, position in enumerate(_RX) if form.rx_mask >> i & 1]
+        return Radar(waveform, rx=enabled, receiver=Receiver(output="real"))
+
+    def unplug(self) -> None:
+        """Take the board off the bus: calls from now on, and those that wait, raise `Unplugged`."""
+        with self._changed:
+            self._is_unplugged = True
+            self._changed.notify_all()
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, cut anywhere."""
+        with self._changed:
+            self._check_plugged()
+            self._give_up()
+            self._last_byte = time.monotonic()
+            self._waiting += self._parser.feed(data)
+            self._changed.notify_all()
+
+    def send(self, size: int, timeout: float) -> bytes:
+        """What one transfer to the host holds: 1 to `size` bytes, none where nothing is to be sent in `timeout` [s]."""
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while True:
+                self._check_plugged()
+                self._give_up()
+                next_event = self._work()
+                left = deadline - time.monotonic()
+                if self._out or left <= 0.0:
+                    break
+                self._changed.wait(min(left, next_event, self._silent_in))
+            data = bytes(self._out[:size])
+            del self._out[:size]
+            return data
+
+    def _check_plugged(self) -> None:
+        if self._is_unplugged:
+            raise Unplugged
+
+    def _give_up(self) -> None:
+        """Say that a message is incomplete, when the line has been silent for the time-out."""
+        if self._silent_in == 0.0:
+            self._waiting += self._parser.silence()
+
+    @property
+    def _silent_in(self) -> float:
+        """Time until an incomplete message is given up [s]."""
+        if self._parser.is_idle:
+            return math.inf
+        return max(0.0, self._last_byte + self._resync_timeout - time.monotonic())
+
+    def _work(self) -> float:
+        """Answer what has come, up to a frame that is not ready; time until it is [s]."""
+        while self._waiting:
+            item = self._waiting[0]
+            if isinstance(item, Message):
+                if (ready_in := self._answer_in(item)) > 0.0:
+                    return ready_in
+                self._answer(item)
+            else:
+                self._out += item.encode()
+            del self._waiting[0]
+        return math.inf
+
+    def _answer(self, request: Message) -> None:
+        try:
+            messages = self._handlers[request.endpoint](request.payload)
+            status = Status.OK.value
+        except _Refused as refused:
+            messages = []
+            status = refused.status
+        for message in messages:
+            self._out += message.encode()
+        self._out += StatusMessage(request.endpoint, status).encode()
+
+    def _reset(self) -> None:
+        """Settings as after power-up."""
+        self._ramp = FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31)
+        self._converter = AdcSettings(self._initial_rate)
+        self._format = Format(64, 16, 0xF)
+        self._told_temperature = self.temperature
+        self._set_interval(0)
+
+    # Frames
+
+    def _now(self) -> float:
+        """Time of the board [s]."""
+        return time.monotonic() * (self._speed or 1.0)
+
+    def _set_interval(self, interval: int) -> None:
+        """Begin to measure, a frame every `interval` [us]; 0: when asked."""
+        self._interval = interval
+        self._begin = self._now()
+        self._next_index = 0
+
+    def _answer_in(self, request: Message) -> float:
+        """Time until a request can be answered [s]: none, or until a frame is ready."""
+        is_frame = request.endpoint == _BASE and request.code == Base.GET_FRAME and len(request.payload) == 2
+        return self._ready_in if is_frame and decode_byte(request.payload) else 0.0
+
+    @property
+    def _num_over(self) -> int:
+        """Frames that are over or ready; those that have been sent, where frames are ready when asked for."""
+        if self._speed is None or not self._interval:
+            return self._next_index + 1
+        return math.floor((self._now() - self._begin) / (self._interval / 1e6))
+
+    @property
+    def _ready_in(self) -> float:
+        """Time until a frame is ready that has not been sent [s]."""
+        if self._num_over > self._next_index:
+            return 0.0
+        # By a rounding it may be zero too soon: look again then.
+        ready = self._begin + (self._next_index + 1) * self._interval / 1e6
+        return max(1e-6, (ready - self._now()) / (self._speed or 1.0))
+
+    def _take_frame(self) -> list[Message]:
+        _check(self._num_over > self._next_index, Status.BUSY)
+        # The newest frame: older ones are over.
+        index = self._num_over - 1
+        self._next_index = index + 1
+        radar = self.radar
+        codes = np.asarray(self._source.frame(radar, index, index * radar.waveform.frame_interval))
+        shape = (len(radar.rx), radar.waveform.num_chirps, radar.waveform.num_samples)
+        if codes.shape != shape or codes.dtype != np.uint16 or codes.max() > 0xFFF:
+            raise ValueError(f"frame: expected codes of 12 bit, uint16 {shape}, got {codes.dtype} {codes.shape}")
+        frame = Frame(
+            # Without a trigger frames are not counted.
+            index % 2**32 if self._interval else 0,
+            codes[..., np.newaxis],
+            self._format.rx_mask,
+            is_interleaved=self._is_interleaved,
+        )
+        messages = [Message(_BASE, frame.encode())]
+        if self.temperature != self._told_temperature:
+            messages.append(self._tell_temperature())
+        return messages
+
+    def _tell_temperature(self) -> Message:
+        self._told_temperature = self.temperature
+        return Message(_BASE, Reading(0, round(self.temperature * 1e3)).encode(Base.TEMPERATURE))
+
+    # Endpoints
+
+    @property
+    def _has_adc(self) -> bool:
+        return len(self._endpoints) >= _ADC
+
+    @property
+    def _chirp_duration(self) -> int:
+        """[ns]."""
+        return round(self._format.num_samples / self._converter.sample_rate * 1e9) + _OVERHEAD_NS
+
+    @property
+    def _min_interval(self) -> int:
+        """Shortest frame interval [us]."""
+        return -(-self._format.num_chirps * self._chirp_duration // 1000)
+
+    def _tell_timing(self) -> list[Message]:
+        return [
+            Message(_BASE, encode_number(Base.CHIRP_DURATION, self._chirp_duration)),
+            Message(_BASE, encode_number(Base.MIN_INTERVAL, self._min_interval)),
+        ]
+
+    def _tell_slope(self) -> Message:
+        # kHz per ns are 1e6 MHz per s.
+        slope = round((self._ramp.upper_khz - self._ramp.lower_khz) / self._chirp_duration * 1e6)
+        return Message(_FMCW, encode_number(Fmcw.SLOPE, slope))
+
+    def _tell_power(self, tx_index: int) -> Message:
+        # Step 10 is about 0 dBm; 0.4 dB a step is a guess.
+        power = Reading(tx_index, 400 * (self._ramp.tx_power - 10))
+        return Message(_BASE, power.encode(Base.TX_POWER))
+
+    def _protocol(self, payload: bytes) -> list[Message]:
+        """Endpoint 0."""
+        _check_size(payload, dict.fromkeys(ProtocolCode, 1))
+        match payload[0]:
+            case ProtocolCode.ENDPOINTS:
+                return [Message(0, encode_endpoints(self._endpoints))]
+            case ProtocolCode.FIRMWARE:
+                return [Message(0, Firmware(1, 0, 0, "BGT60TR24B radar board, emulated").encode())]
+        self._reset()
+        return []
+
+    def _base(self, payload: bytes) -> list[Message]:
+        """RBAS."""
+        _check_size(payload, _BASE_SIZES)
+        match payload[0]:
+            case Base.GET_FRAME:
+                return self._take_frame()
+            case Base.SET_INTERVAL:
+                interval = decode_number(payload)
+                _check(interval == 0 or interval >= self._min_interval, Status.UNSUPPORTED_INTERVAL)
+                self._set_interval(interval)
+                return []
+            case Base.GET_VERSION:
+                return [Message(_BASE, bytes([Base.VERSION, 1, 0, 0]))]
+            case Base.GET_INFO:
+                return [Message(_BASE, self._info.encode())]
+            case Base.GET_TEMPERATURE:
+                _check(decode_byte(payload) < self._info.num_sensors, Status.NO_SUCH_SENSOR)
+                return [self._tell_temperature()]
+            case Base.GET_TX_POWER:
+                _check(decode_byte(payload) < self._info.num_tx, Status.NO_SUCH_ANTENNA)
+                return [self._tell_power(decode_byte(payload))]
+            case Base.GET_CHIRP_DURATION:
+                return self._tell_timing()[:1]
+            case Base.GET_MIN_INTERVAL:
+                return self._tell_timing()[1:]
+            case Base.GET_FORMAT:
+                return [Message(_BASE, self._format.encode())]
+            case Base.FORMAT:
+                return self._set_format(Format.decode(payload))
+        # A constant wave is nothing that a source of frames could show.
+        raise _Refused(Status.NOT_POSSIBLE)
+
+    def _set_format(self, form: Format) -> list[Message]:
+        _check(0 < form.rx_mask < 1 << self._info.num_rx, Status.NO_SUCH_ANTENNA)
+        _check(form.signal_part == SignalPart.I, Status.SIGNAL_PART_NOT_AVAILABLE)
+        num_codes = form.num_samples * form.num_chirps * form.rx_mask.bit_count()
+        _check(num_codes > 0 and 18 + (num_codes * 12 + 7) // 8 <= MAX_PAYLOAD, Status.UNSUPPORTED_FORMAT)
+        self._format = form
+        messages = [Message(_BASE, form.encode()), *self._tell_timing()]
+        if self._has_adc:
+            messages.append(Message(_ADC, self._converter.encode()))
+        return [*messages, self._tell_slope()]
+
+    def _fmcw(self, payload: bytes) -> list[Message]:
+        """RFMC."""
+        _check_size(payload, _FMCW_SIZES)
+        match payload[0]:
+            case Fmcw.SETTINGS:
+                ramp = FmcwSettings.decode(payload)
+                limits = self._info
+                is_inside = limits.min_frequency_khz <= ramp.lower_khz < ramp.upper_khz <= limits.max_frequency_khz
+                _check(is_inside, Status.FREQUENCY_OUT_OF_RANGE)
+                _check(ramp.direction in (Direction.UP, Direction.DOWN), Status.UNSUPPORTED_DIRECTION)
+                _check(ramp.tx_power <= limits.max_tx_power, Status.TX_POWER_OUT_OF_RANGE)
+                self._ramp = ramp
+                powers = [self._tell_power(tx_index) for tx_index in range(limits.num_tx)]
+                return [*powers, Message(_FMCW, ramp.encode())]
+            case Fmcw.SLOPE:
+                return [self._tell_slope()]
+        return [Message(_FMCW, self._ramp.encode())]
+
+    def _adc(self, payload: bytes) -> list[Message]:
+        """RADX."""
+        _check_size(payload, _ADC_SIZES)
+        messages = []
+        if payload[0] == Adc.SETTINGS:
+            converter = AdcSettings.decode(payload)
+            _check(_MIN_RATE <= converter.sample_rate <= _MAX_RATE, Status.SAMPLE_RATE_OUT_OF_RANGE)
+            _check(converter.resolution == 12, Status.UNSUPPORTED_RESOLUTION)
+            self._converter = converter
+            messages = self._tell_timing()
+        return [*messages, Message(_ADC, self._converter.encode())]
+
+
+def _check(is_good: bool, status: int) -> None:
+    if not is_good:
+        raise _Refused(status)
+
+
+def _check_size(payload: bytes, sizes: Mapping[int, int]) -> None:
+    """Known code, and a payload of its size."""
+    _check(sizes.get(payload[0]) == len(payload), Status.UNKNOWN_MESSAGE)

@@ -1,0 +1,549 @@
+"""Strata packets against the byte examples of the protocol, and against rubbish."""
+
+from __future__ import annotations
+
+import random
+import struct
+import tracemalloc
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from radarcore.sensor import strata
+from radarcore.sensor.errors import ProtocolError, RequestError
+from radarcore.sensor.strata import (
+    Avian,
+    BoardParser,
+    Code,
+    Component,
+    Damage,
+    Data,
+    DataPacket,
+    HostParser,
+    Info,
+    Kind,
+    Request,
+    Response,
+    Slice,
+    SliceAssembler,
+    SliceLost,
+    Status,
+    StreamError,
+)
+
+# The same examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
+fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+REQUESTS = {
+    "c0 80 01 00 00 00 10 00 d7 45": Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16),
+    "43 80 00 00 00 00 00 00 a4 62": Request.transfer(Code.BOARD_INFO, Info.NAME, 0),
+    "c0 80 02 00 00 00 10 00 19 a5": Request.read(Code.BOARD_INFO, Info.UUID, 0, 16),
+    "40 0d 03 00 00 00 00 00 e3 04": Request.write(Code.DATA, Data.START, 0),
+    "40 0d 04 00 00 00 00 00 2b 45": Request.write(Code.DATA, Data.STOP, 0),
+    "c0 20 00 00 03 01 01 00 cb 44": Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1),
+    "40 20 03 01 20 05 00 00 11 17": Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE),
+    "43 20 03 01 30 01 04 00 04 00 00 00 9e 5d": Request.transfer(
+        Code.COMPONENT, Component.AVIAN, Avian.EXECUTE, strata.encode_commands([0x04000000])
+    ),
+    "40 0d 01 00 00 00 0c 00 10 00 00 00 00 00 00 00 60 00 00 18 56 af": Request.write(
+        Code.DATA, Data.CONFIGURE, 0, strata.data_configuration(6144)
+    ),
+    "40 20 03 01 30 02 04 00 0c 00 00 00 c6 83": Request.write(
+        Code.COMPONENT, Component.AVIAN, Avian.SET_BITS, strata.encode_values([0x0000000C])
+    ),
+}
+
+ANSWERS = {
+    "c0 00 10 00 02 00 06 00 00 00 00 00 04 00 00 00 00 00 00 00 97 b2": Response(
+        Kind.READ, 0, strata.Version(2, 6, 0).encode()
+    ),
+    "c0 00 10 00 02 00 05 00 06 00 00 00 04 00 00 00 00 00 00 00 11 2f": Response(
+        Kind.READ, 0, strata.Version(2, 5, 6).encode()
+    ),
+    "40 00 00 00 ea 5c": Response(Kind.WRITE, Status.SUCCESS),
+    "c0 00 01 00 01 05 a5": Response(Kind.READ, 0, b"\x01"),
+    "43 00 04 00 03 03 00 f0 24 a9": Response(Kind.TRANSFER, 0, strata.encode_values([0xF0000303])),
+    "40 8b 00 00 21 f7": Response(Kind.WRITE, Status.BAD_PAYLOAD),
+    "df 00 01 00 0c 00 07 00 00 00 40 e2 01 00 00 00 00 00 d7 bf": DataPacket(
+        b"", 1, timestamp=123456, error=Status.OVERFLOW
+    ),
+    "df 00 05 00 0c 00 07 00 00 00 40 e2 01 00 00 00 00 00 57 6d": DataPacket(b"", 5, timestamp=123456, error=7),
+    "d3 00 00 00 06 00 12 34 56 78 9a bc e7 4c": DataPacket(bytes.fromhex("123456789abc"), 0),
+}
+
+
+def encode(answer: Response | DataPacket) -> bytes:
+    return strata.encode_data(answer) if isinstance(answer, DataPacket) else strata.encode_response(answer)
+
+
+def pieces(data: bytes, cuts: Sequence[int]) -> list[bytes]:
+    places = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
+    return [data[a:b] for a, b in pairwise(places)]
+
+
+def feed_all(parser: Any, parts: Sequence[bytes]) -> list[Any]:
+    found = []
+    for part in parts:
+        found += parser.feed(part)
+        assert len(parser._buffer) <= strata.MAX_PACKET
+        assert len(parser._awaited) <= len(parser._buffer)
+        assert len(parser._awaited_by_end) <= strata.MAX_PACKET
+    return found
+
+
+def good(found: Sequence[Any]) -> list[Any]:
+    return [item for item in found if not isinstance(item, Damage)]
+
+
+def num_damaged(found: Sequence[Any]) -> int:
+    return sum(item.num_bytes for item in found if isinstance(item, Damage))
+
+
+# Byte examples
+
+
+def test_crc_is_ccitt_false():
+    assert strata.crc(b"123456789") == 0x29B1
+
+
+@pytest.mark.parametrize(("text", "request_"), REQUESTS.items())
+def test_requests_are_the_bytes_of_the_protocol(text, request_):
+    assert strata.encode_request(request_).hex(" ") == text
+    assert BoardParser().feed(bytes.fromhex(text)) == [request_]
+
+
+@pytest.mark.parametrize(("text", "answer"), ANSWERS.items())
+def test_answers_are_the_bytes_of_the_protocol(text, answer):
+    assert encode(answer).hex(" ") == text
+    assert HostParser().feed(bytes.fromhex(text)) == [answer]
+
+
+def test_bulk_packet_is_the_same_without_crc():
+    for text, packet in ANSWERS.items():
+        if isinstance(packet, DataPacket):
+            data = bytes.fromhex(text)[:-2]
+            assert strata.encode_data(packet, with_crc=False) == data
+            assert strata.decode_data(data) == packet
+
+
+def test_data_configuration_is_the_bytes_of_the_protocol():
+    payload = bytes.fromhex("10 00 00 00 00 00 00 00 60 00 00 18")
+    assert strata.data_configuration(6144) == payload
+    assert strata.decode_data_configuration(payload) == (0x10, 0x60, 6144)
+
+
+def test_commands_go_out_high_byte_first_and_values_come_low_byte_first():
+    assert strata.encode_commands([0x030A0210, 0x011E8271]).hex(" ") == "03 0a 02 10 01 1e 82 71"
+    assert strata.decode_commands(bytes.fromhex("030a0210")) == [0x030A0210]
+    assert strata.encode_values([0xF0000303]).hex(" ") == "03 03 00 f0"
+    assert strata.decode_values(bytes.fromhex("030300f0")) == [0xF0000303]
+
+
+def test_identity_of_a_board():
+    info = bytes.fromhex("8b 05 51 02") + b"Radar Baseboard MCU7\0"
+    assert strata.encode_board_info(0x058B, 0x0251, "Radar Baseboard MCU7") == info
+    assert strata.decode_board_info(info) == (0x058B, 0x0251, "Radar Baseboard MCU7")
+    version = strata.Version.decode(bytes.fromhex("02 00 06 00 00 00 00 00 04 00 00 00 00 00 00 00"))
+    assert (version.firmware, version.protocol_major, version.protocol_minor) == ("2.6.0", 4, 0)
+    text = "00010203-0405-0607-0809-0a0b0c0d0e0f"
+    assert strata.uuid_text(bytes(range(16))) == text
+    assert strata.uuid_bytes(text) == bytes(range(16))
+
+
+def test_status_has_a_name_and_a_number():
+    assert strata.status_text(0x84) == "CRC error (0x84)"
+    assert strata.status_text(0x8B) == "bad payload (0x8B)"
+    assert strata.status_text(0x012E) == "FIFO overflow (0x12E)"
+    assert strata.status_text(0x33) == "unknown status (0x33)"
+
+
+# Data packets
+
+
+def test_timestamp_of_a_packet_that_is_not_the_last_is_samples():
+    packet = strata.decode_data(bytes.fromhex("d5 00 00 00 08 00 01 02 03 04 05 06 07 08"))
+    assert packet == DataPacket(bytes(range(1, 9)), 0, is_first=True, is_last=False)
+
+
+def test_error_of_another_length_than_4_is_a_text():
+    packet = DataPacket(b"", 9, error="sensor lost")
+    assert strata.encode_data(packet, with_crc=False) == b"\xdb\x00\x09\x00\x0b\x00sensor lost"
+    assert strata.decode_data(b"\xdb\x00\x09\x00\x0c\x00sensor lost\0") == packet
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "d3", "d3 00 00 00 01 00", "d3 00 00 00 00 00 00", "40 00 00 00 00 00", "d7 00 00 00 04 00 01 02 03 04"],
+)
+def test_bulk_transfer_of_another_size_is_refused(text):
+    with pytest.raises(ProtocolError, match="Strata data packet: expected"):
+        strata.decode_data(bytes.fromhex(text))
+
+
+@fuzz
+@given(st.binary(max_size=40))
+def test_any_bulk_transfer_is_a_packet_or_refused(data):
+    try:
+        packet = strata.decode_data(data)
+    except ProtocolError:
+        return
+    assert len(packet.payload) <= len(data) - 6
+
+
+# What does not fit
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: strata.encode_request(Request.write(1, 0, 0, bytes(4086))),
+            "payload: expected at most 4085 bytes, got",
+        ),
+        (lambda: strata.encode_request(Request.read(1, 0, 0, 65536)), "length: expected 0 to 65535, got 65536"),
+        (lambda: strata.encode_request(Request(Kind.WRITE, 1, 0, 0, 3, b"1")), "payload: expected 3 bytes, got 1"),
+        (lambda: strata.encode_request(Request(Kind.READ, 1, 0, 0, 1, b"1")), "payload: expected 0 bytes, got 1"),
+        (lambda: strata.encode_request(Request.write(256, 0, 0)), "request: expected 0 to 255, got 256"),
+        (lambda: strata.encode_response(Response(Kind.READ, 0, bytes(4090))), "payload: expected at most 4089 bytes"),
+        (lambda: strata.encode_response(Response(Kind.READ, -1)), "status: expected 0 to 255, got -1"),
+        (lambda: strata.encode_data(DataPacket(bytes(4080), 0, timestamp=0)), "expected at most 4087 bytes.*got 4088"),
+        (lambda: strata.encode_data(DataPacket(b"", 65536)), "counter: expected 0 to 65535, got 65536"),
+        (lambda: strata.encode_data(DataPacket(b"", 0, is_last=False, timestamp=0)), "is_last: expected True"),
+        (lambda: strata.encode_data(DataPacket(b"1", 0, error=1)), "payload: expected none with an error, got 1 bytes"),
+        (lambda: strata.encode_commands([2**32]), "words: expected numbers of 32 bit"),
+        (lambda: strata.data_configuration(6143), "slice_size: expected an even number up to 65534, got 6143"),
+        (lambda: strata.data_configuration(65536), "slice_size: expected an even number up to 65534, got 65536"),
+        (lambda: strata.data_configuration(0), "slice_size: expected at least 2, got 0"),
+        (lambda: strata.uuid_bytes("12"), "uuid: expected 32 hexadecimal digits, got '12'"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("decode", "data"),
+    [
+        (strata.Version.decode, bytes(15)),
+        (strata.decode_board_info, bytes(3)),
+        (strata.uuid_text, bytes(17)),
+        (strata.decode_values, bytes(5)),
+        (strata.decode_commands, bytes(5)),
+    ],
+)
+def test_answers_of_a_wrong_size_are_refused(decode, data):
+    with pytest.raises(ProtocolError, match=f"expected .*got {len(data)}"):
+        decode(data)
+
+
+@pytest.mark.parametrize(
+    ("payload", "options", "status"),
+    [
+        ("10 00 00 00 00 00 00 00 60 00 00 18", {"index": 1}, 0x06),
+        ("10 00 00 00 00 00 00 00 60 00 00", {}, 0x02),
+        ("10 00 00 00 00 00 00 00 60 00 00 18 60 00 00 18", {}, 0x02),
+        ("", {}, 0x02),
+        ("10 00 00 00 00 00 00 00", {}, 0x03),
+        ("10 00 00 00 00 00 00 00 00 01 00 18", {}, 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 01 18", {}, 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 00 00", {}, 0x03),
+        ("11 00 00 00 00 00 00 00 60 00 00 18", {}, 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 00 18", {"max_slice_size": 6142}, 0x07),
+    ],
+)
+def test_data_configuration_is_refused_with_the_status_of_a_board(payload, options, status):
+    with pytest.raises(RequestError) as refused:
+        strata.decode_data_configuration(bytes.fromhex(payload), **options)
+    assert refused.value.status == status
+
+
+# Parsers
+
+responses = st.builds(
+    Response, st.sampled_from([Kind.WRITE, Kind.READ, Kind.TRANSFER]), st.integers(0, 255), st.binary(max_size=300)
+)
+packets = st.builds(
+    DataPacket,
+    st.binary(max_size=300),
+    st.integers(0, 65535),
+    st.integers(0, 255),
+    is_first=st.booleans(),
+    timestamp=st.none() | st.integers(0, 2**64 - 1),
+)
+answers = responses | packets
+numbers = st.integers(0, 65535)
+requests = (
+    st.builds(Request.read, st.integers(0, 255), numbers, numbers, numbers)
+    | st.builds(Request.write, st.integers(0, 255), numbers, numbers, st.binary(max_size=300))
+    | st.builds(Request.transfer, st.integers(0, 255), numbers, numbers, st.binary(max_size=300))
+)
+START_BYTES = (0x40, 0x43, 0xC0, *range(0xD0, 0xE0))
+rubbish = st.lists(st.sampled_from([byte for byte in range(256) if byte not in START_BYTES]), max_size=50).map(bytes)
+cuts = st.lists(st.integers(0, 5000))
+
+
+@fuzz
+@given(st.lists(answers), cuts)
+def test_host_gets_every_packet_however_the_stream_is_cut(sent, places):
+    stream = b"".join(map(encode, sent))
+    assert feed_all(HostParser(), pieces(stream, places)) == sent
+
+
+@fuzz
+@given(st.lists(requests), cuts)
+def test_board_gets_every_request_however_the_stream_is_cut(sent, places):
+    stream = b"".join(map(strata.encode_request, sent))
+    assert feed_all(BoardParser(), pieces(stream, places)) == sent
+
+
+@fuzz
+@given(st.lists(st.tuples(rubbish, answers)), rubbish, cuts)
+def test_host_gets_every_packet_between_rubbish(sent, tail, places):
+    stream = b"".join(noise + encode(answer) for noise, answer in sent) + tail
+    found = feed_all(HostParser(), pieces(stream, places))
+    assert good(found) == [answer for _, answer in sent]
+    assert num_damaged(found) == sum(len(noise) for noise, _ in sent) + len(tail)
+
+
+@fuzz
+@given(st.lists(st.tuples(rubbish, requests)), cuts)
+def test_board_gets_every_request_between_rubbish(sent, places):
+    stream = b"".join(noise + strata.encode_request(request) for noise, request in sent)
+    found = feed_all(BoardParser(), pieces(stream, places))
+    assert good(found) == [request for _, request in sent]
+    # One status for every time that the stream goes wrong: as often as rubbish comes.
+    damage = [item for item in found if isinstance(item, Damage)]
+    assert [item.status for item in damage if item.status] == [0x85 for noise, _ in sent if noise]
+
+
+@fuzz
+@given(st.lists(answers, max_size=3), answers, st.lists(answers, max_size=3), st.data())
+def test_flipped_bits_lose_no_packet_but_their_own(before, hit, after, data):
+    bits = bytearray(encode(hit))
+    for _ in range(data.draw(st.integers(1, 3))):
+        bit = data.draw(st.integers(0, 8 * len(bits) - 1))
+        bits[bit // 8] ^= 1 << bit % 8
+    stream = b"".join(map(encode, before)) + bits + b"".join(map(encode, after))
+    # Fillers: as many bytes as the damaged packet may claim.
+    fillers = [DataPacket(bytes(100), 0)] * 50
+    stream += b"".join(map(encode, fillers))
+    found = good(feed_all(HostParser(), pieces(stream, data.draw(cuts))))
+    wanted = [*before, *after, *fillers]
+    if bytes(bits) == encode(hit):
+        wanted.insert(len(before), hit)
+    assert found == wanted
+
+
+@fuzz
+@given(st.lists(st.binary() | answers.map(encode) | requests.map(strata.encode_request)), cuts)
+def test_no_bytes_upset_the_parsers(parts, places):
+    stream = b"".join(parts)
+    for parser in (HostParser(), BoardParser()):
+        found = feed_all(parser, pieces(stream, places))
+        sizes = [
+            item.num_bytes
+            if isinstance(item, Damage)
+            else len(strata.encode_request(item) if isinstance(item, Request) else encode(item))
+            for item in found
+        ]
+        assert all(sizes)
+        assert sum(sizes) + len(parser._buffer) == len(stream)
+
+
+def test_false_header_does_not_hold_up_a_packet_behind_it():
+    # A byte that begins no packet puts the parser out of step; 0xd3 then claims 4087 bytes.
+    false = bytes.fromhex("00 d3 00 00 00 f0 0f")
+    answer = Response(Kind.WRITE, 0)
+    assert good(HostParser().feed(false + encode(answer))) == [answer]
+    parser = HostParser()
+    assert feed_all(parser, [false[:3], false[3:], encode(answer)[:4]]) == [
+        Damage(1, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID)
+    ]
+    assert good(parser.feed(encode(answer)[4:])) == [answer]
+
+
+def test_packet_within_reach_of_two_false_headers_is_found():
+    answer = Response(Kind.READ, 0, b"answer")
+    for claim in (20, 40, 4080):
+        false = b"\x00\xd3\x00\x00\x00" + struct.pack("<H", claim) + b"\x40\x00" + struct.pack("<H", claim)
+        stream = false + encode(answer) + encode(answer)
+        assert good(feed_all(HostParser(), [stream[i : i + 1] for i in range(len(stream))])) == [answer, answer]
+
+
+def test_packet_in_step_waits_for_its_end():
+    data = encode(DataPacket(bytes(4087), 0))
+    parser = HostParser()
+    parser.feed(encode(Response(Kind.WRITE, 0)))
+    assert feed_all(parser, [data[i : i + 100] for i in range(0, 4000, 100)]) == []
+    assert parser.feed(data[4000:]) == [DataPacket(bytes(4087), 0)]
+
+
+def test_damage_tells_its_status_once():
+    request = Request.write(Code.DATA, Data.START, 0)
+    bad = bytearray(strata.encode_request(request))
+    bad[-1] ^= 1
+    parser = BoardParser()
+    (damage,) = parser.feed(bytes(bad[:6])) + parser.feed(bytes(bad[6:]))
+    assert damage == Damage(10, "bad CRC of a packet of 10 bytes", Status.CRC_ERROR)
+    assert parser.feed(b"\x01\x02") == [Damage(2, "bad CRC of a packet of 10 bytes")]
+    assert parser.feed(strata.encode_request(request)) == [request]
+    assert parser.feed(b"\x01") == [Damage(1, "byte 0x01 begins no packet", Status.REQUEST_TYPE_INVALID)]
+
+
+def test_request_that_claims_too_much_is_refused_at_its_header():
+    (damage, *_) = BoardParser().feed(bytes.fromhex("40 0d 01 00 00 00 f6 0f"))
+    assert (damage.status, damage.reason) == (Status.PAYLOAD_TOO_LONG, "packet of 4096 bytes")
+
+
+def test_bytes_before_a_reset_are_forgotten():
+    for parser, packet in ((HostParser(), ANSWERS), (BoardParser(), REQUESTS)):
+        text = next(iter(packet))
+        data = bytes.fromhex(text)
+        parser.feed(data[:-1])
+        parser.reset()
+        assert parser.feed(data) == [packet[text]]
+
+
+def test_packet_with_a_good_crc_and_no_room_for_its_timestamp_is_damage():
+    body = bytes.fromhex("d7 00 00 00 04 00 01 02 03 04")
+    found = HostParser().feed(body + strata.crc(body).to_bytes(2, "big"))
+    assert good(found) == []
+
+
+@pytest.mark.parametrize("kind", ["random", "start bytes", "long claims"])
+def test_much_rubbish_takes_little_memory_and_leaves_the_next_packet_whole(kind):
+    generator = random.Random(1)
+    stream = {
+        "random": generator.randbytes(100_000),
+        "start bytes": b"\xd3" * 100_000,
+        "long claims": bytes.fromhex("d3 00 d3 00 f0 0f") * 5_000,
+    }[kind]
+    parser = HostParser()
+    tracemalloc.start()
+    found = feed_all(parser, [b"\0" + stream[i : i + 1000] for i in range(0, len(stream), 1000)])
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # A record or two for each of 100 pieces, and two records of about 200 bytes for each of 4095 places.
+    assert memory < 2 << 20
+    del found
+    answer = Response(Kind.WRITE, 0)
+    assert good(parser.feed(encode(answer)))[-1:] == [answer]
+
+
+# Slices
+
+
+def slice_of(*parts: bytes, first: int = 0) -> list[DataPacket]:
+    """Packets of one slice, numbered from `first` on."""
+    last = len(parts) - 1
+    return [
+        DataPacket(part, (first + i) % 65536, is_first=i == 0, is_last=i == last, timestamp=77 if i == last else None)
+        for i, part in enumerate(parts)
+    ]
+
+
+def assemble(packets_: Sequence[DataPacket], max_size: int = 100) -> list[Any]:
+    assembler = SliceAssembler(max_size)
+    return [item for packet in packets_ for item in assembler.feed(packet)]
+
+
+def test_slice_is_its_packets_in_a_row():
+    sent = slice_of(b"ab", b"cd", b"e", first=65534) + slice_of(b"f", first=1)
+    assert assemble(sent) == [Slice(b"abcde", 77, 65534, 3), Slice(b"f", 77, 1, 1)]
+
+
+def test_lost_packets_are_counted_modulo_65536():
+    sent = slice_of(b"a", first=65534) + slice_of(b"b", first=3)
+    assert assemble(sent)[1:] == [SliceLost("expected packet 65535, got 3", 4), Slice(b"b", 77, 3, 1)]
+
+
+def test_gap_in_a_slice_loses_the_slice_alone():
+    first, middle, last = slice_of(b"a", b"b", b"c")
+    after = slice_of(b"d", b"e", first=3)
+    missing = SliceLost("packet of a slice whose first packet is missing", 1)
+    assert assemble([first, last, *after]) == [
+        SliceLost("incomplete slice: expected packet 1, got 2", 1),
+        SliceLost("expected packet 1, got 2", 1),
+        missing,
+        Slice(b"de", 77, 3, 2),
+    ]
+    assert assemble([middle, last, *after]) == [missing, missing, Slice(b"de", 77, 3, 2)]
+    assert assemble([first, middle, *after]) == [
+        SliceLost("incomplete slice: expected packet 2, got 3", 2),
+        SliceLost("expected packet 2, got 3", 1),
+        Slice(b"de", 77, 3, 2),
+    ]
+
+
+def test_first_packet_replaces_an_incomplete_slice():
+    first, _ = slice_of(b"a", b"b")
+    assert assemble([first, *slice_of(b"c", first=1)]) == [
+        SliceLost("incomplete slice before the next one", 1),
+        Slice(b"c", 77, 1, 1),
+    ]
+
+
+def test_counter_that_goes_back_counts_no_loss():
+    assert assemble(slice_of(b"a", first=5) * 2) == [
+        Slice(b"a", 77, 5, 1),
+        SliceLost("expected packet 6, got 5", 0),
+        Slice(b"a", 77, 5, 1),
+    ]
+
+
+def test_too_large_slice_is_thrown_away():
+    assert assemble(slice_of(b"abc", b"def", b"g") + slice_of(b"h", first=3), max_size=5) == [
+        SliceLost("slice of more than 5 bytes", 2),
+        SliceLost("packet of a slice whose first packet is missing", 1),
+        Slice(b"h", 77, 3, 1),
+    ]
+    assert assemble(slice_of(b"abc", b"de"), max_size=5) == [Slice(b"abcde", 77, 0, 2)]
+
+
+def test_packet_of_another_channel_is_no_part_of_a_slice():
+    first, last = slice_of(b"a", b"b")
+    stray = DataPacket(b"x", 1, channel=1, is_first=False, is_last=True)
+    last = DataPacket(b"b", 2, is_first=False)
+    assert assemble([first, stray, last]) == [
+        SliceLost("packet of channel 1 in a slice of 0", 1),
+        Slice(b"ab", None, 0, 3 - 1),
+    ]
+
+
+def test_error_packet_ends_the_slice_before_it():
+    first, _ = slice_of(b"a", b"b")
+    assert assemble([first, DataPacket(b"", 1, timestamp=123456, error=7)]) == [
+        SliceLost("incomplete slice before an error", 1),
+        StreamError(7, 123456),
+    ]
+
+
+def test_counter_may_begin_anywhere_after_a_reset():
+    assembler = SliceAssembler(100)
+    first, _ = slice_of(b"a", b"b")
+    assembler.feed(first)
+    assembler.reset()
+    assert assembler.feed(*slice_of(b"c", first=900)) == [Slice(b"c", 77, 900, 1)]
+
+
+@fuzz
+@given(
+    st.lists(st.tuples(st.binary(max_size=9), st.booleans(), st.booleans(), st.integers(0, 1), st.integers(1, 40000))),
+    st.integers(0, 65535),
+)
+def test_packets_of_slices_and_of_losses_add_up(sent, counter):
+    assembler = SliceAssembler(20)
+    total = counted = 0
+    for payload, is_first, is_last, channel, step in sent:
+        counter = (counter + step) % 65536
+        # The counter that the first packet has is adopted; later ones may go back, which counts the packet alone.
+        total += 1 if not total or step > 0x8000 else step
+        for item in assembler.feed(DataPacket(payload, counter, channel, is_first, is_last)):
+            assert not isinstance(item, Slice) or len(item.data) <= 20
+            counted += item.num_packets
+    assert counted + len(assembler._parts) == total
