@@ -1,0 +1,502 @@
+"""An emulated USB bus with boards on it, as a backend of pyusb: what runs above it is pyusb's own code.
+
+It answers as libusb does on Linux: timeouts in milliseconds (0: for ever), `USBTimeoutError`, and `USBError` with
+EPIPE for a stall, ENODEV once the device is gone (also for calls under way), EBUSY for what another has, EACCES for
+what may not be opened, EOVERFLOW for a packet that does not fit into the buffer.
+
+A board that raises TimeoutError in a call leaves the transfer without an answer, for which nobody waits here. A
+transfer of the board that fills whole packets ends with one of no bytes, as the vendor's boards must end theirs
+(Strata, vendor transport).
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import struct
+import threading
+from array import array
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import monotonic
+from types import SimpleNamespace
+from typing import NoReturn
+
+from radarcore.sensor.emulator.descriptors import (
+    configuration_descriptor,
+    device_descriptor,
+    endpoint_descriptor,
+    interface_descriptor,
+)
+from radarcore.sensor.emulator.peripheral import Stall, StreamPeripheral, Unplugged, VendorPeripheral
+from radarcore.sensor.transport import require_pyusb
+
+_LANGUAGE = 0x0409  # English (United States)
+
+_SLICE = 0.02
+"""Longest wait within a board [s], after which the bus looks whether it is still plugged in."""
+
+_LARGEST_PACKET = 65536
+"""Bytes of a vendor board's transfer at most: more than any that the boards send."""
+
+_ERROR_CODES = {  # of libusb
+    errno.EIO: -1,
+    errno.EINVAL: -2,
+    errno.EACCES: -3,
+    errno.ENODEV: -4,
+    errno.ENOENT: -5,
+    errno.EBUSY: -6,
+    errno.ETIMEDOUT: -7,
+    errno.EOVERFLOW: -8,
+    errno.EPIPE: -9,
+}
+
+
+@dataclass(eq=False)
+class EmulatedDevice:
+    """A board with its descriptors, to be plugged into an `EmulatedBus`.
+
+    Attributes
+    ----------
+    stream : StreamPeripheral or None
+        The board, if it is one behind a byte stream.
+    vendor : VendorPeripheral or None
+        The board, if it is one behind vendor requests.
+    descriptor : namespace
+        Device descriptor, with the names of the USB specification.
+    interfaces : list of namespace
+        Interface descriptors; each has its ``endpoints``.
+    strings : dict
+        String descriptors by their indices.
+    has_driver : bool
+        The kernel has a driver for all interfaces and binds it when the device is plugged in.
+    is_denied : bool
+        The device may not be opened.
+    max_write : int or None
+        Bytes that a transfer to the board carries before its time is over; None for all.
+    answers_class_requests : bool
+        Line coding and control lines are accepted, not stalled.
+    line_coding, control_lines : bytes, int
+        As the host has set them last.
+    """
+
+    stream: StreamPeripheral | None
+    vendor: VendorPeripheral | None
+    descriptor: SimpleNamespace
+    interfaces: list[SimpleNamespace]
+    strings: dict[int, str]
+    has_driver: bool = False
+    is_denied: bool = False
+    max_write: int | None = None
+    answers_class_requests: bool = True
+    line_coding: bytes = bytes(7)
+    control_lines: int = 0
+    _connection: _Connection | None = field(default=None, repr=False)
+
+    @property
+    def driver_is_bound(self) -> bool:
+        """Whether the kernel's driver has the device now."""
+        return self._connection is not None and self._connection.driver_is_bound
+
+    @property
+    def claimed_interfaces(self) -> frozenset[int]:
+        """Numbers of the interfaces that programs have claimed."""
+        return frozenset(self._connection.claims if self._connection else ())
+
+
+def cdc_device(
+    peripheral: StreamPeripheral,
+    *,
+    vendor_id: int = 0x058B,
+    product_id: int = 0x0251,
+    product: str = "IFX_CDC",
+    serial_number: str = "",
+    high_speed: bool = True,
+) -> EmulatedDevice:
+    """A CDC-ACM board, to which the kernel binds a driver: communication interface 0, data interface 1."""
+    packet_size = 512 if high_speed else 64
+    functional = bytes.fromhex("05240010010524010001042402020524060001")  # header, calls, ACM, union of 0 and 1
+    interfaces = [
+        interface_descriptor(0, 0x02, 0x02, 0x01, [endpoint_descriptor(0x82, 3, 16, 11)], functional),
+        interface_descriptor(
+            1, 0x0A, 0x00, 0x00, [endpoint_descriptor(0x81, 2, packet_size), endpoint_descriptor(0x01, 2, packet_size)]
+        ),
+    ]
+    descriptor, strings = device_descriptor(0x02, vendor_id, product_id, product, serial_number, high_speed)
+    return EmulatedDevice(peripheral, None, descriptor, interfaces, strings, has_driver=True)
+
+
+def vendor_device(
+    peripheral: VendorPeripheral,
+    *,
+    vendor_id: int = 0x058B,
+    product_id: int = 0x0252,
+    product: str = "Radar Baseboard MCU7",
+    serial_number: str = "",
+) -> EmulatedDevice:
+    """A vendor-class board at high speed: interface 0 with bulk IN 0x81 (Strata, vendor transport)."""
+    interfaces = [interface_descriptor(0, 0xFF, 0x00, 0x00, [endpoint_descriptor(0x81, 2, 512)])]
+    descriptor, strings = device_descriptor(0xFF, vendor_id, product_id, product, serial_number, True)
+    return EmulatedDevice(None, peripheral, descriptor, interfaces, strings)
+
+
+class EmulatedBus:
+    """A USB bus, passed as `usb_backend` wherever one is asked for; several threads may use it.
+
+    A wait of one transfer holds up no other.
+    """
+
+    number = 1
+    """Number of the bus."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._connections: list[_Connection] = []
+        self._last_address = 0
+
+    def plug(self, device: EmulatedDevice) -> None:
+        """Plug a device in; it gets a new address, and the kernel's driver if there is one."""
+        with self._lock:
+            if device._connection is not None:
+                raise ValueError("device: expected one that is not plugged in, got one that is")
+            used = {connection.port for connection in self._connections}
+            port = next(n for n in range(1, len(used) + 2) if n not in used)
+            self._last_address = self._last_address % 127 + 1
+            device._connection = _Connection(device, self._last_address, port, driver_is_bound=device.has_driver)
+            self._connections.append(device._connection)
+
+    def unplug(self, device: EmulatedDevice) -> None:
+        """Unplug a device, if it is there: calls under way fail, and its handles are dead for good."""
+        if device._connection is not None:
+            self.drop(device._connection)
+
+    def drop(self, connection: _Connection) -> None:
+        """End a connection, by the hand that pulls the plug or by the board itself."""
+        with self._lock:
+            connection.is_gone.set()
+            if connection in self._connections:
+                self._connections.remove(connection)
+                connection.device._connection = None
+
+    # What pyusb asks of a backend, with its names and arguments.
+
+    def enumerate_devices(self) -> list[_Connection]:
+        """Devices that are plugged in."""
+        with self._lock:
+            return list(self._connections)
+
+    def get_parent(self, connection: _Connection) -> None:
+        """No hubs are emulated."""
+
+    def get_device_descriptor(self, connection: _Connection) -> SimpleNamespace:
+        """Device descriptor, with the place on the bus."""
+        speed = connection.device.descriptor.speed
+        place = {"bus": self.number, "address": connection.address, "port_number": connection.port}
+        return SimpleNamespace(
+            **vars(connection.device.descriptor) | place | {"speed": speed, "port_numbers": (connection.port,)}
+        )
+
+    def get_configuration_descriptor(self, connection: _Connection, configuration: int) -> SimpleNamespace:
+        """The only configuration."""
+        if configuration != 0:
+            raise IndexError(f"configuration: expected 0, got {configuration}")
+        return configuration_descriptor(connection.device.interfaces)
+
+    def get_interface_descriptor(
+        self, connection: _Connection, interface: int, alternate: int, _configuration: int
+    ) -> SimpleNamespace:
+        """An interface, which has no alternate settings."""
+        if alternate != 0:
+            raise IndexError(f"alternate: expected 0, got {alternate}")
+        return connection.device.interfaces[interface]
+
+    def get_endpoint_descriptor(
+        self, connection: _Connection, endpoint: int, interface: int, _alternate: int, _configuration: int
+    ) -> SimpleNamespace:
+        """An endpoint of an interface."""
+        descriptor: SimpleNamespace = connection.device.interfaces[interface].endpoints[endpoint]
+        return descriptor
+
+    def open_device(self, connection: _Connection) -> _Handle:
+        """A handle of a device."""
+        connection.check_here()
+        if connection.device.is_denied:
+            _fail(errno.EACCES)
+        return _Handle(connection)
+
+    def close_device(self, handle: _Handle) -> None:
+        """Close a handle, which releases what it has claimed."""
+        with self._lock:
+            claims = handle.connection.claims
+            for number in [number for number, owner in claims.items() if owner is handle]:
+                del claims[number]
+
+    def get_configuration(self, handle: _Handle) -> int:
+        """Value of the only configuration."""
+        handle.connection.check_here()
+        return 1
+
+    def set_configuration(self, handle: _Handle, value: int) -> None:
+        """Set the only configuration, which it is already."""
+        handle.connection.check_here()
+        if value != 1:
+            _fail(errno.ENOENT)
+        if handle.connection.driver_is_bound or handle.connection.claims:
+            _fail(errno.EBUSY)
+
+    def set_interface_altsetting(self, handle: _Handle, interface: int, alternate: int) -> None:
+        """Set the only setting, which it is already."""
+        handle.check_claimed(interface)
+        if alternate != 0:
+            _fail(errno.ENOENT)
+
+    def claim_interface(self, handle: _Handle, interface: int) -> None:
+        """Claim an interface, unless the kernel's driver or another handle has it."""
+        with self._lock:
+            connection = handle.connection
+            connection.check_here()
+            if interface not in connection.interface_numbers():
+                _fail(errno.ENOENT)
+            if connection.driver_is_bound or connection.claims.get(interface, handle) is not handle:
+                _fail(errno.EBUSY)
+            connection.claims[interface] = handle
+
+    def release_interface(self, handle: _Handle, interface: int) -> None:
+        """Give an interface back."""
+        with self._lock:
+            handle.check_claimed(interface)
+            del handle.connection.claims[interface]
+
+    def is_kernel_driver_active(self, handle: _Handle, interface: int) -> bool:
+        """Whether the kernel's driver has an interface."""
+        handle.connection.check_here()
+        return handle.connection.driver_is_bound and interface in handle.connection.interface_numbers()
+
+    def detach_kernel_driver(self, handle: _Handle, interface: int) -> None:
+        """Take an interface from the kernel's driver, which then leaves the others too (as cdc_acm does)."""
+        with self._lock:
+            if not self.is_kernel_driver_active(handle, interface):
+                _fail(errno.ENOENT)
+            handle.connection.driver_is_bound = False
+
+    def attach_kernel_driver(self, handle: _Handle, interface: int) -> None:
+        """Let the kernel's driver take all interfaces, if asked for the first one and nobody has any."""
+        with self._lock:
+            connection = handle.connection
+            connection.check_here()
+            if not connection.device.has_driver or interface != connection.interface_numbers()[0]:
+                _fail(errno.ENOENT)
+            if connection.driver_is_bound or connection.claims:
+                _fail(errno.EBUSY)
+            connection.driver_is_bound = True
+
+    def bulk_read(self, handle: _Handle, endpoint: int, interface: int, buffer: array[int], timeout: int) -> int:
+        """One transfer from a board, into a buffer."""
+        handle.check_claimed(interface)
+        deadline = _deadline(timeout)
+        lock = handle.connection.endpoint_locks[endpoint]
+        if not lock.acquire(timeout=-1 if math.isinf(deadline) else max(deadline - monotonic(), 0.0)):
+            _fail(errno.ETIMEDOUT)
+        try:
+            data = handle.connection.bulk_in(endpoint, len(buffer), deadline, self)
+        finally:
+            lock.release()
+        buffer[: len(data)] = array("B", data)
+        return len(data)
+
+    def bulk_write(self, handle: _Handle, endpoint: int, interface: int, data: array[int], timeout: int) -> int:
+        """One transfer to a board, or the part of it that the board takes in time."""
+        handle.check_claimed(interface)
+        connection, device = handle.connection, handle.connection.device
+        if device.stream is None or connection.endpoint(endpoint) is None:
+            _fail(errno.ENOENT)
+        taken = data.tobytes()[: device.max_write]
+        if taken:
+            with connection.answers(self, endpoint):
+                device.stream.receive(taken)
+        if len(taken) < len(data) and connection.is_gone.wait(timeout / 1000.0 if timeout else None):
+            _fail(errno.ENODEV)
+        if data and not taken:
+            _fail(errno.ETIMEDOUT)
+        return len(taken)
+
+    def intr_read(self, handle: _Handle, _endpoint: int, interface: int, _buffer: array[int], timeout: int) -> int:
+        """A notification of the board, of which there are none."""
+        handle.check_claimed(interface)
+        _fail(
+            errno.ENODEV if handle.connection.is_gone.wait(timeout / 1000.0 if timeout else None) else errno.ETIMEDOUT
+        )
+
+    def intr_write(self, *_arguments: object) -> NoReturn:
+        """No board has such an endpoint; pyusb asks for the method all the same."""
+        raise NotImplementedError("transfers of this type are not emulated")
+
+    iso_read = iso_write = intr_write
+
+    def ctrl_transfer(
+        self,
+        handle: _Handle,
+        request_type: int,
+        request: int,
+        value: int,
+        index: int,
+        data: array[int],
+        _timeout: int,
+    ) -> int:
+        """A control transfer on endpoint 0."""
+        connection = handle.connection
+        with connection.answers(self, 0):
+            answer = connection.control(request_type, request, value, index, data)
+        if not request_type & 0x80:
+            return len(data)
+        if len(answer) > len(data):
+            _fail(errno.EOVERFLOW)
+        data[: len(answer)] = array("B", answer)
+        return len(answer)
+
+    def clear_halt(self, handle: _Handle, endpoint: int) -> None:
+        """End the stall of an endpoint."""
+        handle.connection.check_here()
+        handle.connection.halted.discard(endpoint)
+
+    def reset_device(self, handle: _Handle) -> None:
+        """End all stalls; the board goes on as it was."""
+        handle.connection.check_here()
+        handle.connection.halted.clear()
+
+
+@dataclass(eq=False)
+class _Connection:
+    """A device from one plugging in to the next unplugging: what libusb calls a device."""
+
+    device: EmulatedDevice
+    address: int
+    port: int
+    driver_is_bound: bool
+    claims: dict[int, _Handle] = field(default_factory=dict)
+    """Interfaces that are claimed, and by whom."""
+    halted: set[int] = field(default_factory=set)
+    rest: bytes | None = None
+    """Rest of the board's transfer: b"" where only its end, a packet of no bytes, is still to come."""
+    is_gone: threading.Event = field(default_factory=threading.Event)
+    endpoint_locks: dict[int, threading.Lock] = field(default_factory=lambda: defaultdict(threading.Lock))
+
+    def check_here(self) -> None:
+        """Fail once the device is unplugged."""
+        if self.is_gone.is_set():
+            _fail(errno.ENODEV)
+
+    def interface_numbers(self) -> list[int]:
+        """Numbers of the interfaces, in order."""
+        return [interface.bInterfaceNumber for interface in self.device.interfaces]
+
+    def endpoint(self, address: int) -> SimpleNamespace | None:
+        """The endpoint with an address."""
+        endpoints = (endpoint for interface in self.device.interfaces for endpoint in interface.endpoints)
+        return next((endpoint for endpoint in endpoints if endpoint.bEndpointAddress == address), None)
+
+    @contextmanager
+    def answers(self, bus: EmulatedBus, endpoint: int) -> Iterator[None]:
+        """A call of the board: its refusals become errors of the bus."""
+        self.check_here()
+        if endpoint in self.halted:
+            _fail(errno.EPIPE)
+        try:
+            yield
+        except Stall:
+            if endpoint != 0:  # endpoint 0 is free again with the next request
+                self.halted.add(endpoint)
+            _fail(errno.EPIPE)
+        except Unplugged:
+            bus.drop(self)
+            _fail(errno.ENODEV)
+        except TimeoutError:
+            _fail(errno.ETIMEDOUT)
+        self.check_here()
+
+    def bulk_in(self, address: int, size: int, deadline: float, bus: EmulatedBus) -> bytes:
+        """What a transfer into a buffer of `size` bytes brings."""
+        endpoint = self.endpoint(address)
+        board = self.device.stream or self.device.vendor
+        if endpoint is None or board is None:
+            _fail(errno.ENOENT)
+        packet_size: int = endpoint.wMaxPacketSize
+
+        # Take the next transfer of the board, unless the last one did not fit.
+        while self.rest is None:
+            whole = math.ceil(size / packet_size) * packet_size
+            with self.answers(bus, address):
+                wait = min(max(deadline - monotonic(), 0.0), _SLICE)
+                self.rest = board.send(_LARGEST_PACKET if self.device.vendor else whole, wait) or None
+            if self.rest is None and monotonic() >= deadline:
+                _fail(errno.ETIMEDOUT)
+
+        # A packet that crosses the end of the buffer is lost with the transfer.
+        transfer, self.rest = self.rest, None
+        if len(transfer) > size and size % packet_size:
+            _fail(errno.EOVERFLOW)
+        if len(transfer) > size or (len(transfer) == size and size and size % packet_size == 0):
+            self.rest = transfer[size:]
+        return transfer[:size]
+
+    def control(self, request_type: int, request: int, value: int, index: int, data: array[int]) -> bytes:
+        """Answer of the device to a request, empty for one to the device; `Stall` for what it does not know."""
+        device = self.device
+        kind = request_type >> 5 & 3
+        if kind == 2 and device.vendor is not None:
+            if request_type & 0x80:
+                return device.vendor.control_in(request_type, request, value, index, len(data))
+            device.vendor.control_out(request_type, request, value, index, data.tobytes())
+            return b""
+        if kind == 1 and device.stream is not None and device.answers_class_requests:
+            # Requests of CDC PSTN devices: set line coding, set control line state, get line coding.
+            match request_type, request:
+                case 0x21, 0x20:
+                    device.line_coding = data.tobytes()
+                    return b""
+                case 0x21, 0x22:
+                    device.control_lines = value
+                    return b""
+                case 0xA1, 0x21:
+                    return device.line_coding[: len(data)]
+        if (request_type, request) == (0x80, 0x06):  # GET_DESCRIPTOR
+            return self._descriptor(value >> 8, value & 0xFF)[: len(data)]
+        raise Stall
+
+    def _descriptor(self, kind: int, index: int) -> bytes:
+        if kind == 1:
+            d = self.device.descriptor
+            ids = (d.idVendor, d.idProduct, d.bcdDevice, d.iManufacturer, d.iProduct, d.iSerialNumber)
+            classes = (d.bDeviceClass, d.bDeviceSubClass, d.bDeviceProtocol, d.bMaxPacketSize0)
+            return struct.pack("<BBHBBBBHHHBBBB", 18, 1, d.bcdUSB, *classes, *ids, 1)
+        if kind == 3 and (index == 0 or index in self.device.strings):
+            text = struct.pack("<H", _LANGUAGE) if index == 0 else self.device.strings[index].encode("utf-16-le")
+            return bytes([2 + len(text), 3]) + text
+        raise Stall
+
+
+@dataclass(eq=False)
+class _Handle:
+    """A device that a program has open."""
+
+    connection: _Connection
+
+    def check_claimed(self, interface: int) -> None:
+        """Fail for an interface that is not claimed by this handle."""
+        self.connection.check_here()
+        if self.connection.claims.get(interface) is not self:
+            _fail(errno.ENOENT)
+
+
+def _deadline(timeout: int) -> float:
+    """End of a wait of `timeout` [ms], 0 for one without end."""
+    return monotonic() + timeout / 1000.0 if timeout else math.inf
+
+
+def _fail(number: int) -> NoReturn:
+    """Raise the error of pyusb that libusb's backend raises for an error number."""
+    core = require_pyusb().core
+    kind = core.USBTimeoutError if number == errno.ETIMEDOUT else core.USBError
+    raise kind(errno.errorcode[number], _ERROR_CODES[number], number)

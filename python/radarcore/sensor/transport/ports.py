@@ -1,0 +1,154 @@
+"""Boards that are plugged in, and opening one by name."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, Literal
+
+from radarcore.sensor.errors import SensorError
+from radarcore.sensor.transport.serialport import SerialStream, serial_ports
+from radarcore.sensor.transport.stream import Stream, VendorPort
+from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, device_path, usb_devices, usb_strings
+
+Kind = Literal["serial", "usb-cdc", "usb-vendor"]
+
+INFINEON = 0x058B
+"""Vendor id of all boards."""
+
+KNOWN_BOARDS: dict[tuple[int, int], tuple[Kind, str]] = {
+    (INFINEON, 0x0058): ("usb-cdc", "XMC board with ComLib, or another XMC product"),
+    (INFINEON, 0x0251): ("usb-cdc", "Radar Baseboard MCU7"),
+    (INFINEON, 0x0252): ("usb-vendor", "Radar Baseboard MCU7"),
+    (INFINEON, 0x0253): ("usb-cdc", "AirEvaluationKit"),
+    (INFINEON, 0x0256): ("usb-vendor", "KIT_60TR13C_EMBEDD_UNL"),
+}
+"""Vendor and product id -> kind of port and board (Strata, known ids; Infineon boards, which board speaks what)."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """Where a board is, or may be.
+
+    Attributes
+    ----------
+    kind : str
+        ``"serial"``, ``"usb-cdc"`` (a byte stream too, without the kernel's driver) or ``"usb-vendor"``.
+    path : str
+        Device file or COM port, or ``usb:BUS-ADDRESS``.
+    vendor_id, product_id : int or None
+        USB ids; None where the port has none.
+    product, serial_number : str
+        As the device calls itself; empty where that is unknown.
+    description : str
+        For people: which board it is by its ids, and what hinders reading more.
+    """
+
+    kind: Kind
+    path: str
+    vendor_id: int | None
+    product_id: int | None
+    product: str
+    serial_number: str
+    description: str
+
+
+def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Port]:
+    """Ports that may have a board, serial ones first; whether one has is known only by speaking to it.
+
+    Parameters
+    ----------
+    usb_backend : backend of pyusb, optional
+        Where to look for USB devices; libusb where none is given.
+    with_serial : bool
+        List serial ports too: those with the ids of boards, and ttyACM and ttyUSB ports without known ids. A CDC
+        board that the kernel has as a tty is listed once, as that.
+
+    Returns
+    -------
+    ports : list of Port
+
+    Warns
+    -----
+    RuntimeWarning
+        libusb is missing; the serial ports are listed all the same.
+    """
+    ttys = [tty for tty in serial_ports() if _may_be_board(tty)] if with_serial else []
+    try:
+        devices = usb_devices(usb_backend)
+    except SensorError as error:
+        if not with_serial:
+            raise
+        warnings.warn(f"only serial ports are listed: {error}", RuntimeWarning, stacklevel=2)
+        devices = []
+    ports = [_serial_port(tty) for tty in ttys]
+    for device in devices:
+        if (device.idVendor, device.idProduct) in KNOWN_BOARDS:
+            port = _usb_port(device)
+            if not any(_is_same(port, device, tty) for tty in ttys):
+                ports.append(port)
+    return ports
+
+
+def open_stream(port: Port | str, *, usb_backend: Any = None) -> Stream:
+    """Open a serial port or a CDC board.
+
+    Parameters
+    ----------
+    port : Port or str
+        One that was found, a device file, ``COM3``, ``usb:BUS-ADDRESS`` such as ``usb:1-5``, or ``usb:VID:PID`` such
+        as ``usb:058b:0251``.
+    usb_backend : backend of pyusb, optional
+        As in `find_ports`.
+
+    Raises
+    ------
+    SensorNotFoundError
+        Nothing is there.
+    SensorError
+        It may not be opened, is in use, or is something else.
+    """
+    if isinstance(port, Port) and port.kind == "usb-vendor":
+        raise ValueError(f"port: expected one with a byte stream, got {port.path}, which is a vendor-class device")
+    path = port.path if isinstance(port, Port) else port
+    return UsbStream(path, usb_backend=usb_backend) if path.startswith("usb:") else SerialStream(path)
+
+
+def open_vendor_port(port: Port | str, *, usb_backend: Any = None) -> VendorPort:
+    """Open a vendor-class board; parameters and errors are those of `open_stream`."""
+    if isinstance(port, Port) and port.kind != "usb-vendor":
+        raise ValueError(f"port: expected a vendor-class device, got {port.path}, which has a byte stream")
+    return UsbVendorPort(port.path if isinstance(port, Port) else port, usb_backend=usb_backend)
+
+
+def _usb_port(device: Any) -> Port:
+    kind, board = KNOWN_BOARDS[device.idVendor, device.idProduct]
+    try:
+        strings = usb_strings(device, {device.iProduct, device.iSerialNumber})
+    except SensorError as error:
+        strings, board = {}, f"{board} ({error})"
+    product, serial_number = strings.get(device.iProduct, ""), strings.get(device.iSerialNumber, "")
+    return Port(kind, device_path(device), device.idVendor, device.idProduct, product, serial_number, board)
+
+
+def _serial_port(tty: Any) -> Port:
+    board = KNOWN_BOARDS.get((tty.vid, tty.pid), ("", tty.description))[1]
+    return Port("serial", tty.device, tty.vid, tty.pid, tty.product or "", tty.serial_number or "", board)
+
+
+def _may_be_board(tty: Any) -> bool:
+    if tty.vid is None:
+        return PurePath(tty.device).name.startswith(("ttyACM", "ttyUSB"))
+    return (tty.vid, tty.pid) in KNOWN_BOARDS
+
+
+def _is_same(port: Port, device: Any, tty: Any) -> bool:
+    """Whether a tty is the kernel's view of a USB device."""
+    if (tty.vid, tty.pid) != (port.vendor_id, port.product_id):
+        return False
+    if tty.location and device.port_numbers:
+        # Linux has "1-2.3:1.0": bus, ports of the hubs, configuration and interface.
+        place: str = tty.location.partition(":")[0]
+        return place == f"{device.bus}-{'.'.join(map(str, device.port_numbers))}"
+    return (tty.serial_number or "") == port.serial_number

@@ -1,0 +1,110 @@
+"""Small boards for tests of what carries bytes, and calls that must not hang."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from radarcore.sensor.emulator.peripheral import Stall, Unplugged
+
+HANG = 20.0
+"""Longest time of any call [s]; none takes a tenth of it."""
+
+
+class Loopback:
+    """A board that sends back what it receives; `queue` puts transfers or exceptions before that."""
+
+    def __init__(self, *transfers: bytes | type[Exception]) -> None:
+        self.received = bytearray()
+        self.transfers = list(transfers)
+        self.echo = bytearray()
+        self.num_asked = 0
+        self.changed = threading.Condition()
+
+    def receive(self, data: bytes) -> None:
+        with self.changed:
+            self.received += data
+            self.echo += data
+            self.changed.notify_all()
+
+    def queue(self, *transfers: bytes | type[Exception]) -> None:
+        with self.changed:
+            self.transfers += transfers
+            self.changed.notify_all()
+
+    def send(self, size: int, timeout: float) -> bytes:
+        with self.changed:
+            self.num_asked += 1
+            self.changed.wait_for(lambda: self.transfers or self.echo, timeout)
+            if self.transfers:
+                transfer = self.transfers.pop(0)
+                if isinstance(transfer, bytes):
+                    return transfer
+                raise transfer
+            data = bytes(self.echo[:size])
+            del self.echo[:size]
+            return data
+
+
+class Requests:
+    """A vendor board: keeps what is written under (request, value, index), and sends transfers."""
+
+    def __init__(self, *transfers: bytes | type[Exception]) -> None:
+        self.values: dict[tuple[int, int, int], bytes] = {}
+        self.types: list[int] = []
+        self.bulk = Loopback(*transfers)
+        self.send = self.bulk.send
+        self.failure: type[Exception] | None = None
+
+    def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
+        if self.failure is not None:
+            raise self.failure
+        self.types.append(request_type)
+        self.values[request, value, index] = data
+
+    def control_in(self, request_type: int, request: int, value: int, index: int, length: int) -> bytes:
+        if self.failure is not None:
+            raise self.failure
+        self.types.append(request_type)
+        if (request, value, index) not in self.values:
+            raise Stall
+        return self.values[request, value, index][:length]
+
+
+class Call:
+    """A function that runs in a thread of its own."""
+
+    def __init__(self, function: Callable[[], Any]) -> None:
+        self.value: Any = None
+        self.error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, args=(function,), daemon=True)
+        self._thread.start()
+
+    def _run(self, function: Callable[[], Any]) -> None:
+        try:
+            self.value = function()
+        except BaseException as error:
+            self.error = error
+
+    @property
+    def is_running(self) -> bool:
+        return self._thread.is_alive()
+
+    def result(self) -> Any:
+        self._thread.join(HANG)
+        assert not self.is_running, "the call hangs"
+        if self.error is not None:
+            raise self.error
+        return self.value
+
+
+def read_all(stream: Any, size: int) -> bytes:
+    """`size` bytes of a stream, or what has come when nothing more comes."""
+    data = b""
+    while len(data) < size and (chunk := stream.read(size - len(data), HANG / 4)):
+        data += chunk
+    return data
+
+
+__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "read_all"]

@@ -1,0 +1,471 @@
+"""Serial ports on ptys, and captures that are written and played."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_boards import HANG, Call, Loopback, Unplugged, read_all
+
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
+from radarcore.sensor.errors import (
+    ProtocolError,
+    SensorDisconnectedError,
+    SensorError,
+    SensorNotFoundError,
+    SensorTimeoutError,
+)
+from radarcore.sensor.transport import Capture, Port, Replay, SerialStream, UsbStream, open_stream, serialport
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")
+
+
+# Serial ports
+
+
+def test_bytes_go_both_ways_through_a_pty() -> None:
+    every_byte = bytes(range(256))  # none is special: no echo, no line ends, no interrupt
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        assert stream.name == port.path
+        stream.write(every_byte, HANG)
+        assert read_all(stream, 256) == every_byte
+        assert stream.read(1, 0.02) == b""
+        stream.close()
+
+
+def test_a_megabyte_goes_both_ways_unharmed() -> None:
+    data = random.Random(2).randbytes(1_000_000)
+    peripheral = Loopback()
+    with PtyPort(peripheral) as port:
+        stream = SerialStream(port.path)
+        call = Call(lambda: stream.write(data, HANG))
+        assert read_all(stream, len(data)) == data
+        call.result()
+        assert peripheral.received == data
+        stream.close()
+
+
+def test_line_is_raw_and_fast() -> None:
+    import termios
+
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        client = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+        _, _, control, local, _, speed, _ = termios.tcgetattr(client)
+        os.close(client)
+        stream.close()
+    if sys.platform == "linux":
+        assert speed == termios.B921600
+    assert control & (termios.CSIZE | termios.PARENB | termios.CSTOPB | termios.CRTSCTS) == termios.CS8
+    assert not local & (termios.ICANON | termios.ECHO | termios.ISIG)
+
+
+def test_rate_that_a_port_refuses_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    import serial
+
+    def refuse(port: serial.Serial, rate: int) -> None:
+        raise ValueError(f"{rate} baud")
+
+    # Rates that the system has no name for are set by this method of pyserial.
+    monkeypatch.setattr(serial.Serial, "_set_special_baudrate", refuse)
+    monkeypatch.setattr(serialport, "BAUD_RATES", (123_456, 115_200))
+    with PtyPort(Loopback()) as port:
+        SerialStream(port.path).close()
+        monkeypatch.setattr(serialport, "BAUD_RATES", (123_456, 234_567))
+        with pytest.raises(SensorError, match=r"none that can be set up \(123456 baud\)"):
+            SerialStream(port.path)
+
+
+def test_read_gives_at_most_what_is_asked() -> None:
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        stream.write(b"abcdef", HANG)
+        assert read_all(stream, 2) == b"ab"
+        assert read_all(stream, 3) == b"cde"
+        assert read_all(stream, 1) == b"f"
+        with pytest.raises(ValueError, match="size: expected at least 1, got 0"):
+            stream.read(0, 1.0)
+        with pytest.raises(ValueError, match="timeout: expected zero or a positive number"):
+            stream.write(b"x", -1.0)
+        stream.close()
+
+
+def test_what_has_come_is_discarded() -> None:
+    peripheral = Loopback()
+    with PtyPort(peripheral) as port:
+        stream = SerialStream(port.path)
+        peripheral.queue(b"old" * 1000)
+        assert stream.read(1, HANG) == b"o"
+        stream.discard()
+        stream.write(b"new", HANG)
+        assert read_all(stream, 3) == b"new"
+        stream.close()
+
+
+def test_board_that_takes_nothing_is_a_timeout() -> None:
+    class Deaf(Loopback):
+        def receive(self, data: bytes) -> None:
+            listens.wait(HANG)
+
+    listens = threading.Event()
+    with PtyPort(Deaf()) as port:
+        stream = SerialStream(port.path)
+        with pytest.raises(SensorTimeoutError, match=r"the board took \d+ of 1000000 bytes in 0\.2 s"):
+            stream.write(bytes(1_000_000), 0.2)
+        listens.set()
+        stream.close()
+
+
+def test_board_is_asked_for_no_more_than_the_client_reads() -> None:
+    class Endless(Loopback):
+        num_sent = 0
+
+        def send(self, size: int, timeout: float) -> bytes:
+            self.num_sent += size
+            return bytes(size)
+
+    peripheral = Endless()
+    with PtyPort(peripheral) as port:
+        before = -1
+        while before != peripheral.num_sent:  # until the terminal's buffer is full
+            before = peripheral.num_sent
+            time.sleep(0.2)
+        assert before < 1_000_000
+        stream = SerialStream(port.path)
+        assert len(read_all(stream, 200_000)) == 200_000
+        assert peripheral.num_sent > before
+        stream.close()
+
+
+def test_clients_come_and_go() -> None:
+    with PtyPort(Loopback()) as port:
+        for text in (b"first", b"second", b"third"):
+            stream = SerialStream(port.path)
+            stream.write(text, HANG)
+            assert read_all(stream, len(text)) == text
+            stream.close()
+
+
+def test_port_is_opened_once() -> None:
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        with pytest.raises(SensorError, match="the port is in use by another program"):
+            SerialStream(port.path)
+        stream.close()
+        SerialStream(port.path).close()
+
+
+def test_closing_ends_a_read_that_waits() -> None:
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        call = Call(lambda: stream.read(1, 10 * HANG))
+        time.sleep(0.02)
+        Call(stream.close).result()
+        with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
+            call.result()
+        stream.close()  # does nothing
+        for use in (lambda: stream.read(1, 1.0), lambda: stream.write(b"x", 1.0), lambda: stream.discard()):
+            with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
+                use()
+
+
+@pytest.mark.parametrize("by_board", [True, False])
+def test_board_that_goes_ends_a_read_that_waits(by_board: bool) -> None:
+    peripheral = Loopback()
+    with PtyPort(peripheral) as port:
+        stream = SerialStream(port.path)
+        call = Call(lambda: stream.read(1, 10 * HANG))
+        time.sleep(0.02)
+        if by_board:
+            peripheral.queue(Unplugged)
+        else:
+            port.close()
+        with pytest.raises(SensorDisconnectedError, match=f"{port.path}: the board is gone"):
+            call.result()
+        with pytest.raises(SensorDisconnectedError):
+            stream.write(b"x", 1.0)
+        stream.close()
+    port.close()  # does nothing
+
+
+def test_open_stream_takes_paths_and_ports() -> None:
+    with PtyPort(Loopback()) as port:
+        for place in (port.path, Port("serial", port.path, None, None, "", "", "")):
+            stream = open_stream(place)
+            assert isinstance(stream, SerialStream)
+            stream.close()
+
+
+def test_missing_port_is_not_found(tmp_path: Path) -> None:
+    for path in (tmp_path / "ttyACM0", tmp_path / "no" / "such"):
+        with pytest.raises(SensorNotFoundError, match="there is no such port; is the board plugged in"):
+            open_stream(str(path))
+
+
+@pytest.mark.parametrize("path", ["", "a\0b"])
+def test_malformed_path_is_a_value_error(path: str) -> None:
+    with pytest.raises(ValueError, match="path: expected the path of a serial port"):
+        open_stream(path)
+
+
+def test_what_is_no_serial_port_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"abc")
+    for path in (file, tmp_path):
+        with pytest.raises(SensorError, match="no serial port"):
+            open_stream(str(path))
+    assert file.read_bytes() == b"abc"
+
+
+def test_missing_permission_names_the_group(tmp_path: Path) -> None:
+    file = tmp_path / "ttyACM0"
+    file.touch(mode=0o000)
+    is_root = os.geteuid() == 0
+    if is_root:  # who may open everything
+        os.seteuid(65534)
+    try:
+        with pytest.raises(SensorError, match="no permission") as raised:
+            open_stream(str(file))
+    finally:
+        if is_root:
+            os.seteuid(0)
+    if sys.platform == "linux":
+        assert "add yourself to the group dialout" in str(raised.value)
+
+
+# Ptys
+
+
+def test_link_leads_to_the_pty_and_is_removed(tmp_path: Path) -> None:
+    link = tmp_path / "radar"
+    link.symlink_to(tmp_path / "nowhere")  # of a process that was killed
+    with PtyPort(Loopback(), link=link) as port:
+        assert link.resolve() == Path(port.path).resolve()
+        stream = SerialStream(str(link))
+        stream.write(b"abc", HANG)
+        assert read_all(stream, 3) == b"abc"
+        stream.close()
+        with pytest.raises(FileExistsError, match=r"link: expected a name that is free, got .*radar"):
+            PtyPort(Loopback(), link=link)
+        assert link.is_symlink()
+    assert not link.is_symlink()
+
+
+def test_file_is_no_name_for_a_link(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"abc")
+    with pytest.raises(FileExistsError, match="link: expected a name that is free"):
+        PtyPort(Loopback(), link=file)
+    assert file.read_bytes() == b"abc"
+
+
+def test_ptys_leave_no_files_and_no_threads_behind() -> None:
+    def num_files() -> int:
+        return len(list(Path("/dev/fd").iterdir()))
+
+    files, threads = num_files(), threading.active_count()
+    for _ in range(3):
+        with PtyPort(Loopback()) as port:
+            stream = SerialStream(port.path)
+            stream.close()
+    assert (num_files(), threading.active_count()) == (files, threads)
+
+
+def test_idle_pty_asks_its_board_seldom() -> None:
+    peripheral = Loopback()
+    with PtyPort(peripheral) as port:
+        SerialStream(port.path).close()  # a client that has gone is no reason to spin
+        num_asked = peripheral.num_asked
+        time.sleep(0.3)
+    assert peripheral.num_asked - num_asked < 50
+
+
+# Captures
+
+
+def conversation(stream: Any) -> list[bytes]:
+    """A few requests and answers, with something thrown away in between."""
+    answers = []
+    for request in (b"one", b"two", b"three"):
+        stream.write(request, HANG)
+        answers.append(read_all(stream, len(request)))
+    stream.write(b"thrown away", HANG)
+    stream.discard()
+    stream.write(b"four", HANG)
+    answers.append(read_all(stream, 4))
+    return answers
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """Capture of the conversation above."""
+    path = tmp_path / "capture.jsonl"
+    bus = EmulatedBus()
+    bus.plug(cdc_device(Loopback()))
+    stream = Capture(UsbStream("usb:1-1", usb_backend=bus), path)
+    assert stream.name == "usb:1-1"
+    assert conversation(stream) == [b"one", b"two", b"three", b"four"]
+    stream.close()
+    stream.close()
+    with pytest.raises(SensorDisconnectedError):
+        stream.write(b"x", 1.0)
+    with pytest.raises(SensorDisconnectedError):
+        stream.read(1, 1.0)
+    return path
+
+
+def test_capture_has_every_byte(capture: Path) -> None:
+    header, *events = map(json.loads, capture.read_text().splitlines())
+    assert (header["format"], header["version"], header["stream"]) == ("radarcore capture", 1, "usb:1-1")
+    assert abs(header["started"] - time.time()) < 600.0
+    data = {"write": b"", "read": b"", "discard": b""}
+    for event in events:
+        data[event["direction"]] += bytes.fromhex(event["bytes"])
+    assert data == {
+        "write": b"onetwothreethrown awayfour",
+        "read": b"onetwothreefour",
+        "discard": b"thrown away",
+    }
+    times = [event["time"] for event in events]
+    assert times == sorted(times)
+    assert times[0] >= 0.0
+
+
+@pytest.mark.parametrize("checks_writes", [True, False])
+def test_capture_plays_as_the_board_did(capture: Path, checks_writes: bool) -> None:
+    stream = Replay(capture, checks_writes=checks_writes)
+    assert conversation(stream) == [b"one", b"two", b"three", b"four"]
+    with pytest.raises(SensorDisconnectedError, match="the capture ends here"):
+        stream.read(1, HANG)
+    stream.close()
+
+
+def write_capture(path: Path, *events: tuple[str, bytes]) -> Path:
+    lines = [{"format": "radarcore capture", "version": 1, "stream": "x", "started": 0.0}]
+    lines += [{"time": float(i), "direction": kind, "bytes": data.hex()} for i, (kind, data) in enumerate(events)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+def test_answers_wait_for_their_questions(tmp_path: Path) -> None:
+    path = write_capture(tmp_path / "c", ("read", b"hello"), ("write", b"ask"), ("read", b"answer"))
+    stream = Replay(path)
+    assert stream.read(2, 0.0) == b"he"
+    assert stream.read(10, 0.0) == b"llo"
+    assert stream.read(10, 0.01) == b""
+    call = Call(lambda: stream.read(10, 10 * HANG))
+    stream.write(b"as", HANG)
+    time.sleep(0.02)
+    assert call.is_running  # the question is not complete
+    stream.write(b"k", HANG)
+    assert call.result() == b"answer"
+
+
+def test_write_may_come_before_what_was_read_before_it(tmp_path: Path) -> None:
+    path = write_capture(tmp_path / "c", ("write", b"a"), ("read", b"1"), ("write", b"b"), ("read", b"2"))
+    stream = Replay(path)
+    stream.write(b"ab", HANG)
+    assert [stream.read(10, 0.0) for _ in range(2)] == [b"1", b"2"]
+
+
+def test_other_write_is_refused_with_both(tmp_path: Path) -> None:
+    stream = Replay(write_capture(tmp_path / "c", ("write", b"\x01\x02\x03")))
+    with pytest.raises(ProtocolError, match=r"expected the write of 0 s, 01 02 03 \(3 bytes\), got 01 03 \(2 bytes\)"):
+        stream.write(b"\x01\x03", HANG)
+    stream.write(b"\x01\x02\x03", HANG)
+    with pytest.raises(ProtocolError, match=r"expected no further write, got 01 01 .* \.\.\. \(33 bytes\)"):
+        stream.write(b"\x01" * 33, HANG)
+
+
+def test_unchecked_write_stands_for_the_recorded_one(tmp_path: Path) -> None:
+    path = write_capture(tmp_path / "c", ("write", b"ask"), ("read", b"answer"))
+    stream = Replay(path, checks_writes=False)
+    stream.write(b"other", HANG)
+    assert stream.read(10, HANG) == b"answer"
+    stream.write(b"more", HANG)  # nothing is left to stand for
+
+
+def test_discard_throws_away_what_was_thrown_away(tmp_path: Path) -> None:
+    events = [("read", b"1"), ("discard", b"2"), ("read", b"3"), ("write", b"w"), ("read", b"4"), ("read", b"5")]
+    path = write_capture(tmp_path / "c", *events)
+    stream = Replay(path)
+    stream.discard()
+    assert stream.read(10, 0.0) == b"3"
+    stream.write(b"w", HANG)
+    stream.discard()
+    with pytest.raises(SensorDisconnectedError):
+        stream.read(10, 0.0)
+    stream = Replay(path)
+    assert [stream.read(10, 0.0) for _ in range(2)] == [b"1", b"3"]  # 2 never came to anybody
+
+
+def test_closing_a_replay_ends_a_read_that_waits(tmp_path: Path) -> None:
+    stream = Replay(write_capture(tmp_path / "c", ("write", b"ask")))
+    call = Call(lambda: stream.read(10, 10 * HANG))
+    stream.close()
+    with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
+        call.result()
+    with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
+        stream.write(b"ask", HANG)
+
+
+HEADER = b'{"format": "radarcore capture", "version": 1, "stream": "x", "started": 0}\n'
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "line 1: expected JSON, got ''"),
+        (b"\xff\xfe\x00", "expected a capture of text lines"),
+        (b"hello\n", "line 1: expected JSON, got 'hello'"),
+        (b"[1]\n", "line 1: expected a JSON object"),
+        (b"[" * 100_000 + b"\n", "line 1: expected JSON"),
+        (b"{}\n", "expected a header with the format 'radarcore capture', got None"),
+        (HEADER.replace(b"1", b"2"), "expected version 1, got 2"),
+        (HEADER[:-1], "line 1: the file is cut off within the line"),
+        (HEADER + b'{"time": 0, "direction": "read", "bytes": "00', "line 2: the file is cut off within the line"),
+        (HEADER + b'{"time": 0, "direction": "read", "bytes": "00\n', "line 2: expected JSON"),
+        (HEADER + b"\n", "line 2: expected JSON"),
+        (HEADER + b'{"direction": "read", "bytes": "00"}\n', "line 2: expected time, direction and bytes: 'time'"),
+        (HEADER + b'{"time": NaN, "direction": "read", "bytes": "00"}\n', "line 2: .*finite"),
+        (HEADER + b'{"time": 1' + b"0" * 400 + b', "direction": "read", "bytes": "00"}\n', "line 2: expected time"),
+        (HEADER + b'{"time": 0, "direction": "in", "bytes": "00"}\n', "line 2: .*expected one of 'write', 'read'"),
+        (HEADER + b'{"time": 0, "direction": ["read"], "bytes": "00"}\n', "line 2: .*expected one of"),
+        (HEADER + b'{"time": 0, "direction": "read", "bytes": "0g"}\n', "line 2: .*non-hexadecimal"),
+        (HEADER + b'{"time": 0, "direction": "read", "bytes": 12}\n', "line 2: expected time, direction and bytes"),
+        (HEADER + b'{"time": 0, "direction": "read", "bytes": ""}\n', "line 2: expected at least one byte"),
+    ],
+)
+def test_damaged_capture_is_a_value_error(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "capture.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=message) as raised:
+        Replay(path)
+    assert str(raised.value).startswith(str(path))
+
+
+def test_capture_cut_off_anywhere_is_told_or_plays(capture: Path) -> None:
+    content = capture.read_bytes()
+    for length in range(0, len(content), 7):
+        capture.write_bytes(content[:length])
+        if length and content[length - 1 : length] == b"\n":
+            Replay(capture)
+        else:
+            with pytest.raises(ValueError, match="line"):
+                Replay(capture)
+
+
+def test_missing_capture_is_not_found(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Replay(tmp_path / "none")
+    with pytest.raises(FileNotFoundError):
+        Capture(Replay(write_capture(tmp_path / "c")), tmp_path / "none" / "none")
