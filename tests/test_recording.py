@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from radarcore.antenna import GaussianPattern
-from radarcore.infineon import to_samples
+from radarcore.codes import to_samples
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
@@ -609,7 +609,7 @@ INTERRUPT_AT_ANY_MOMENT = """
 import signal, sys, warnings
 import numpy as np
 from radarcore.radar import bgt60tr13c
-from radarcore.infineon import to_samples
+from radarcore.codes import to_samples
 from radarcore.recording import Frame, Recording, RecordingWriter
 
 warnings.simplefilter("ignore")
@@ -651,7 +651,7 @@ WRITE_UNTIL_FULL = """
 import errno, sys, warnings
 import numpy as np
 from radarcore.radar import bgt60tr13c
-from radarcore.infineon import to_samples
+from radarcore.codes import to_samples
 from radarcore.recording import Frame, Recording, RecordingWriter
 
 warnings.simplefilter("ignore")

@@ -4,7 +4,7 @@ SI units and radians unless a name says otherwise; cubes are ``[frame, channel, 
 rate, receding positive; the sensor looks along +x, y is left and z up.
 """
 
-from radarcore import models, plot, shapes
+from radarcore import models, plot, sensor, shapes
 from radarcore._core import __version__
 from radarcore.antenna import GaussianPattern, IsotropicPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
@@ -22,6 +22,7 @@ from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
 from radarcore.scenefile import Simulation, load_scene
+from radarcore.sensor import open_sensor
 from radarcore.simulate import Paths, Simulator
 from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 from radarcore.waveform import Waveform
@@ -66,11 +67,13 @@ __all__ = [
     "load_scene",
     "materials",
     "models",
+    "open_sensor",
     "plan_beat_signal",
     "plot",
     "range_doppler",
     "range_profile",
     "range_time",
+    "sensor",
     "shapes",
     "spectrogram",
     "strongest_peak",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radarcore import __version__
+from radarcore.sensor import commands as sensor
 
 if TYPE_CHECKING:
     from radarcore.radar import Radar
@@ -29,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
             return status
     except KeyboardInterrupt:
-        is_recording = options.command in ("demo", "simulate")
+        is_recording = options.command in ("demo", "simulate") or getattr(options, "action", None) == "record"
         hint = "; what was recorded so far is readable" if is_recording else ""
         print(f"radarcore: interrupted{hint}", file=sys.stderr)
         return 130
@@ -92,6 +93,8 @@ def _parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="list every key of a scene file with unit and default")
     schema.add_argument("--json", action="store_true", help="print the JSON schema, for editors")
     schema.set_defaults(run=_schema)
+
+    sensor.add_parser(commands)
     return parser
 
 

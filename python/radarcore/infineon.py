@@ -27,16 +27,14 @@ from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radarcore import _core, check
+from radarcore.codes import NUM_CODES, to_codes, to_samples
 from radarcore.frame import FULL_SCALE, frame_shape
 from radarcore.npyfile import ArrayFile, naming, read_header
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.recordingfile import UNITS, Stored, exists, parsed_json, warn_of_missing
-
-LARGEST_CODE = 4095
-"""Of the ADC, 12 bits."""
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"
@@ -57,50 +55,6 @@ _SENSOR = {
     "uuid": "0",
 }
 _PLACE = {"hostname": "unknown", "username": ""}
-
-
-def to_samples(codes: ArrayLike) -> NDArray[np.float32]:
-    """Samples in full scale, ``2 code / 4095 - 1`` in single precision.
-
-    Parameters
-    ----------
-    codes : array_like of int
-        From 0 to 4095.
-
-    Returns
-    -------
-    samples : float32 of the same shape
-        From -1 to 1.
-    """
-    given = np.asarray(codes)
-    if given.dtype.kind not in "iu":
-        raise TypeError(f"codes: expected integers, got {given.dtype}")
-    if given.size > 0 and not 0 <= int(given.min()) <= int(given.max()) <= LARGEST_CODE:
-        raise ValueError(f"codes: expected 0 to {LARGEST_CODE}, got {given.min()} to {given.max()}")
-    return given.astype(np.float32) * np.float32(2.0) / np.float32(LARGEST_CODE) - np.float32(1.0)
-
-
-def to_codes(samples: ArrayLike) -> NDArray[np.uint16]:
-    """Codes nearest to samples in full scale: the inverse of `to_samples`, for every code.
-
-    Parameters
-    ----------
-    samples : array_like of float
-        What is beyond -1 and 1 gets the code of these, as from an ADC.
-
-    Returns
-    -------
-    codes : uint16 of the same shape
-        From 0 to 4095.
-    """
-    given = np.asarray(samples)
-    if given.dtype.kind != "f":
-        raise TypeError(f"samples: expected real numbers, got {given.dtype}")
-    if np.isnan(given).any():
-        raise ValueError("samples: expected numbers, got NaN")
-    levels = (given + given.dtype.type(1.0)) * given.dtype.type(0.5 * LARGEST_CODE)
-    codes: NDArray[np.uint16] = np.clip(np.rint(levels), 0, LARGEST_CODE).astype(np.uint16)
-    return codes
 
 
 def is_recording(path: Path) -> bool:
@@ -432,7 +386,7 @@ def _array_bytes(cube: NDArray[Any], header: object) -> Iterator[bytes]:
     yield start
     for first in range(0, len(cube), _CHUNK):
         samples = cube[first : first + _CHUNK]
-        if np.abs(samples).max(initial=0.0) > 1.0 + 0.5 / LARGEST_CODE:
+        if np.abs(samples).max(initial=0.0) > 1.0 + 0.5 / (NUM_CODES - 1):
             raise ValueError(
                 f"cube: expected samples from -1 to 1, got {np.abs(samples).max():g} from frame {first} on"
             )

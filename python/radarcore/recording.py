@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, infineon, recordingfile
+from radarcore.codes import to_codes
 from radarcore.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -85,7 +86,7 @@ class Recording:
             self.radar,
             truth=None if self.truth is None else self.truth[index],
             stats={} if self.lost is None else {"lost_before": int(self.lost[index])},
-            raw=infineon.to_codes(cube) if self._has_codes else None,
+            raw=to_codes(cube) if self._has_codes else None,
         )
 
     @property
@@ -94,7 +95,7 @@ class Recording:
 
         Those nearest to the samples, worked out again at every use: exact for samples that came from codes.
         """
-        return infineon.to_codes(self.cube) if self._has_codes else None
+        return to_codes(self.cube) if self._has_codes else None
 
     @property
     def _has_codes(self) -> bool:

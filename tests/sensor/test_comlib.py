@@ -829,14 +829,12 @@ def test_late_frame_is_that_of_the_next_read():
     board = ComLibBoard(Pipe(emulator))
     board.configure(radar())
     board.start()
-    with pytest.raises(SensorTimeoutError, match=r"pipe: no frame came in 0 s"):
-        board.read(0.0)
+    assert board.read(0.0) == []
     emulator.now = 0.06
     (frame,) = board.read(0.0)
     assert frame.index == 0
     # The temperature is asked for once the frame has come; no frame gets lost by that.
-    with pytest.raises(SensorTimeoutError):
-        board.read(0.0)
+    assert board.read(0.0) == []
     emulator.now = 0.11
     assert board.temperature() == pytest.approx(40.0)
     (frame,) = board.read(0.0)
@@ -852,8 +850,7 @@ def test_stop_and_start_count_from_zero():
         board.start()
         emulator.now += 0.06
         assert board.read(0.0)[0].index == 0
-        with pytest.raises(SensorTimeoutError):
-            board.read(0.0)
+        assert board.read(0.0) == []
         emulator.now += 0.06
         board.stop()
         with pytest.raises(SensorError, match="not measuring"):
@@ -866,8 +863,7 @@ def test_frame_that_never_comes_does_not_hold_up_the_board_for_ever():
     board = ComLibBoard(Pipe(emulator), timeout=0.05, board_timeout=0.05)
     board.configure(radar(frame_interval=0.01))
     board.start()
-    with pytest.raises(SensorTimeoutError):
-        board.read(0.0)
+    assert board.read(0.0) == []
     with pytest.raises(SensorTimeoutError, match="pipe: no answer"):
         board.temperature()
     emulator.now = 1.0

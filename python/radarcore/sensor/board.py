@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,14 +83,15 @@ class Board(Protocol):
 
     info: BoardInfo
 
-    def configure(self, radar: Radar, **options: Any) -> Radar:
-        """The radar that the board can do nearest to `radar`; it is in force from the next `start` on."""
+    @property
+    def configure(self) -> Callable[..., Radar]:
+        """Function of a radar and options of the board: the nearest it can do, in force from the next `start` on."""
 
     def start(self) -> None:
         """Begin to measure; frames count from 0."""
 
     def read(self, timeout: float) -> list[RawFrame | Lost]:
-        """What has come since the last call, in order; waits up to `timeout` [s] for anything."""
+        """What has come since the last call, in order; none where nothing comes within `timeout` [s]."""
 
     def stop(self) -> None:
         """End measuring; does nothing where nothing is measured."""

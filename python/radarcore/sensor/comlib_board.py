@@ -7,7 +7,6 @@ import re
 import threading
 import time
 from collections.abc import Iterator
-from typing import Protocol
 
 from radarcore import check
 from radarcore.radar import Radar
@@ -42,6 +41,7 @@ from radarcore.sensor.comlib import (
 )
 from radarcore.sensor.comlib import Protocol as ProtocolCode
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
+from radarcore.sensor.transport import Stream
 from radarcore.waveform import Waveform
 
 _TIMEOUT = 1.0
@@ -63,24 +63,6 @@ _READ_SIZE = 16384
 
 _RATE_TOLERANCE = 1e-3
 """Largest error of a measured sample rate: durations in whole ns of chirps that differ by 64 samples or more."""
-
-
-class Stream(Protocol):
-    """Byte stream to a board."""
-
-    name: str
-
-    def read(self, size: int, timeout: float) -> bytes:
-        """1 to `size` bytes that have come; none where none came within `timeout` [s]."""
-
-    def write(self, data: bytes, timeout: float) -> None:
-        """Send all of `data`."""
-
-    def discard(self) -> None:
-        """Throw away what has come."""
-
-    def close(self) -> None:
-        """Give the port back."""
 
 
 class ComLibBoard:
@@ -255,13 +237,14 @@ class ComLibBoard:
     def read(self, timeout: float) -> list[RawFrame | Lost]:
         """Frames that have come since the last call, with what was lost between them, in order.
 
-        Waits up to `timeout` [s] for one; a frame that comes later is that of the next call.
+        Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
         """
         with self._exclusive():
             if not self._is_measuring:
                 raise SensorError(f"{self.info.port}: not measuring; call start first")
             if not self._ready:
-                self._read_frame(check.non_negative("timeout", timeout, "s"))
+                with contextlib.suppress(SensorTimeoutError):
+                    self._read_frame(check.non_negative("timeout", timeout, "s"))
             ready, self._ready = self._ready, []
             return ready
 

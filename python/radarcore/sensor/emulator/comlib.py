@@ -6,10 +6,8 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.radar import Radar
@@ -41,6 +39,7 @@ from radarcore.sensor.comlib import (
 )
 from radarcore.sensor.comlib import Protocol as ProtocolCode
 from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.source import FrameSource
 from radarcore.waveform import Waveform
 
 _BASE, _FMCW, _ADC = 1, 2, 3
@@ -73,13 +72,6 @@ _ADC_SIZES: dict[int, int] = {Adc.GET_SETTINGS: 1, Adc.SETTINGS: 7}
 """Bytes of every request."""
 
 
-class Source(Protocol):
-    """What a radar sees, as its ADC has it."""
-
-    def frame(self, radar: Radar, index: int, time: float) -> NDArray[np.uint16]:
-        """Codes of a frame, (rx, chirp, sample), 0 to 4095; it starts `time` [s] after measuring has begun."""
-
-
 class _Refused(Exception):  # noqa: N818  # what has happened
     def __init__(self, status: int) -> None:
         self.status = status
@@ -94,7 +86,7 @@ class ComLibEmulator:
 
     Parameters
     ----------
-    source : Source
+    source : FrameSource
         Gives the frames. It is called by `send`, which raises what it raises.
     speed : float, optional
         Seconds of measuring in one of the clock: 1 is real time. A frame is ready an interval after the last one, and
@@ -115,7 +107,7 @@ class ComLibEmulator:
 
     def __init__(
         self,
-        source: Source,
+        source: FrameSource,
         *,
         speed: float | None = None,
         sample_rate: float = 2e6,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarcore.sensor import codes
+from radarcore import codes
 
 CODES = np.arange(codes.NUM_CODES, dtype=np.uint16)
 

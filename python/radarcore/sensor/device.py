@@ -1,0 +1,425 @@
+"""The sensor as a person uses it: open, configure, take frames that are like those of the simulator."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from os import PathLike
+from types import TracebackType
+from typing import Any
+
+from radarcore import check
+from radarcore.codes import to_samples
+from radarcore.frame import FULL_SCALE
+from radarcore.radar import Radar
+from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore.sensor import transport
+from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
+from radarcore.sensor.comlib_board import ComLibBoard
+from radarcore.sensor.errors import (
+    FramesLostWarning,
+    ProtocolError,
+    SensorError,
+    SensorNotFoundError,
+    SensorTimeoutError,
+)
+from radarcore.sensor.link import Link, StreamLink, VendorLink
+from radarcore.sensor.strata_board import StrataBoard
+from radarcore.sensor.transport import Port, Stream
+
+PROTOCOLS = ("comlib", "strata")
+"""In the order of asking: a board with ComLib is confused for seconds by what it does not know."""
+
+_XMC = 0x0058
+"""USB product id of boards with ComLib."""
+
+_POLL = 0.1
+_PROBE_TIMEOUT = 0.3
+_SLOWEST_START = 2.0
+"""A frame may come so much later than its time [s]: boards wake up, hosts are busy."""
+
+
+def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
+    """Every board that answers, one after the other; ports that cannot be opened are left out.
+
+    Parameters
+    ----------
+    usb_backend : object, optional
+        Backend of pyusb; default: the system's.
+    """
+    found = []
+    for port in transport.find_ports(usb_backend=usb_backend):
+        try:
+            board = _connect(port, None, usb_backend)
+        except SensorError:
+            continue
+        found.append(board.info)
+        board.close()
+    return found
+
+
+def open_sensor(
+    port: str | Port | None = None, *, protocol: str | None = None, queue_size: int = 64, usb_backend: Any = None
+) -> Sensor:
+    """Connect to a board.
+
+    Parameters
+    ----------
+    port : str or Port, optional
+        Device file, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board that answers.
+    protocol : "strata" or "comlib", optional
+        Default: by its USB id, or else what it answers to.
+    queue_size : int
+        Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
+    usb_backend : object, optional
+        Backend of pyusb; default: the system's.
+
+    Raises
+    ------
+    SensorNotFoundError
+        When there is no board, or nothing at `port`.
+    SensorError
+        When it cannot be opened (permissions, another program), or is not a radar that is known here.
+    ImportError
+        Without the extra `usb`.
+    """
+    if protocol is not None:
+        check.choice("protocol", protocol, PROTOCOLS)
+    if port is not None:
+        return Sensor(_connect(port, protocol, usb_backend), queue_size=queue_size)
+    failures = []
+    for found in transport.find_ports(usb_backend=usb_backend):
+        try:
+            return Sensor(_connect(found, protocol, usb_backend), queue_size=queue_size)
+        except SensorError as error:
+            failures.append(str(error))
+    tried = "".join(f"\n  {failure}" for failure in failures)
+    raise SensorNotFoundError(
+        f"no radar board found{'; tried:' + tried if tried else ': no known USB device and no serial port of one'}"
+    )
+
+
+def _connect(port: str | Port, protocol: str | None, usb_backend: Any) -> Board:
+    """The board at a port."""
+    if isinstance(port, str):
+        port = _port_of(port, usb_backend)
+    if port.kind == "usb-vendor":
+        return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
+    protocols = PROTOCOLS if protocol is None else (protocol,)
+    if protocol is None and port.product_id is not None:
+        # The XMC boards' id is that of other products too, but of none that speaks Strata.
+        protocols = ("comlib",) if port.product_id == _XMC else ("strata",)
+    timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
+    failure: SensorError | None = None
+    for name in protocols:
+        stream = transport.open_stream(port, usb_backend=usb_backend)
+        try:
+            return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
+        except (SensorTimeoutError, ProtocolError) as error:
+            if len(protocols) == 1:
+                raise
+            failure = error
+    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata") from failure
+
+
+def _strata(link: Link, timeout: float) -> Board:
+    return _or_close(link, lambda: StrataBoard(link, timeout=timeout))
+
+
+def _comlib(stream: Stream, timeout: float) -> Board:
+    return _or_close(stream, lambda: ComLibBoard(stream, timeout=timeout))
+
+
+def _port_of(text: str, usb_backend: Any) -> Port:
+    """The port of a name: a USB device that is there, or else a serial port."""
+    if not text.startswith("usb:"):
+        return Port("serial", text, None, None, "", "", "")
+    ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
+    for port in ports:
+        if text.lower() in (port.path, f"usb:{port.vendor_id:04x}:{port.product_id:04x}"):
+            return port
+    there = f"; there is {', '.join(port.path for port in ports)}" if ports else ""
+    raise SensorNotFoundError(f"{text}: expected a radar board on USB, got none{there}")
+
+
+def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
+    """What is made of a resource, which is closed where that fails."""
+    try:
+        return make()
+    except BaseException:
+        resource.close()
+        raise
+
+
+class Sensor:
+    """A radar board that measures; made by `open_sensor`.
+
+    Use it as a context manager. Frames are those of the simulator: ``(channel, chirp, sample)`` float32 between -1 and
+    1 of full scale, the codes of the ADC in `Frame.raw`. Their times count from the start of the first one: by the
+    board's time stamps where it has some, else by the frame interval it has achieved.
+
+    `Frame.stats` has ``index`` (of the frame, lost ones counted), ``lost_before`` (frames lost just before it),
+    ``lost_reason``, ``host_time`` (arrival, seconds since 1970) and ``device_time`` (the board's own clock [s], where
+    it has one).
+
+    Attributes
+    ----------
+    info : BoardInfo
+        Port, name, chip, firmware and serial number.
+    radar : Radar or None
+        What the board does: the achieved settings, None before `configure`.
+    num_lost : int
+        Frames lost since the last start.
+    """
+
+    def __init__(self, board: Board, *, queue_size: int = 64) -> None:
+        self._board = board
+        self._queue_size = check.count("queue_size", queue_size)
+        self.info = board.info
+        self.radar: Radar | None = None
+        self.num_lost = 0
+        self._is_open = True
+        self._reader: _Reader | None = None
+
+    def __repr__(self) -> str:
+        return f"<Sensor {self.info.chip} on {self.info.port}, firmware {self.info.firmware}>"
+
+    def __enter__(self) -> Sensor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def configure(self, radar: Radar, **options: Any) -> Radar:
+        """Set the board to a radar; ends what is being measured.
+
+        Parameters
+        ----------
+        radar : Radar
+            Its waveform and receivers; a board sets power and gains by `options`.
+        **options
+            Of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
+
+        Returns
+        -------
+        radar : Radar
+            What the board achieves: times and frequencies in its own steps. Frames have this radar.
+
+        Raises
+        ------
+        ValueError
+            For what the board cannot do, with the nearest it can.
+        """
+        self._check_open()
+        if not isinstance(radar, Radar):
+            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        self.stop()
+        self.radar = self._board.configure(radar, **options)
+        return self.radar
+
+    def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Iterator[Frame]:
+        """Measure, and yield frames as they come; measuring ends with the iteration.
+
+        Parameters
+        ----------
+        num_frames : int, optional
+            End after so many; default: never.
+        timeout : float, optional
+            Longest time without a frame [s]; default: two frame intervals and 2 s.
+
+        Raises
+        ------
+        SensorTimeoutError
+            When no frame comes in time.
+        SensorDisconnectedError
+            When the board is unplugged; open it again when it is back.
+        """
+        self._check_open()
+        if self.radar is None:
+            raise SensorError(f"{self.info.port}: expected configure(radar) before frames")
+        wanted = None if num_frames is None else check.count("num_frames", num_frames, 0)
+        interval = self.radar.waveform.frame_interval
+        longest = 2.0 * interval + _SLOWEST_START if timeout is None else check.positive("timeout", timeout, "s")
+        return self._frames(self.radar, wanted, longest)
+
+    def _frames(self, radar: Radar, wanted: int | None, timeout: float) -> Iterator[Frame]:
+        self.stop()
+        self.num_lost = 0
+        self._board.start()
+        reader = self._reader = _Reader(self._board, self._queue_size)
+        origin: float | None = None
+        num_given = 0
+        try:
+            while wanted is None or num_given < wanted:
+                raw, losses = reader.take(timeout)
+                lost, is_first_loss = losses.num_frames, self.num_lost == 0
+                if lost > 0:
+                    self.num_lost += lost
+                    if is_first_loss:
+                        warnings.warn(f"{self.info.port}: {losses}", FramesLostWarning, stacklevel=2)
+                by_index = raw.index * radar.waveform.frame_interval
+                if origin is None:
+                    origin = by_index if raw.device_time is None else raw.device_time - by_index
+                time_of_frame = by_index if raw.device_time is None else raw.device_time - origin
+                stats: dict[str, Any] = {"index": raw.index, "lost_before": lost, "host_time": raw.host_time}
+                if lost > 0:
+                    stats["lost_reason"] = ", ".join(losses.reasons)
+                if raw.device_time is not None:
+                    stats["device_time"] = raw.device_time
+                yield Frame(to_samples(raw.codes), time_of_frame, radar, stats=stats, raw=raw.codes)
+                num_given += 1
+        finally:
+            if self._reader is reader:
+                self.stop()
+
+    def stop(self) -> None:
+        """End measuring; does nothing where nothing is measured."""
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            reader.close()
+            self._board.stop()
+
+    def record(
+        self,
+        path: str | PathLike[str],
+        *,
+        duration: float | None = None,
+        num_frames: int | None = None,
+        progress: bool = True,
+        overwrite: bool = False,
+    ) -> Recording:
+        """Measure into a recording's directory, frame by frame: what is there is readable at any moment.
+
+        Parameters
+        ----------
+        path : path
+            A new directory.
+        duration : float, optional
+            How long [s]; default, without `num_frames`: until Ctrl-C.
+        num_frames : int, optional
+            How many frames.
+        progress : bool
+            Show a progress bar when run in a terminal.
+        overwrite : bool
+            Replace a recording at `path`.
+
+        Returns
+        -------
+        recording : Recording
+            Read from `path`. After Ctrl-C (KeyboardInterrupt is raised on) what was written is there to be loaded.
+        """
+        from tqdm import tqdm  # heavier than the rest of the import
+
+        if self.radar is None:
+            raise SensorError(f"{self.info.port}: expected configure(radar) before record")
+        if duration is not None and num_frames is not None:
+            raise ValueError("duration: expected either duration or num_frames, got both")
+        if duration is not None:
+            seconds = check.positive("duration", duration, "s")
+            num_frames = max(1, round(seconds / self.radar.waveform.frame_interval))
+        frames = self.frames(num_frames)
+        bar = tqdm(frames, desc="recording", unit="frame", total=num_frames, disable=None if progress else True)
+        with RecordingWriter(
+            path, self.radar, num_frames=num_frames, source=self.source(), overwrite=overwrite
+        ) as writer:
+            for frame in bar:
+                writer.append(frame)
+        return Recording.load(path)
+
+    def source(self) -> dict[str, Any]:
+        """Where frames come from, for a recording."""
+        return {"sensor": dict(vars(self.info)), "cube_unit": FULL_SCALE}
+
+    def temperature(self) -> float:
+        """Temperature of the chip [degrees Celsius]."""
+        self._check_open()
+        return self._board.temperature()
+
+    def close(self) -> None:
+        """End measuring and give the port back; may be called twice."""
+        if not self._is_open:
+            return
+        self._is_open = False
+        try:
+            self.stop()
+        except SensorError:
+            pass  # a board that is gone has stopped
+        finally:
+            self._board.close()
+
+    def _check_open(self) -> None:
+        if not self._is_open:
+            raise SensorError(f"{self.info.port}: expected an open sensor, got one that is closed")
+
+
+class _Reader:
+    """Takes frames from the board in a thread of its own, so that a slow consumer loses whole frames and no bytes."""
+
+    def __init__(self, board: Board, size: int) -> None:
+        self._board = board
+        self._size = size
+        self._arrived = threading.Condition()
+        self._frames: deque[tuple[RawFrame, _Losses]] = deque()
+        self._losses = _Losses()  # since the newest frame
+        self._failure: Exception | None = None
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._read, name="radarcore-frames", daemon=True)
+        self._thread.start()
+
+    def take(self, timeout: float) -> tuple[RawFrame, _Losses]:
+        """The next frame, and what was lost before it."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._frames or self._failure, timeout)
+            if self._frames:
+                return self._frames.popleft()
+            if self._failure is not None:
+                raise self._failure
+            because = f"; {self._losses}" if self._losses.num_frames else ""
+        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:g} s{because}")
+
+    def close(self) -> None:
+        """End the thread; what has not been taken is gone."""
+        self._is_closed = True
+        self._thread.join()
+
+    def _read(self) -> None:
+        try:
+            while not self._is_closed:
+                for item in self._board.read(_POLL):
+                    with self._arrived:
+                        self._put(item)
+                        self._arrived.notify_all()
+        except Exception as error:  # for whoever takes frames
+            with self._arrived:
+                self._failure = error
+                self._arrived.notify_all()
+
+    def _put(self, item: RawFrame | Lost) -> None:
+        if isinstance(item, Lost):
+            self._losses += _Losses(item.num_frames, (item.reason,))
+            return
+        self._frames.append((item, self._losses))
+        self._losses = _Losses()
+        if len(self._frames) > self._size:
+            _, before = self._frames.popleft()
+            frame, losses = self._frames[0]
+            self._frames[0] = (frame, before + _Losses(1, ("frames were not taken in time",)) + losses)
+
+
+@dataclass(frozen=True)
+class _Losses:
+    """How many frames were lost, and why."""
+
+    num_frames: int = 0
+    reasons: tuple[str, ...] = ()
+
+    def __add__(self, other: _Losses) -> _Losses:
+        return _Losses(self.num_frames + other.num_frames, tuple(dict.fromkeys(self.reasons + other.reasons)))
+
+    def __str__(self) -> str:
+        return f"{self.num_frames} lost: {', '.join(self.reasons)}"

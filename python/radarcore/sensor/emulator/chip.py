@@ -1,0 +1,259 @@
+"""A BGT60TR13C: registers behind SPI words, a sequencer that measures frame by frame, and a FIFO that can overflow.
+
+The sequencer is a thread: it asks the source for a frame, waits until that would have been measured, and puts the
+samples into the FIFO. Scene time and time stamps follow from the number of the frame, so that a source that is too slow
+makes a slow sensor, not a wrong one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import codes
+from radarcore.radar import Radar
+from radarcore.sensor import bgt60
+from radarcore.sensor.emulator.source import FrameSource
+
+FIFO_SAMPLES = 16384
+
+# Status byte in front of every answer.
+_STATUS = 0xF0
+_STATUS_OVERFLOW = 0x08
+
+_LFSR_EN = 1 << 17
+_MAIN_ACTIONS = bgt60.FRAME_START | bgt60.SW_RESET | bgt60.FSM_RESET | bgt60.FIFO_RESET
+_STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
+_FSTAT_OVERFLOW = 1 << 23
+_FSTAT_EMPTY = 1 << 20
+
+
+class Chip:
+    """The radar chip of an emulated board.
+
+    Parameters
+    ----------
+    source : FrameSource
+        What is measured.
+    speed : float or None
+        Seconds of the sensor per second of the host; None: as fast as samples are taken.
+    temperature : float
+        [degrees Celsius]
+    on_samples : callable
+        Called with no lock held whenever samples have come or the FIFO has overflown.
+    is_full : callable
+        Whether whoever takes the samples has no room: at ``speed=None`` the sequencer then waits.
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        *,
+        speed: float | None,
+        temperature: float,
+        chip_id: int,
+        on_samples: Callable[[], None],
+        is_full: Callable[[], bool],
+    ) -> None:
+        self.source = source
+        self.speed = speed
+        self.temperature = temperature
+        self.chip_id = chip_id
+        self._on_samples = on_samples
+        self._is_full = is_full
+        self._lock = threading.Condition()
+        self._fifo: deque[tuple[NDArray[np.uint16], float]] = deque()
+        self._fill = 0
+        self._run = 0  # number of the measurement under way; a sequencer of another number ends
+        self._thread: threading.Thread | None = None
+        self.has_overflown = False
+        self.complains = False
+        """An overflow has not been told yet; whoever tells it clears this."""
+        self.failure: Exception | None = None
+        self.slowest = np.inf
+        self.registers: dict[int, int] = {}
+        self._clear()
+
+    def reset(self) -> None:
+        """Hardware reset: registers as after power-up, nothing measured."""
+        self._stop()
+        self._clear()
+
+    def _clear(self) -> None:
+        with self._lock:
+            self.registers = dict(bgt60.RESET_VALUES)
+            self.registers[bgt60.CHIP_ID] = self.chip_id
+        self._empty()
+
+    def _empty(self) -> None:
+        with self._lock:
+            self._fifo.clear()
+            self._fill = 0
+            self.has_overflown = False
+            self._lock.notify_all()
+
+    def execute(self, words: Sequence[int]) -> list[int]:
+        """Answers to SPI words, in order: status on top of the register's value before the word."""
+        answers = []
+        for word in words:
+            address, is_write, value = word >> 25, word >> 24 & 1, word & 0xFFFFFF
+            status = _STATUS | (_STATUS_OVERFLOW if self.has_overflown else 0)
+            answers.append(status << 24 | self.read(address))
+            if is_write:
+                self.write(address, value)
+        return answers
+
+    def read(self, address: int) -> int:
+        """Value of a register; those that do not exist are zero."""
+        with self._lock:
+            if address == bgt60.STAT0:
+                return self.registers[address] | _STAT0_READY
+            if address == bgt60.SADC_RESULT:
+                return bgt60.temperature_code(self.temperature)
+            if address == bgt60.FSTAT:
+                flags = (_FSTAT_OVERFLOW if self.has_overflown else 0) | (_FSTAT_EMPTY if self._fill == 0 else 0)
+                return self._fill // 2 | flags
+            return self.registers.get(address, 0)
+
+    def write(self, address: int, value: int) -> None:
+        """Set a register; bits of MAIN that act do so at once and read back as zero."""
+        if address in (bgt60.CHIP_ID, bgt60.STAT0, bgt60.SADC_RESULT, bgt60.FSTAT):
+            return
+        with self._lock:
+            if address in self.registers:
+                self.registers[address] = value & ~_MAIN_ACTIONS if address == bgt60.MAIN else value
+        if address == bgt60.MAIN:
+            self._act(value)
+
+    def _act(self, main: int) -> None:
+        if main & bgt60.SW_RESET:
+            self.reset()
+        if main & (bgt60.FSM_RESET | bgt60.FIFO_RESET):
+            self._stop()
+        if main & bgt60.FIFO_RESET:
+            self._empty()
+        if main & bgt60.FRAME_START:
+            self._start()
+
+    def has_samples(self, num_samples: int) -> bool:
+        """Whether so many can be taken."""
+        return self._fill >= num_samples
+
+    def take(self, num_samples: int) -> tuple[NDArray[np.uint16], float] | None:
+        """The oldest samples of the FIFO, and when the last of them was measured [s]; None while there are fewer."""
+        with self._lock:
+            if self._fill < num_samples:
+                return None
+            pieces: list[NDArray[np.uint16]] = []
+            missing, when = num_samples, 0.0
+            while missing > 0:
+                piece, when = self._fifo.popleft()
+                if len(piece) > missing:
+                    self._fifo.appendleft((piece[missing:], when))
+                    piece = piece[:missing]
+                pieces.append(piece)
+                missing -= len(piece)
+            self._fill -= num_samples
+            self._lock.notify_all()
+        return (pieces[0] if len(pieces) == 1 else np.concatenate(pieces)), when
+
+    def wake(self) -> None:
+        """Whoever takes samples has room again."""
+        with self._lock:
+            self._lock.notify_all()
+
+    def overflow(self) -> None:
+        """Lose what is in the FIFO and stop, as when nobody takes it in time."""
+        with self._lock:
+            self.has_overflown = self.complains = True
+            self._run += 1
+            self._fifo.clear()
+            self._fill = 0
+            self._lock.notify_all()
+
+    def close(self) -> None:
+        """End the sequencer."""
+        self._stop()
+
+    def _start(self) -> None:
+        self._stop()
+        try:
+            settings = bgt60.settings_of(self.registers)
+            radar = settings.to_radar()
+        except ValueError as error:  # no frame comes of such registers
+            self.failure = error
+            return
+        self.slowest = np.inf
+        self._thread = threading.Thread(
+            target=self._measure, args=(self._run, settings, radar), name="radarcore-sequencer", daemon=True
+        )
+        self._thread.start()
+
+    def _stop(self) -> None:
+        with self._lock:
+            self._run += 1
+            self._lock.notify_all()
+        thread, self._thread = self._thread, None
+        if thread is not None and thread is not threading.current_thread():
+            thread.join()
+
+    def _measure(self, run: int, settings: bgt60.Settings, radar: Radar) -> None:
+        """Frames into the FIFO until `run` is over."""
+        is_test = bool(self.registers[bgt60.SFCTL] & _LFSR_EN)
+        piece = bgt60.slice_size_of(self.registers)
+        began, index = time.monotonic(), 0
+        while settings.num_frames == 0 or index < settings.num_frames:
+            start = index * settings.frame_time
+            try:
+                cube = self.source.frame(radar, index, start, if_gain_db=settings.if_gain_db)
+            except Exception as error:  # a source that fails ends the measurement, not the board
+                self.failure = error
+                return
+            if is_test and settings.rx_mask & 1:
+                cube = cube.copy()
+                cube[0] = codes.test_pattern(cube[0].size).reshape(cube[0].shape)
+            # A real sensor has measured the frame after its last chirp.
+            end = start + settings.num_chirps * settings.chirp_time
+            late = self._wait_until(run, began, end)
+            if late > 0.0:
+                began += late
+                self.slowest = min(self.slowest, settings.frame_time / (settings.frame_time + late))
+            samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
+            for first in range(0, len(samples), piece):
+                part = samples[first : first + piece]
+                share = (first + len(part)) / len(samples)
+                if not self._put(run, part, start + share * (end - start)):
+                    return
+            index += 1
+
+    def _wait_until(self, run: int, began: float, moment: float) -> float:
+        """Wait for a moment of the sensor's time; returns by how much it was missed [s of the host]."""
+        if self.speed is None:
+            return 0.0
+        with self._lock:
+            due = began + moment / self.speed
+            late = time.monotonic() - due
+            while self._run == run and (left := due - time.monotonic()) > 0.0:
+                self._lock.wait(left)
+        return max(late, 0.0)
+
+    def _put(self, run: int, samples: NDArray[np.uint16], when: float) -> bool:
+        """Samples into the FIFO; False where the measurement is over."""
+        with self._lock:
+            while self.speed is None and self._run == run and (self._fill > 0 or self._is_full()):
+                self._lock.wait(0.5)
+            if self._run != run:
+                return False
+            has_room = self._fill + len(samples) <= FIFO_SAMPLES
+            if has_room:
+                self._fifo.append((samples, when))
+                self._fill += len(samples)
+        if not has_room:
+            self.overflow()
+        self._on_samples()
+        return has_room

@@ -1,0 +1,295 @@
+"""The driver against emulated boards, through pyusb's and pyserial's own code."""
+
+import threading
+import time
+import warnings
+from contextlib import suppress
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged
+
+import radarcore as rc
+from radarcore import codes
+from radarcore.sensor import (
+    FramesLostWarning,
+    SensorDisconnectedError,
+    SensorError,
+    SensorNotFoundError,
+    SensorTimeoutError,
+    bgt60,
+    list_sensors,
+    open_sensor,
+)
+from radarcore.sensor.emulator.faults import Faults
+from radarcore.sensor.emulator.source import Noise
+from radarcore.sensor.emulator.strata import Controller, Identity
+from radarcore.sensor.strata import Version
+
+SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_frames_are_those_that_the_board_measures(transport):
+    with opened(Controller(Numbered(), speed=None), transport) as sensor:
+        for radar in (SMALL, LARGE):
+            achieved = sensor.configure(radar)
+            frames = list(sensor.frames(20))
+            assert [number_of(frame.raw) for frame in frames] == list(range(20))
+            assert [frame.stats["index"] for frame in frames] == list(range(20))
+            assert sensor.num_lost == 0
+            assert all(frame.radar is achieved for frame in frames)
+            assert frames[3].cube.dtype == np.float32
+            np.testing.assert_array_equal(frames[3].cube, codes.to_samples(frames[3].raw))
+            # Time stamps are whole microseconds.
+            expected = np.arange(20) * achieved.waveform.frame_interval
+            np.testing.assert_allclose([frame.time for frame in frames], expected, atol=2e-6)
+
+
+def test_board_is_found_and_says_what_it_is():
+    controller = Controller(Noise(), identity=Identity(version=Version(2, 9, 0)))
+    with plugged(controller, "cdc") as (where, _):
+        (info,) = list_sensors(**where)
+        with open_sensor(**where) as sensor:
+            assert sensor.info == info
+    assert (info.chip, info.firmware, info.protocol) == ("BGT60TR13C", "2.9.0", "strata")
+    assert info.name == "Radar Baseboard MCU7 (MCU A)"
+    assert info.serial_number == "00000000-0000-0000-0000-0000636f7265"
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_temperature_is_that_of_the_chip_idle_and_measuring(transport):
+    with opened(Controller(Noise(), temperature=41.5, speed=4.0), transport) as sensor:
+        assert sensor.temperature() == pytest.approx(41.5, abs=0.3)  # a step of the converter
+        sensor.configure(SMALL)
+        frames = sensor.frames()
+        for _ in range(3):
+            next(frames)
+        time.sleep(0.11)  # what was read before is no longer good
+        assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
+        assert next(frames).stats["index"] == 3
+        frames.close()
+        # The idle measurement resets the chip; a start writes everything again.
+        assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
+        assert len(list(sensor.frames(2))) == 2
+
+
+def test_receivers_are_chosen_by_their_place():
+    preset = rc.bgt60tr13c(num_samples=32, num_chirps=8)
+    for rows in ([0], [2], [0, 2], [1, 2]):
+        radar = rc.Radar(preset.waveform, tx=preset.tx, rx=preset.rx[rows], receiver=preset.receiver)
+        with opened(Controller(Numbered(), speed=None)) as sensor:
+            achieved = sensor.configure(radar)
+            np.testing.assert_allclose(achieved.rx, preset.rx[rows])
+            frames = list(sensor.frames(3))
+            assert [number_of(frame.raw) for frame in frames] == [0, 1, 2]
+            assert frames[0].cube.shape == (len(rows), 8, 32)
+
+
+def test_frame_times_without_time_stamps_follow_from_the_frame_interval():
+    with opened(Controller(Numbered(), speed=None, has_timestamps=False)) as sensor:
+        interval = sensor.configure(SMALL).waveform.frame_interval
+        frames = list(sensor.frames(5))
+        np.testing.assert_allclose([frame.time for frame in frames], np.arange(5) * interval, rtol=1e-12)
+        assert "device_time" not in frames[0].stats
+
+
+def test_board_measures_at_its_own_rate():
+    with opened(Controller(Numbered(), speed=4.0)) as sensor:
+        sensor.configure(SMALL)
+        began = time.monotonic()
+        frames = list(sensor.frames(40))
+        elapsed = time.monotonic() - began
+    assert [number_of(frame.raw) for frame in frames] == list(range(40))
+    assert elapsed > 38 * 25e-3 / 4.0  # faster than the board can would be wrong
+
+
+def test_slow_consumer_loses_whole_frames_and_is_told():
+    with opened(Controller(Numbered(), speed=20.0), queue_size=4) as sensor:
+        sensor.configure(SMALL)
+        frames = sensor.frames()
+        with pytest.warns(FramesLostWarning, match="not taken in time"):  # noqa: PT031  # a frame may be lost before
+            before = next(frames)
+            time.sleep(0.3)
+            after = next(frames)
+        assert after.stats["lost_before"] == number_of(after.raw) - number_of(before.raw) - 1 > 0
+        assert after.stats["lost_reason"] == "frames were not taken in time"
+        assert sensor.num_lost == before.stats["lost_before"] + after.stats["lost_before"]
+        frames.close()
+
+
+def test_overflow_of_the_fifo_is_reported_and_measuring_goes_on():
+    controller = Controller(Numbered(), speed=None, faults=Faults(overflow=0.1, seed=3))
+    with opened(controller) as sensor, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sensor.configure(SMALL)
+        frames = list(sensor.frames(30))
+        assert controller.faults.done["overflow"] > 0
+        reasons = [frame.stats["lost_reason"] for frame in frames if frame.stats["lost_before"]]
+    assert len(reasons) > 0
+    assert all("overflow (0x07); measuring was started anew" in reason for reason in reasons)
+    assert [str(w.message) for w in caught if w.category is FramesLostWarning], "never silent"
+    indices = [frame.stats["index"] for frame in frames]
+    assert all(b > a for a, b in pairwise(indices))
+
+
+def test_chip_that_nobody_reads_overflows_and_starts_again():
+    controller = Controller(Numbered(), speed=1000.0)
+    with opened(controller) as sensor:
+        settings = bgt60.Settings.from_radar(SMALL)
+        controller.chip.execute(bgt60.start_words(bgt60.registers(settings, 768)))
+        deadline = time.monotonic() + 10.0
+        while not controller.chip.has_overflown and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert controller.chip.has_overflown, "data were not started: nobody takes them"
+        controller.chip.speed = None
+        sensor.configure(SMALL)
+        assert [number_of(frame.raw) for frame in sensor.frames(2)] == [0, 1]
+
+
+@pytest.mark.parametrize("transport", ["cdc", "vendor"])
+def test_unplugged_board_is_an_error_and_opens_again_when_back(transport):
+    with plugged(Controller(Numbered(), speed=None), transport) as (where, board):
+        sensor = open_sensor(**where)
+        sensor.configure(SMALL)
+        frames = sensor.frames()
+        next(frames)
+        board.unplug()
+        with pytest.raises(SensorDisconnectedError):  # noqa: PT012  # frames that had come are still given
+            for _ in range(10_000):
+                next(frames)
+        with pytest.raises(SensorDisconnectedError):
+            sensor.temperature()
+        sensor.close()
+        board.replug()
+        with open_sensor(**where) as again:
+            again.configure(SMALL)
+            assert [number_of(frame.raw) for frame in again.frames(3)] == [0, 1, 2]
+
+
+def test_unplugging_in_the_middle_of_a_frame_ends_the_wait_at_once():
+    with plugged(Controller(Numbered(), speed=1.0), "cdc") as (where, board), open_sensor(**where) as sensor:
+        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=5.0))
+        frames = sensor.frames(timeout=60.0)
+        threading.Timer(0.3, board.unplug).start()
+        began = time.monotonic()
+        next(frames)  # measured after 5 ms
+        with pytest.raises(SensorDisconnectedError):
+            next(frames)
+        assert time.monotonic() - began < 5.0
+
+
+def test_silent_board_is_a_timeout():
+    with opened(Controller(Numbered(), speed=1.0)) as sensor:
+        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=3.0))
+        frames = sensor.frames(timeout=0.2)
+        next(frames)
+        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
+            next(frames)
+
+
+def test_board_left_measuring_is_taken_over():
+    """A program that was killed leaves the board sending; the next one begins in the middle of a packet."""
+    with plugged(Controller(Numbered(), speed=None), "cdc") as (where, _):
+        first = open_sensor(**where)
+        first.configure(LARGE)
+        next(first.frames())
+        first._board._link._is_closed = True  # the thread ends, the board is told nothing
+        first._board._link._thread.join()
+        first._board._link._stream.close()
+        with open_sensor(**where) as second:
+            second.configure(SMALL)
+            assert [number_of(frame.raw) for frame in second.frames(4)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("identity", "message"),
+    [
+        (
+            Identity(version=Version(2, 0, 0, protocol_major=3)),
+            "expected protocol 4 of Strata, got 3.0; update the board",
+        ),
+        (
+            Identity(version=Version(9, 0, 0, protocol_major=5)),
+            "expected protocol 4 of Strata, got 5.0; update radarcore",
+        ),
+        (Identity(chip_id=0x000504), "expected a BGT60TR13C, got BGT60ATR24C"),
+    ],
+)
+def test_other_boards_are_refused_by_name(identity, message):
+    with plugged(Controller(Noise(), identity=identity), "cdc") as (where, _):
+        assert list_sensors(**where) == []
+        with pytest.raises(SensorError, match=message):
+            open_sensor("usb:058b:0251", **where)
+
+
+def test_wrong_use_names_what_is_expected():
+    with pytest.raises(SensorNotFoundError, match="/dev/none"):
+        open_sensor("/dev/none")
+    with pytest.raises(ValueError, match="protocol: expected"):
+        open_sensor("/dev/none", protocol="smoke signals")
+    controller = Controller(Noise(), speed=None)
+    with plugged(controller, "cdc") as (where, _):
+        with pytest.raises(SensorNotFoundError, match=r"usb:1-99.*there is usb:"):
+            open_sensor("usb:1-99", **where)
+        sensor = open_sensor(**where)
+        with pytest.raises(SensorError, match=r"expected configure\(radar\) before frames"):
+            sensor.frames()
+        with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
+            sensor.configure(SMALL.waveform)
+        with pytest.raises(ValueError, match=r"frame_interval|frame_time"):
+            sensor.configure(rc.Radar(SMALL.waveform.replace(frame_interval=1e-3), receiver=SMALL.receiver))
+        sensor.close()
+        sensor.close()
+        with pytest.raises(SensorError, match="got one that is closed"):
+            sensor.temperature()
+
+
+def test_ten_thousand_frames_come_without_loss():
+    """40 frames per second for 250 s, as fast as the driver takes them."""
+    with opened(Controller(Numbered(), speed=None), queue_size=10_000) as sensor:
+        sensor.configure(rc.bgt60tr13c(num_samples=64, num_chirps=8, frame_interval=25e-3))
+        number = 0
+        for frame in sensor.frames(10_000):
+            assert frame.stats["index"] == number
+            assert frame.raw[0, 0, 0] == 131 * number % 4096
+            if number % 500 == 0:
+                assert number_of(frame.raw) == number % 4096
+            number += 1
+        assert (number, sensor.num_lost) == (10_000, 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("has_timestamps", [True, False])
+@pytest.mark.parametrize("radar", [SMALL, LARGE], ids=["one slice", "two slices"])
+def test_whatever_goes_wrong_frames_are_whole_and_losses_are_told(seed, has_timestamps, radar):
+    """Every fault at random: each frame is one of the board's, in order; where one is missing, that is reported."""
+    rate = 3e-3
+    names = ("bad_crc", "lost", "cut", "duplicated", "lost_counter", "rubbish")
+    faults = Faults(**dict.fromkeys(names, rate), overflow=rate / 5, stall=rate / 5, has_any_transfers=True, seed=seed)
+    controller = Controller(Numbered(), speed=None, has_timestamps=has_timestamps, faults=faults, most_payload=768)
+    with plugged(controller, "cdc") as (where, _), warnings.catch_warnings():
+        warnings.simplefilter("ignore", FramesLostWarning)
+        wanted = controller.num_sent + 8_400
+        while controller.num_sent < wanted:
+            _watch(where, radar, controller, wanted)
+    assert all(faults.done[name] > 0 for name in names)
+
+
+def _watch(where, radar, controller, wanted):
+    """Take frames until enough packets were sent, or the sensor gives up because requests come to nothing too often."""
+    with suppress(SensorTimeoutError), open_sensor(**where) as sensor:
+        sensor.configure(radar)
+        expected = 0
+        for frame in sensor.frames():
+            number = number_of(frame.raw)  # whole
+            was_anew = "anew" in frame.stats.get("lost_reason", "")
+            ahead = (number - expected) % 4096
+            if ahead and not was_anew:
+                assert 0 < ahead < 2048, "in order"
+                assert frame.stats["lost_before"] > 0, "told"
+            expected = number + 1
+            if controller.num_sent >= wanted:
+                return

@@ -1,0 +1,209 @@
+"""`radarcore sensor serve`, and clients of it."""
+
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.cli import main
+from radarcore.sensor import bgt60, open_sensor, virtual_board
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.source import Noise, Playback, Simulated
+
+SWING = """
+[radar]
+preset = "bgt60tr13c"
+
+[run]
+stop = 60.0
+resolution = 48
+field_of_view_deg = [20.0, 20.0]
+
+[[body]]
+name = "plate"
+shape = { kind = "plate", width = 0.2, height = 0.2 }
+material = "metal"
+
+[body.motion]
+kind = "trajectory"
+times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+poses = [
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+]
+"""
+
+# Another radar than the scene file's: what the client sets is what is simulated.
+CLIENT = rc.bgt60tr13c(
+    start_frequency=60e9,
+    stop_frequency=61e9,
+    num_samples=128,
+    num_chirps=32,
+    chirp_interval=500e-6,
+    frame_interval=50e-3,
+)
+
+
+@pytest.fixture
+def swing(tmp_path):
+    path = tmp_path / "swing.toml"
+    path.write_text(SWING)
+    return path
+
+
+@contextmanager
+def served(*arguments):
+    """`radarcore sensor serve` in a process of its own; its port."""
+    command = [sys.executable, "-m", "radarcore", "sensor", "serve", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            line = process.stdout.readline()
+            assert line.startswith("listening on "), process.stderr.read()
+            yield line.removeprefix("listening on ").strip(), process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(30)
+
+
+def test_client_tracks_a_moving_scene_for_a_minute(swing):
+    simulation = rc.load_scene(swing)
+    with served(swing, "--speed", "max") as (port, _), open_sensor(port, queue_size=1200) as sensor:
+        radar = sensor.configure(CLIENT, if_gain_db=60)
+        truth_of = simulation.simulator(radar=radar)
+        wf = radar.waveform
+        times, ranges, velocities, truths = [], [], [], []
+        for frame in sensor.frames(round(60.0 / wf.frame_interval)):
+            peak = rc.strongest_peak(frame.cube - frame.cube.mean(axis=-1, keepdims=True), wf)
+            times.append(frame.time)
+            ranges.append(peak.range)
+            velocities.append(peak.velocity)
+        assert sensor.num_lost == 0
+    assert times[-1] > 59.9
+    # The truth holds for the middle of a frame, as the peak does; 100 of the 1200 frames are enough.
+    chosen = slice(None, None, 12)
+    truths = [truth_of.frame(at).truth for at in times[chosen]]
+    range_error = np.array(ranges[chosen]) - [truth.range[0] for truth in truths]
+    velocity_error = np.array(velocities[chosen]) - [truth.velocity[0] for truth in truths]
+    assert np.ptp(ranges) > 2.0, "it swings"
+    assert np.ptp(velocities) > 0.5
+    # A tenth of a bin: a wrong slope or wavelength, a frame too late or swapped chirps would miss by more.
+    assert np.abs(range_error).max() < 0.1 * wf.range_resolution
+    assert np.abs(velocity_error).max() < 0.1 * wf.velocity_resolution
+
+
+def test_what_the_client_sets_is_simulated(swing):
+    with (
+        virtual_board(rc.load_scene(swing), speed=None) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path) as sensor,
+    ):
+        # Wide sweeps would put the plate beyond the range of 64 samples.
+        for changes in ({"num_samples": 64, "stop_frequency": 60.4e9}, {"num_samples": 256, "stop_frequency": 61.5e9}):
+            for num_chirps in (8, 16):
+                radar = sensor.configure(
+                    rc.bgt60tr13c(start_frequency=60e9, num_chirps=num_chirps, **changes), if_gain_db=60
+                )
+                (frame,) = sensor.frames(1)
+                assert frame.cube.shape == (3, num_chirps, changes["num_samples"])
+                cube = frame.cube - frame.cube.mean(axis=-1, keepdims=True)
+                peak = rc.strongest_peak(cube, radar.waveform)
+                assert peak.range == pytest.approx(1.5, abs=0.2 * radar.waveform.range_resolution)
+
+
+def test_gain_of_the_client_scales_the_samples(swing):
+    source = Simulated(rc.load_scene(swing))
+    radar = bgt60.achieved(bgt60.Settings.from_radar(CLIENT)).to_radar()
+    low, high = (source.frame(radar, 0, 0.0, if_gain_db=gain).astype(float) - 2047.5 for gain in (30.0, 50.0))
+    # Noise is the same; rounding to codes is half a code.
+    np.testing.assert_allclose(low, high / 10.0, atol=0.51 + 0.051)
+    assert np.abs(high).max() > 100.0
+
+
+def test_level_is_that_of_the_radar_equation():
+    """1 m^2 at 1 m on boresight: 2.5 mW, 3.5 dBi twice, 12 dB of receiver noise below one code at 23 dB."""
+    point = rc.PointTarget([1.0, 0.0, 0.0], rcs=1.0)
+    radar = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=1)
+    simulation = rc.Simulation(rc.Scene([point]), radar, rc.Pose(), _run())
+    codes = Simulated(simulation).frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
+    wavelength = radar.waveform.wavelength
+    gain = 10.0**0.35
+    power = 2.51e-3 * gain**2 * wavelength**2 / (4.0 * np.pi) ** 3
+    volt = np.sqrt(2.0 * 50.0 * power) * 10.0 ** ((14.0 + 40.0) / 20.0)
+    assert np.abs(codes).max() == pytest.approx(volt / 1.21 * 2047.5, rel=0.05)
+
+
+def _run():
+    from radarcore.scenefile.tables import RunTable
+
+    return RunTable(resolution=8)
+
+
+def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp_path):
+    radar = bgt60.achieved(bgt60.Settings.from_radar(rc.bgt60tr13c(num_chirps=8))).to_radar()
+    noise = Noise(seed=5)
+    raw = np.stack([noise.frame(radar, index, 0.0) for index in range(3)])
+    recording = rc.Recording(
+        (raw * 2.0 / 4095.0 - 1.0).astype(np.float32),
+        np.arange(3) * radar.waveform.frame_interval,
+        radar,
+        source={"cube_unit": "full scale"},
+    )
+    with virtual_board(recording, speed=None) as board, PtyPort(board) as port, open_sensor(port.path) as sensor:
+        sensor.configure(radar)
+        for index, frame in enumerate(sensor.frames(7)):
+            np.testing.assert_array_equal(frame.raw, raw[index % 3])
+    with pytest.raises(ValueError, match="as recorded"):
+        Playback(recording).frame(rc.bgt60tr13c(num_chirps=9), 0, 0.0)
+
+
+def test_serve_tells_why_no_frames_come(swing):
+    with virtual_board(rc.load_scene(swing), speed=None) as board:
+        assert board.news() == []
+        image = bgt60.registers(bgt60.Settings.from_radar(rc.bgt60tr13c()), 6144)
+        image[0x37] = 0  # no shape
+        board._controller.chip.execute(bgt60.start_words(image))
+        (line,) = board.news()
+        assert line.startswith("the client's settings give no frames: ")
+        assert board.news() == [], "once"
+
+
+def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
+    output = tmp_path / "rec"
+    with served(swing, "--link", tmp_path / "port") as (port, server):
+        assert port == str(tmp_path / "port")
+        assert Path(port).is_symlink()
+        command = [sys.executable, "-m", "radarcore", "sensor", "record", port, "-o", output, "--rate", "20"]
+        command += ["--chirps", "8"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as recorder:
+            deadline = time.monotonic() + 60.0
+            while time.monotonic() < deadline and not _has_frames(output, 5):
+                time.sleep(0.05)
+            recorder.send_signal(signal.SIGINT)
+            out, err = recorder.communicate(timeout=60)
+        assert recorder.returncode == 0, err
+        assert "0 lost" in out
+    assert server.returncode == 0
+    assert not Path(port).is_symlink()
+    recording = rc.Recording.load(output)
+    assert len(recording) >= 5
+    assert recording.raw.dtype == np.uint16
+    assert recording.source["sensor"]["chip"] == "BGT60TR13C"
+    assert main(["info", str(output)]) == 0
+
+
+def _has_frames(path, number):
+    try:
+        return (path / "cube.npy").stat().st_size > number * 3 * 8 * 64 * 4
+    except OSError:
+        return False
