@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,9 @@ class Board(Protocol):
 
     def stop(self) -> None:
         """End measuring; does nothing where nothing is measured."""
+
+    def details(self) -> dict[str, Any]:
+        """What a recording should say beyond the radar: entries of `Recording.source`."""
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""

@@ -7,6 +7,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 from radarcore import check
 from radarcore.radar import Radar
@@ -252,6 +253,10 @@ class ComLibBoard:
         """End measuring; does nothing where nothing is measured."""
         with self._exclusive():
             self._stop()
+
+    def details(self) -> dict[str, Any]:
+        """Nothing: the settings that are known are those of the radar."""
+        return {}
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""

@@ -42,6 +42,7 @@ def add_parser(commands: Any) -> None:
     length = record.add_mutually_exclusive_group()
     length.add_argument("--duration", type=float, metavar="S", help="seconds")
     length.add_argument("--frames", type=int, metavar="N", help="frames")
+    record.add_argument("--capture", type=Path, metavar="FILE", help="also write every byte of the conversation there")
     record.set_defaults(run=_record)
 
     view = actions.add_parser("view", help="show what a board, a recording or a scene has, as it comes")
@@ -172,7 +173,7 @@ def _info(options: argparse.Namespace) -> int:
 def _record(options: argparse.Namespace) -> int:
     from radarcore.sensor import open_sensor
 
-    with open_sensor(options.port) as sensor:
+    with open_sensor(options.port, capture=options.capture) as sensor:
         radar = sensor.configure(_radar(options), **_gains(options))
         wf = radar.waveform
         print(f"{sensor.info.port}: {sensor.info.chip}, {1.0 / wf.frame_interval:.2f} frames per second")

@@ -28,7 +28,7 @@ from radarcore.sensor.errors import (
 )
 from radarcore.sensor.link import Link, StreamLink, VendorLink
 from radarcore.sensor.strata_board import StrataBoard
-from radarcore.sensor.transport import Port, Stream
+from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")
 """In the order of asking: a board with ComLib is confused for seconds by what it does not know."""
@@ -36,6 +36,7 @@ PROTOCOLS = ("comlib", "strata")
 _XMC = 0x0058
 """USB product id of boards with ComLib."""
 
+_CAPTURE = "capture:"
 _POLL = 0.1
 _PROBE_TIMEOUT = 0.3
 _SLOWEST_START = 2.0
@@ -62,7 +63,12 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
 
 
 def open_sensor(
-    port: str | Port | None = None, *, protocol: str | None = None, queue_size: int = 64, usb_backend: Any = None
+    port: str | Port | None = None,
+    *,
+    protocol: str | None = None,
+    queue_size: int = 64,
+    capture: str | PathLike[str] | None = None,
+    usb_backend: Any = None,
 ) -> Sensor:
     """Connect to a board.
 
@@ -70,10 +76,13 @@ def open_sensor(
     ----------
     port : str or Port, optional
         Device file, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board that answers.
+        ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
     protocol : "strata" or "comlib", optional
         Default: by its USB id, or else what it answers to.
     queue_size : int
         Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
+    capture : path, optional
+        File to write every byte to and from the board into, of a port with a byte stream.
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
 
@@ -89,11 +98,11 @@ def open_sensor(
     if protocol is not None:
         check.choice("protocol", protocol, PROTOCOLS)
     if port is not None:
-        return Sensor(_connect(port, protocol, usb_backend), queue_size=queue_size)
+        return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
     failures = []
     for found in transport.find_ports(usb_backend=usb_backend):
         try:
-            return Sensor(_connect(found, protocol, usb_backend), queue_size=queue_size)
+            return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
         except SensorError as error:
             failures.append(str(error))
     tried = "".join(f"\n  {failure}" for failure in failures)
@@ -102,11 +111,18 @@ def open_sensor(
     )
 
 
-def _connect(port: str | Port, protocol: str | None, usb_backend: Any) -> Board:
+def _connect(
+    port: str | Port, protocol: str | None, usb_backend: Any, capture: str | PathLike[str] | None = None
+) -> Board:
     """The board at a port."""
+    if isinstance(port, str) and port.startswith(_CAPTURE):
+        path = port.removeprefix(_CAPTURE)
+        return _comlib(Replay(path), 1.0) if protocol == "comlib" else _strata(StreamLink(Replay(path)), 1.0)
     if isinstance(port, str):
         port = _port_of(port, usb_backend)
     if port.kind == "usb-vendor":
+        if capture is not None:
+            raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
         return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
     protocols = PROTOCOLS if protocol is None else (protocol,)
     if protocol is None and port.product_id is not None:
@@ -116,6 +132,8 @@ def _connect(port: str | Port, protocol: str | None, usb_backend: Any) -> Board:
     failure: SensorError | None = None
     for name in protocols:
         stream = transport.open_stream(port, usb_backend=usb_backend)
+        if capture is not None:
+            stream = _captured(stream, capture)
         try:
             return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
         except (SensorTimeoutError, ProtocolError) as error:
@@ -123,6 +141,14 @@ def _connect(port: str | Port, protocol: str | None, usb_backend: Any) -> Board:
                 raise
             failure = error
     raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata") from failure
+
+
+def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
+    try:
+        return Capture(stream, path)
+    except BaseException:
+        stream.close()
+        raise
 
 
 def _strata(link: Link, timeout: float) -> Board:
@@ -333,7 +359,7 @@ class Sensor:
 
     def source(self) -> dict[str, Any]:
         """Where frames come from, for a recording."""
-        return {"sensor": dict(vars(self.info)), "cube_unit": FULL_SCALE}
+        return {"sensor": dict(vars(self.info)), "cube_unit": FULL_SCALE, **self._board.details()}
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""

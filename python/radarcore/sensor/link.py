@@ -5,10 +5,17 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from contextlib import suppress
 from typing import Protocol
 
 from radarcore.sensor import strata
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
+from radarcore.sensor.errors import (
+    ProtocolError,
+    RequestError,
+    SensorDisconnectedError,
+    SensorError,
+    SensorTimeoutError,
+)
 from radarcore.sensor.strata import Code, Damage, DataPacket, Info, Kind, Request, Response, Status
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
@@ -82,8 +89,9 @@ class _Inbox:
 
     def discard(self, quiet: float) -> None:
         deadline = time.monotonic() + 2.0
-        while time.monotonic() < deadline and self.take(quiet):
-            pass
+        with suppress(SensorDisconnectedError):  # nothing more will come; the next request tells
+            while time.monotonic() < deadline and self.take(quiet):
+                pass
 
 
 class StreamLink:

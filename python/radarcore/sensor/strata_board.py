@@ -255,6 +255,20 @@ class StrataBoard:
         self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
         self._link.discard()
 
+    def details(self) -> dict[str, Any]:
+        """Settings of the chip, under the names that Infineon's recordings have for them."""
+        settings = self._running
+        return {
+            "infineon": {
+                "aaf_cutoff_Hz": 500000,
+                "hp_cutoff_Hz": round(settings.highpass_cutoff),
+                "if_gain_dB": settings.if_gain_db,
+                "tx_power_level": settings.tx_power_level,
+                "firmware_version": self.info.firmware,
+                "uuid": str(int(self.info.serial_number.replace("-", "") or "0", 16)),
+            }
+        }
+
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]; at most 0.1 s old."""
         when, value = self._temperature

@@ -1,0 +1,74 @@
+"""How many times faster than a board can send the driver takes frames: emulated board, pyusb's code, frames.
+
+The emulated board sends as fast as it is read, and both ends share this process: the driver alone is faster still.
+A board sends a frame per frame interval, here the shortest that its chirps allow at 40 Hz or below.
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+import radarcore as rc
+from radarcore.sensor import bgt60, open_sensor
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
+from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
+
+FRAMES = {  # chirps, samples
+    "3 x 8 x 64": (8, 64),
+    "3 x 16 x 64": (16, 64),
+    "3 x 64 x 64": (64, 64),
+    "3 x 64 x 128": (64, 128),
+}
+
+
+class Constant:
+    """The same codes for every frame: nothing but the way of the bytes is measured."""
+
+    def __init__(self) -> None:
+        self.codes = np.zeros((0, 0, 0), np.uint16)
+
+    def frame(self, radar, *_, **__):
+        """Random codes, made once."""
+        wf = radar.waveform
+        shape = (radar.num_channels, wf.num_chirps, wf.num_samples)
+        if self.codes.shape != shape:
+            self.codes = np.random.default_rng(0).integers(0, 4096, shape).astype(np.uint16)
+        return self.codes
+
+
+def frames_per_second(transport: str, radar: rc.Radar, num_frames: int) -> float:
+    """Frames that come through the driver, per second."""
+    controller = Controller(Constant(), speed=None)
+    bus = EmulatedBus()
+    bus.plug(cdc_device(CdcBoard(controller)) if transport == "cdc" else vendor_device(VendorBoard(controller)))
+    with open_sensor(usb_backend=bus, queue_size=num_frames) as sensor:
+        sensor.configure(radar)
+        frames = sensor.frames(num_frames)
+        next(frames)
+        began = time.perf_counter()
+        number = sum(1 for _ in frames)
+        elapsed = time.perf_counter() - began
+        assert sensor.num_lost == 0
+    controller.close()
+    return number / elapsed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tiny", action="store_true", help="once, quickly")
+    options = parser.parse_args()
+    print(f"{'frame [rx x chirp x sample]':<28} {'board':>8} {'cdc':>16} {'vendor':>16}")
+    for name, (chirps, samples) in FRAMES.items():
+        wanted = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples)
+        shortest = chirps * wanted.waveform.chirp_interval + 2e-3
+        radar = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples, frame_interval=max(25e-3, shortest))
+        board = 1.0 / bgt60.achieved(bgt60.Settings.from_radar(radar)).frame_time
+        number = 20 if options.tiny else max(200, round(40 * board))
+        rates = [frames_per_second(transport, radar, number) for transport in ("cdc", "vendor")]
+        cells = [f"{rate:8.0f} {f'({rate / board:.0f} x)':>7}" for rate in rates]
+        print(f"{name:<28} {board:8.1f} {cells[0]:>16} {cells[1]:>16}")
+
+
+if __name__ == "__main__":
+    main()
