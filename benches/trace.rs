@@ -1,7 +1,7 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `motion`: what new poses cost; `twisted`: a tree that was refitted far.
+//! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
 
 mod common;
 
@@ -137,11 +137,34 @@ fn twisted(criterion: &mut Criterion) {
     cast(criterion, "twisted/rebuilt", &Snapshot::new(vec![rebuilt], vec![ahead]));
 }
 
+/// Points amid spheres: whether one hides, by the first triangle in the way and by the nearest.
+fn hidden(criterion: &mut Criterion) {
+    let room = surface(&common::room(common::sizes([5000], 100)[0]));
+    let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
+    let plane = plane();
+    let point = |pixel: usize| 3.0 * plane.direction(pixel / plane.columns, pixel % plane.columns);
+    let points: Vec<DVec3> = (0..plane.num_pixels()).map(point).collect();
+    let pool = common::pool(1);
+    let mut group = criterion.benchmark_group("hide");
+    group.throughput(Throughput::Elements(points.len() as u64));
+    for num_bodies in common::sizes([10, 200], 3) {
+        let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
+        let snapshot = Snapshot::new(surfaces, poses);
+        for (name, ends_early) in [("first", true), ("nearest", false)] {
+            group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
+                bencher.iter(|| pool.install(|| snapshot.hide(&points, ends_early)));
+            });
+        }
+    }
+    group.finish();
+}
+
 fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
+    hidden(&mut criterion);
     criterion.final_summary();
 }

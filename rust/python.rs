@@ -551,7 +551,8 @@ impl Scene {
         })
     }
 
-    /// Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4).
+    /// Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4), and how many searches ended
+    /// at a triangle in the way while there were boxes in front of it: none unless `ends_early`.
     #[pyo3(signature = (poses, points, *, ends_early=true, threads=None))]
     fn hide<'py>(
         &self,
@@ -560,11 +561,11 @@ impl Scene {
         points: PyReadonlyArray2<'_, f64>,
         ends_early: bool,
         threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    ) -> PyResult<(Bound<'py, PyArray1<bool>>, usize)> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let points = self::points(numbers("points", &points, [None, Some(3)])?);
         let hidden = compute(py, threads, || Ok(self.snapshot(&poses).hide(&points, ends_early)))?;
-        Ok(hidden.into_pyarray(py))
+        Ok((hidden.is_hidden.into_pyarray(py), hidden.ended_early))
     }
 
     /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor. `previous` hits of the same scene

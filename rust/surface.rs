@@ -281,12 +281,14 @@ impl Surface {
 
     /// The same with an instruction set.
     pub fn nearest_at(&self, ray: &Ray, far: f64, level: Level) -> Option<TriangleHit> {
-        level.run(Nearest {
-            surface: self,
-            ray,
-            far,
-            is_any_enough: false,
-        })
+        level
+            .run(Nearest {
+                surface: self,
+                ray,
+                far,
+                is_any_enough: false,
+            })
+            .hit
     }
 
     /// Whether the ray meets any triangle before `far`; ends at the first that is found.
@@ -297,7 +299,7 @@ impl Surface {
             far,
             is_any_enough: true,
         };
-        Level::best().run(nearest).is_some()
+        Level::best().run(nearest).hit.is_some()
     }
 
     /// Whether leaves are so many that rays of a bundle may pass between.
@@ -436,11 +438,19 @@ pub struct Nearest<'a> {
     pub is_any_enough: bool,
 }
 
+/// What a search found.
+pub struct Found {
+    /// The triangle.
+    pub hit: Option<TriangleHit>,
+    /// Whether boxes that the ray enters before the triangle were left out, where another is enough.
+    pub ended_early: bool,
+}
+
 impl Kernel for Nearest<'_> {
-    type Output = Option<TriangleHit>;
+    type Output = Found;
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) -> Self::Output {
+    fn run<I: Isa>(self) -> Found {
         let surface = self.surface;
         let single = Single::new(self.ray.origin - surface.middle(), self.ray.direction);
         let mut visitor = NearestVisitor {
@@ -450,6 +460,7 @@ impl Kernel for Nearest<'_> {
             best: None,
             far: self.far,
             is_any_enough: self.is_any_enough,
+            ended_early: false,
         };
         single.walk::<I>(
             &surface.tree,
@@ -457,7 +468,10 @@ impl Kernel for Nearest<'_> {
             &mut Vec::with_capacity(64),
             &mut visitor,
         );
-        visitor.best
+        Found {
+            hit: visitor.best,
+            ended_early: visitor.ended_early,
+        }
     }
 }
 
@@ -474,6 +488,7 @@ struct NearestVisitor<'a> {
     best: Option<TriangleHit>,
     far: f64,
     is_any_enough: bool,
+    ended_early: bool,
 }
 
 impl Visit for NearestVisitor<'_> {
@@ -512,6 +527,11 @@ impl Visit for NearestVisitor<'_> {
             return -1.0;
         }
         above(self.far)
+    }
+
+    #[inline(always)]
+    fn leave_out(&mut self, near: f32) {
+        self.ended_early |= near <= above(self.far);
     }
 }
 

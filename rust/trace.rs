@@ -56,6 +56,14 @@ impl Hit {
     };
 }
 
+/// Which points hide behind bodies.
+pub struct Hidden {
+    /// For every point.
+    pub is_hidden: Vec<bool>,
+    /// Searches that ended at a triangle in the way while there were boxes in front of it.
+    pub ended_early: usize,
+}
+
 impl Snapshot {
     /// Put surface `i` at pose `i`. Trees of surfaces stay as they are; only the few boxes above are sorted anew.
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
@@ -100,41 +108,39 @@ impl Snapshot {
 
     /// The same with an instruction set.
     pub fn cast_at(&self, ray: &Ray, level: Level) -> Hit {
-        level.run(CastOne { snapshot: self, ray })
+        let one = CastOne {
+            snapshot: self,
+            ray,
+            far: f64::INFINITY,
+            is_any_enough: false,
+        };
+        level.run(one).0
     }
 
     /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
     /// nearest is asked for, which gives the same answer.
-    pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Vec<bool> {
-        let is_hidden = |point: &DVec3| {
+    pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Hidden {
+        let search = |point: &DVec3| {
             let ray = Ray {
                 origin: DVec3::ZERO,
                 direction: *point,
                 start: NEAREST / point.length(),
             };
             // A point of a surface does not hide behind it.
-            let far = 1.0 - 1e-9;
-            if ends_early {
-                self.blocks(&ray, far)
-            } else {
-                self.cast(&ray).distance <= far
-            }
-        };
-        points.par_iter().map(is_hidden).collect()
-    }
-
-    /// Whether anything stands in the way of a ray of the sensor frame before `far`; ends at the first that is found.
-    pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
-        let mut bodies = self.bodies.iter();
-        bodies.any(|&body| {
-            let pose = self.pose(body);
-            let ray = Ray {
-                origin: pose.point_to_body(ray.origin),
-                direction: pose.direction_to_body(ray.direction),
-                start: ray.start,
+            let one = CastOne {
+                snapshot: self,
+                ray: &ray,
+                far: 1.0 - 1e-9,
+                is_any_enough: ends_early,
             };
-            self.surface(body).blocks(&ray, far)
-        })
+            let (hit, has_ended_early) = Level::best().run(one);
+            (hit.body != NO_BODY, has_ended_early)
+        };
+        let (is_hidden, early): (Vec<bool>, Vec<bool>) = points.par_iter().map(search).unzip();
+        Hidden {
+            is_hidden,
+            ended_early: early.into_iter().filter(|early| *early).count(),
+        }
     }
 
     /// Weights of the corners of a triangle where a ray `(1, u, v)` meets it; those of its middle if it does not.
@@ -168,25 +174,39 @@ fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
     Bounds::of(surface.bounds().corners().map(|corner| pose.point(corner)))
 }
 
-/// Casts one ray.
+/// Casts one ray: the hit, its body [`NO_BODY`] where there is none, and whether boxes in front of it were left out.
 struct CastOne<'a> {
     snapshot: &'a Snapshot,
     ray: &'a Ray,
+    /// Nothing beyond is wanted.
+    far: f64,
+    /// Whether to end at the first that is found.
+    is_any_enough: bool,
 }
 
 impl Kernel for CastOne<'_> {
-    type Output = Hit;
+    type Output = (Hit, bool);
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) -> Hit {
+    fn run<I: Isa>(self) -> (Hit, bool) {
         let mut visitor = OneAtBodies {
             snapshot: self.snapshot,
             ray: self.ray,
-            best: Hit::MISS,
+            best: Hit {
+                distance: self.far,
+                ..Hit::MISS
+            },
+            is_any_enough: self.is_any_enough,
+            ended_early: false,
         };
         let single = Single::new(self.ray.origin, self.ray.direction);
-        single.walk::<I>(&self.snapshot.top, f32::MAX, &mut Vec::with_capacity(64), &mut visitor);
-        visitor.best
+        single.walk::<I>(
+            &self.snapshot.top,
+            above(self.far),
+            &mut Vec::with_capacity(64),
+            &mut visitor,
+        );
+        (visitor.best, visitor.ended_early)
     }
 }
 
@@ -194,6 +214,8 @@ struct OneAtBodies<'a> {
     snapshot: &'a Snapshot,
     ray: &'a Ray,
     best: Hit,
+    is_any_enough: bool,
+    ended_early: bool,
 }
 
 impl Visit for OneAtBodies<'_> {
@@ -215,9 +237,11 @@ impl Visit for OneAtBodies<'_> {
             surface: self.snapshot.surface(body),
             ray: &ray,
             far: self.best.distance,
-            is_any_enough: false,
+            is_any_enough: self.is_any_enough,
         };
-        if let Some(hit) = nearest.run::<I>()
+        let found = nearest.run::<I>();
+        self.ended_early |= found.ended_early;
+        if let Some(hit) = found.hit
             && (hit.distance < self.best.distance || body < self.best.body)
         {
             self.best = Hit {
@@ -227,7 +251,15 @@ impl Visit for OneAtBodies<'_> {
                 barycentric: hit.barycentric,
             };
         }
+        if self.is_any_enough && self.best.body != NO_BODY {
+            return -1.0;
+        }
         above(self.best.distance)
+    }
+
+    #[inline(always)]
+    fn leave_out(&mut self, near: f32) {
+        self.ended_early |= near <= above(self.best.distance);
     }
 }
 
@@ -378,14 +410,29 @@ mod tests {
         let points: Vec<DVec3> = (0..5000)
             .map(|_| DVec3::new(4.0 + 4.0 * unit(), 2.0 * unit(), 2.0 * unit()))
             .collect();
-        let hidden = scene.hide(&points, true);
-        assert_eq!(hidden, scene.hide(&points, false));
+        let hidden = scene.hide(&points, true).is_hidden;
+        assert_eq!(hidden, scene.hide(&points, false).is_hidden);
         let behind_wall = points.iter().zip(&hidden).filter(|(p, _)| p.x > 6.0);
         assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, hidden)| *hidden));
         let before = points.iter().zip(&hidden).filter(|(p, _)| p.x < 2.9);
         assert!(before.clone().count() > 500 && before.clone().all(|(_, hidden)| !hidden));
         let between = points.iter().zip(&hidden).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
         assert!(between.clone().any(|(_, hidden)| *hidden) && between.clone().any(|(_, hidden)| !hidden));
+    }
+
+    #[test]
+    fn searches_end_early_where_boxes_overlap() {
+        // Slanting squares one behind the other: a ray enters the boxes of all before it meets the first.
+        let poses = [3.0, 3.1, 3.2].map(|x| at(x, 0.8)).to_vec();
+        let scene = Snapshot::new(vec![square(1.0); 3], poses);
+        let points: Vec<DVec3> = (0..100).map(|i| DVec3::new(6.0, 0.01 * f64::from(i), 0.0)).collect();
+        let [first, nearest] = [true, false].map(|ends_early| scene.hide(&points, ends_early));
+        assert_eq!((first.ended_early, nearest.ended_early), (100, 0));
+        assert!(first.is_hidden == [true; 100] && nearest.is_hidden == [true; 100]);
+        // Where nothing is in the way a search goes to its end.
+        let above: Vec<DVec3> = points.iter().map(|p| p.with_z(4.0)).collect();
+        let free = scene.hide(&above, true);
+        assert!(free.ended_early == 0 && free.is_hidden == [false; 100]);
     }
 
     #[test]

@@ -15,6 +15,10 @@ pub trait Visit {
 
     /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is wanted.
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
+
+    /// A box that rays enter at `near` is left out: nothing there is wanted any more.
+    #[inline(always)]
+    fn leave_out(&mut self, _near: f32) {}
 }
 
 /// Visit all leaves whose boxes some direction may meet before `far`, near ones first.
@@ -30,6 +34,7 @@ pub fn walk<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u6
         let Some(entry) = stack.pop() else { break };
         let near = f32::from_bits((entry >> 32) as u32);
         if near > far {
+            visitor.leave_out(near);
             continue;
         }
         let node = match Child(entry as u32).kind() {

@@ -1,6 +1,9 @@
-"""What the benches share: their meshes, and the page that several of them write."""
+"""What the benches share: their meshes, the page that several of them write, and what criterion leaves for it."""
 
 from __future__ import annotations
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ import pytest
 import radarcore as rc
 from meshes import room, sphere
 from page import with_section
+from rays import ratio, times_in
 
 PAGE = "# Speed\n\n<!-- benches/a.py -->\n\nold\n\n<!-- end of benches/a.py -->\n\nby hand\n"
 
@@ -52,3 +56,18 @@ def test_first_section_of_a_bench_comes_at_the_end() -> None:
 def test_section_without_an_end_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected '<!-- end of benches/a\.py -->' after '<!-- benches/a\.py -->'"):
         with_section(PAGE.replace("end of", ""), "a", "new")
+
+
+def test_time_of_a_rust_bench_is_that_of_its_fastest_sample(tmp_path: Path) -> None:
+    for when in ("base", "new"):
+        directory = tmp_path / "trace" / "room_5k" / when
+        directory.mkdir(parents=True)
+        (directory / "benchmark.json").write_text(json.dumps({"full_id": "trace/room_5k"}))
+    times = {"iters": [1.0, 2.0, 4.0], "times": [3e6, 5e6, 1.2e7]}  # [ns]
+    (directory / "sample.json").write_text(json.dumps(times))
+    assert times_in(tmp_path) == {"trace/room_5k": 2.5e-3}
+
+
+def test_benches_are_compared_within_runs() -> None:
+    runs = [{"slow": 2.0, "fast": 1.0}, {"slow": 30.0, "fast": 10.0}, {"slow": 9.0, "fast": 1.0}]
+    assert ratio(runs, "slow", "fast") == "3"

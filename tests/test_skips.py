@@ -126,14 +126,24 @@ def test_points_hide_behind_bodies() -> None:
     surface = sim.depth_image().points + RADAR.array_center
     assert sim.is_hidden([front, behind, beside]).tolist() == [False, True, False]
     assert not sim.is_hidden(surface).any(), "what is seen is not hidden"
-    points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
-    poses = sim._place(np.array([0.0])).poses[0]
-    all_the_way = sim.scene._core_at(0.0, None).hide(poses, points - RADAR.array_center, ends_early=False)
-    np.testing.assert_array_equal(sim.is_hidden(points), all_the_way)
-    assert 0.01 < all_the_way.mean() < 0.5
     assert sim.is_hidden(np.zeros((0, 3))).shape == (0,)
     with pytest.raises(ValueError, match=r"points: expected shape \(n, 3\), got \(3,\)"):
         sim.is_hidden([1.0, 2.0, 3.0])
+
+
+def test_searches_for_what_hides_points_end_early_with_the_same_answer() -> None:
+    sim = simulator()
+    points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
+    core, poses = sim.scene._core_at(0.0, None), sim._place(np.array([0.0])).poses[0]
+    (first, ended_early), (nearest, none) = (
+        core.hide(poses, points - RADAR.array_center, ends_early=ends_early) for ends_early in (True, False)
+    )
+    np.testing.assert_array_equal(first, nearest)
+    np.testing.assert_array_equal(sim.is_hidden(points), first)
+    num_hidden = np.count_nonzero(first)
+    assert 0.01 < num_hidden / len(points) < 0.5
+    assert none == 0
+    assert 0.1 * num_hidden < ended_early <= num_hidden
 
 
 def test_a_scene_tells_its_memory() -> None:

@@ -171,8 +171,12 @@ class Scene:
         *,
         ends_early: bool = True,
         threads: int | None = None,
-    ) -> NDArray[np.bool_]:
-        """Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4)."""
+    ) -> tuple[NDArray[np.bool_], int]:
+        """Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4), and a count.
+
+        The count is that of searches that ended at a triangle in the way while there were boxes in front of it: 0
+        unless `ends_early`.
+        """
     def cast(
         self,
         poses: NDArray[np.float64],

@@ -123,6 +123,8 @@ class Simulator:
     def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
         """Whether a body stands between the centre of the array and points at a time [s].
 
+        The search for what hides a point ends at the first triangle in the way, not at the nearest.
+
         Parameters
         ----------
         points : (n, 3) array_like
@@ -138,7 +140,9 @@ class Simulator:
         world, sensor = check.array("points", points, (None, 3)), self.radar_motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
         poses = self._place(np.array([at])).poses[0]
-        return self.scene._core_at(at, self.threads).hide(poses, np.ascontiguousarray(local), threads=self.threads)
+        core = self.scene._core_at(at, self.threads)
+        is_hidden, _ = core.hide(poses, np.ascontiguousarray(local), threads=self.threads)
+        return is_hidden
 
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
