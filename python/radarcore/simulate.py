@@ -115,6 +115,22 @@ class Simulator:
         self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
 
+    def with_radar(self, radar: Radar) -> Simulator:
+        """The same with another radar in the place of this one's."""
+        return Simulator(
+            self.scene,
+            radar,
+            radar_motion=self.radar_motion,
+            resolution=self.resolution,
+            field_of_view_deg=self.field_of_view_deg,
+            sampling=self.sampling,
+            tolerance=self.tolerance,
+            method=self.method,
+            gain_floor_db=self.gain_floor_db,
+            seed=self.seed,
+            threads=self.threads,
+        )
+
     def depth_image(self, time: float = 0.0) -> DepthImage:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")

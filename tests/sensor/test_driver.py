@@ -345,7 +345,8 @@ def test_whatever_goes_wrong_frames_are_whole_and_losses_are_told(radar, num_pac
                 _watch(where, radar, controller, num_packets)
             except SensorDisconnectedError:
                 board.replug()
-    assert all(faults.done[name] > 0 for name in (*names, *rare))
+    expected = (*names, *rare) if num_packets > 10_000 else names
+    assert all(faults.done[name] > 0 for name in expected)
 
 
 def _watch(where, radar, controller, num_packets):

@@ -80,7 +80,7 @@ def test_client_tracks_a_moving_scene_for_a_minute(swing):
     simulation = rc.load_scene(swing)
     with served(swing, "--speed", "max") as (port, _), open_sensor(port, queue_size=1200) as sensor:
         radar = sensor.configure(CLIENT, if_gain_db=60)
-        truth_of = simulation.simulator(radar=radar)
+        truth_of = simulation.simulator().with_radar(radar)
         wf = radar.waveform
         times, ranges, velocities, truths = [], [], [], []
         for frame in sensor.frames(round(60.0 / wf.frame_interval)):
@@ -122,7 +122,7 @@ def test_what_the_client_sets_is_simulated(swing):
 
 
 def test_gain_of_the_client_scales_the_samples(swing):
-    source = Simulated(rc.load_scene(swing))
+    source = Simulated(rc.load_scene(swing).simulator())
     radar = bgt60.achieved(bgt60.Settings.from_radar(CLIENT)).to_radar()
     low, high = (source.frame(radar, 0, 0.0, if_gain_db=gain).astype(float) - 2047.5 for gain in (30.0, 50.0))
     # Noise is the same; rounding to codes is half a code.
@@ -134,19 +134,13 @@ def test_level_is_that_of_the_radar_equation():
     """1 m^2 at 1 m on boresight: 2.5 mW, 3.5 dBi twice, 12 dB of receiver noise below one code at 23 dB."""
     point = rc.PointTarget([1.0, 0.0, 0.0], rcs=1.0)
     radar = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=1)
-    simulation = rc.Simulation(rc.Scene([point]), radar, rc.Pose(), _run())
-    codes = Simulated(simulation).frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
+    simulator = rc.Simulator(rc.Scene([point]), radar, resolution=8)
+    codes = Simulated(simulator).frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
     wavelength = radar.waveform.wavelength
     gain = 10.0**0.35
     power = 2.51e-3 * gain**2 * wavelength**2 / (4.0 * np.pi) ** 3
     volt = np.sqrt(2.0 * 50.0 * power) * 10.0 ** ((14.0 + 40.0) / 20.0)
     assert np.abs(codes).max() == pytest.approx(volt / 1.21 * 2047.5, rel=0.05)
-
-
-def _run():
-    from radarcore.scenefile.tables import RunTable
-
-    return RunTable(resolution=8)
 
 
 def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp_path):

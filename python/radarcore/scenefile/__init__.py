@@ -43,12 +43,12 @@ class Simulation:
     radar_motion: Motion
     run: RunTable
 
-    def simulator(self, *, radar: Radar | None = None, threads: int | None = None) -> Simulator:
-        """The simulator of this scene, with the settings of the run; another `radar` takes the place of the file's."""
+    def simulator(self, *, threads: int | None = None) -> Simulator:
+        """The simulator of this scene, with the settings of the run."""
         run = self.run
         return Simulator(
             self.scene,
-            self.radar if radar is None else radar,
+            self.radar,
             radar_motion=self.radar_motion,
             resolution=run.resolution,
             field_of_view_deg=run.field_of_view_deg,

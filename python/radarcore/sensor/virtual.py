@@ -12,12 +12,13 @@ from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import StreamPeripheral
 from radarcore.sensor.emulator.source import FrameSource, Playback, Simulated
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.simulate import Simulator
 
 PROTOCOLS = ("strata", "comlib")
 
 
 def virtual_board(
-    source: Simulation | Recording | FrameSource,
+    source: Simulator | Simulation | Recording | FrameSource,
     *,
     protocol: str = "strata",
     speed: float | None = 1.0,
@@ -28,14 +29,15 @@ def virtual_board(
 
     Parameters
     ----------
-    source : Simulation, Recording or FrameSource
-        What it measures. The client's registers say how: samples, chirps, bandwidth, times and gains.
+    source : Simulator, Simulation, Recording or FrameSource
+        What it measures: a scene from its time 0, or from the start of a scene file's run. The client's registers
+        say how: samples, chirps, bandwidth, times and gains.
     protocol : "strata" or "comlib"
     speed : float or None
         Seconds of the sensor per second of the host; None: as fast as the client reads. A scene that takes longer to
         simulate comes slower, with right time stamps.
     threads : int, optional
-        Threads of the simulator; default: all cores.
+        Threads for a scene file's simulator; default: all cores.
     faults : Faults, optional
         Of a Strata board.
     """
@@ -43,8 +45,10 @@ def virtual_board(
     if speed is not None:
         speed = check.positive("speed", speed)
     frames: FrameSource
-    if isinstance(source, Simulation):
-        frames = Simulated(source, threads=threads)
+    if isinstance(source, Simulator):
+        frames = Simulated(source)
+    elif isinstance(source, Simulation):
+        frames = Simulated(source.simulator(threads=threads), start=source.run.start)
     elif isinstance(source, Recording):
         frames = Playback(source)
     else:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from radarcore import check, codes
 from radarcore.radar import Radar
 from radarcore.recording import Recording
-from radarcore.scenefile import Simulation
 from radarcore.simulate import Simulator
 from radarcore.units import power_from_db
 
@@ -103,21 +102,20 @@ class Simulated:
 
     Parameters
     ----------
-    simulation : Simulation
-        Scene, motion of the radar and settings of the run; the radar itself is what the sensor is set to.
-    threads : int, optional
-        Threads of the simulator; default: all cores.
+    simulator : Simulator
+        Scene and settings; the radar is what the sensor is set to.
+    start : float
+        Time of the scene when the sensor starts to measure [s].
     """
 
-    def __init__(self, simulation: Simulation, *, threads: int | None = None) -> None:
-        self.simulation = simulation
-        self.threads = threads
-        self._simulator: Simulator | None = None
+    def __init__(self, simulator: Simulator, *, start: float = 0.0) -> None:
+        self.start = check.number("start", start, "s")
+        self._simulator = simulator
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="radarcore-simulate")
         self._ahead: tuple[Radar, int, Future[NDArray[np.float64]]] | None = None
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
-        """The frame that starts `time` after the start of the run."""
+        """The frame that starts `time` after `start`."""
         ahead, self._ahead = self._ahead, None
         if ahead is not None and ahead[:2] == (radar, index):
             samples = ahead[2].result()
@@ -132,9 +130,9 @@ class Simulated:
 
     def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
         """Real samples [sqrt(W)]."""
-        if self._simulator is None or self._simulator.radar != radar:
-            self._simulator = self.simulation.simulator(radar=radar, threads=self.threads)
-        samples: NDArray[np.float64] = self._simulator.frame(self.simulation.run.start + time).cube
+        if self._simulator.radar != radar:
+            self._simulator = self._simulator.with_radar(radar)
+        samples: NDArray[np.float64] = self._simulator.frame(self.start + time).cube
         return samples
 
 
