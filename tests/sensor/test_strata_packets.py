@@ -17,23 +17,18 @@ from radarcore.sensor import strata
 from radarcore.sensor.errors import ProtocolError, RequestError
 from radarcore.sensor.strata import (
     Avian,
-    BoardParser,
     Code,
     Component,
-    Damage,
     Data,
     DataPacket,
-    HostParser,
     Info,
     Kind,
     Request,
     Response,
-    Slice,
-    SliceAssembler,
-    SliceLost,
     Status,
-    StreamError,
 )
+from radarcore.sensor.strata_slices import Slice, SliceAssembler, SliceLost, StreamError
+from radarcore.sensor.strata_stream import BoardParser, Damage, HostParser
 
 # The same examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
 fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -16,7 +16,8 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
-from radarcore.sensor.strata import Code, Damage, DataPacket, Info, Kind, Request, Response, Status
+from radarcore.sensor.strata import Code, DataPacket, Info, Kind, Request, Response, Status
+from radarcore.sensor.strata_stream import Damage, HostParser
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
 _REQUEST_TIMEOUT = 1.0
@@ -102,7 +103,7 @@ class StreamLink:
     def __init__(self, stream: Stream) -> None:
         self.name = stream.name
         self._stream = stream
-        self._parser = strata.HostParser()
+        self._parser = HostParser()
         self._parser_lock = threading.Lock()
         self._inbox = _Inbox()
         self._responses: queue.Queue[Response] = queue.Queue()

@@ -21,13 +21,11 @@ from radarcore.sensor.strata import (
     Data,
     Info,
     Request,
-    Slice,
-    SliceAssembler,
-    SliceLost,
     Status,
-    StreamError,
     Version,
 )
+from radarcore.sensor.strata_slices import Slice, SliceAssembler, SliceLost, StreamError
+from radarcore.sensor.strata_stream import Damage
 
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
@@ -147,7 +145,7 @@ class StrataBoard:
         if assembler is None:
             raise SensorError(f"{self._link.name}: expected start() before frames are read")
         for packet in self._link.packets(timeout):
-            if isinstance(packet, strata.Damage):
+            if isinstance(packet, Damage):
                 self._missing = self._missing or packet.reason
                 continue
             for item in assembler.feed(packet):

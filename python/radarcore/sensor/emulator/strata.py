@@ -28,6 +28,7 @@ from radarcore.sensor.strata import (
     Status,
     Version,
 )
+from radarcore.sensor.strata_stream import BoardParser
 
 # Slices that the controller keeps for a host that does not read; then the chip's FIFO overflows.
 _MOST_SLICES = 8
@@ -274,7 +275,7 @@ class CdcBoard:
 
     def __init__(self, controller: Controller) -> None:
         self.controller = controller
-        self._parser = strata.BoardParser()
+        self._parser = BoardParser()
         self._out = bytearray()
         self._is_gone = False
         self._pause = 0.0
