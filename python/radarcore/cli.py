@@ -182,6 +182,9 @@ def _recording_facts(path: Path) -> dict[str, Any]:
     from radarcore.recording import Recording
 
     recording = Recording.load(path)
+    source = dict(recording.source)
+    if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
+        source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
     return {
         "recording": str(path),
         "frames": len(recording),
@@ -191,7 +194,8 @@ def _recording_facts(path: Path) -> dict[str, Any]:
         "dtype": str(recording.cube.dtype),
         "bodies": None if recording.truth is None else list(recording.truth.names),
         **_radar_facts(recording.radar),
-        "source": recording.source,
+        "lost frames": None if recording.lost is None else int(recording.lost.sum()),
+        "source": source,
     }
 
 

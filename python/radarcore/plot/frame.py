@@ -89,7 +89,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ax.margins(x=0.0)
     ax.grid(alpha=0.3)
     ax.set_xlabel("Time since start of ramp [µs]")
-    unit = r"\sqrt{\mathrm{W}}"
+    unit = r"\sqrt{\mathrm{W}}" if frame.raw is None else r"\mathrm{full\ scale}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
     return ax
 

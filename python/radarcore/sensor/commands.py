@@ -174,9 +174,11 @@ def _record(options: argparse.Namespace) -> int:
     from radarcore.sensor import open_sensor
 
     with open_sensor(options.port, capture=options.capture) as sensor:
-        radar = sensor.configure(_radar(options), **_gains(options))
-        wf = radar.waveform
-        print(f"{sensor.info.port}: {sensor.info.chip}, {1.0 / wf.frame_interval:.2f} frames per second")
+        wanted = _radar(options)
+        achieved = sensor.configure(wanted, **_gains(options))
+        print(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
+        for line in _differences(wanted, achieved):
+            print(f"  {line}")
         began = time.perf_counter()
         try:
             recording = sensor.record(
@@ -190,6 +192,22 @@ def _record(options: argparse.Namespace) -> int:
         lost = sensor.num_lost
     print(f"{options.output}: {len(recording)} frames in {elapsed:.1f} s, {lost} lost")
     return 0
+
+
+def _differences(wanted: Radar, achieved: Radar) -> list[str]:
+    """Numbers of the waveform as asked for and as achieved."""
+    names = {
+        "center_frequency": ("centre of the band", 1e-9, "GHz"),
+        "bandwidth": ("sampled bandwidth", 1e-6, "MHz"),
+        "sample_rate": ("sample rate", 1e-3, "kHz"),
+        "chirp_interval": ("chirp interval", 1e6, "us"),
+        "frame_interval": ("frame interval", 1e3, "ms"),
+    }
+    lines = []
+    for name, (text, scale, unit) in names.items():
+        asked, got = (scale * getattr(radar.waveform, name) for radar in (wanted, achieved))
+        lines.append(f"{text:<19} {asked:.9g} {unit} asked, {got:.9g} {unit} achieved")
+    return lines
 
 
 def _view(options: argparse.Namespace) -> int:
