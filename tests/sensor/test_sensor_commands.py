@@ -74,6 +74,7 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     assert rc.Recording.load(output).cube.shape == (2, 3, 4, 64)
 
 
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing is slower than 20 x real time
 def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tmp_path, scene):
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     rec = tmp_path / "rec"

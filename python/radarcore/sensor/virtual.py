@@ -81,13 +81,14 @@ class VirtualBoard:
         """What whoever runs the board should know, each thing once: registers no frame comes of, a scene too slow."""
         if self._controller is None:
             return []
-        chip, found = self._controller.chip, []
+        chip, found = self._controller.chip, {}
         if chip.failure is not None:
-            found.append(f"the client's settings give no frames: {chip.failure}")
+            found[str(chip.failure)] = f"the client's settings give no frames: {chip.failure}"
         if chip.slowest < 0.95:
-            found.append("the scene is simulated slower than it runs; a lower run.resolution helps")
-        news = [line for line in found if line not in self._told]
-        self._told.update(news)
+            pace = f"{chip.slowest:.2g} x the speed that was asked for"
+            found["slow"] = f"the scene takes long to simulate and runs at {pace}; a lower run.resolution helps"
+        news = [line for what, line in found.items() if what not in self._told]
+        self._told.update(found)
         return news
 
     def close(self) -> None:
