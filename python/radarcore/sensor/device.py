@@ -279,7 +279,7 @@ class Sensor:
         radar = self._configured("frames")
         self._end("measuring was begun anew")
         self.num_lost = 0
-        origin: float | None = None
+        times = _FrameTimes(radar.waveform.frame_interval)
         if timeout is None:
             timeout = 2.0 * radar.waveform.frame_interval + _SLOWEST_START
         num_given = 0
@@ -298,16 +298,12 @@ class Sensor:
                     self.num_lost += lost
                     if is_first_loss:
                         warnings.warn(f"{self.info.port}: {losses}", FramesLostWarning, stacklevel=2)
-                by_index = raw.index * radar.waveform.frame_interval
-                if origin is None:
-                    origin = by_index if raw.device_time is None else raw.device_time - by_index
-                time_of_frame = by_index if raw.device_time is None else raw.device_time - origin
                 stats: dict[str, Any] = {"index": raw.index, "lost_before": lost, "host_time": raw.host_time}
                 if lost > 0:
                     stats["lost_reason"] = ", ".join(losses.reasons)
                 if raw.device_time is not None:
                     stats["device_time"] = raw.device_time
-                yield Frame(to_samples(raw.codes), time_of_frame, radar, stats=stats, raw=raw.codes)
+                yield Frame(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
                 num_given += 1
         except BaseException:
             if self._reader is reader:
@@ -420,6 +416,31 @@ def _close_forgotten(board: Board) -> None:
     else:
         # The collector may run in a thread of the board itself, which cannot wait for its own end.
         threading.Thread(target=board.close, name="radarcore-close").start()
+
+
+class _FrameTimes:
+    """Times of frames [s] from the start of the first one on: they always grow.
+
+    By the board's clock where it has one. Where that goes back (it has wrapped, or begins anew with every start), and
+    without it, by the frame interval.
+    """
+
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._origin: float | None = None
+        self._last: tuple[int, float] | None = None
+
+    def of(self, raw: RawFrame) -> float:
+        """Time of the next frame."""
+        last_index, last_time = self._last or (0, 0.0)
+        time = last_time + (raw.index - last_index) * self._interval
+        if raw.device_time is not None:
+            by_clock = time if self._origin is None else raw.device_time - self._origin
+            if self._last is None or by_clock > last_time:
+                time = by_clock
+            self._origin = raw.device_time - time
+        self._last = (raw.index, time)
+        return time
 
 
 class _Reader:

@@ -213,10 +213,10 @@ class StrataBoard:
         """Slices of whole frames between the last slice and this one; `gap` is what the counter is ahead."""
         if self._last is None:
             return 1  # how many came before only the board knows
-        if item.timestamp is not None and self._last.timestamp is not None:
+        if (elapsed := _elapsed(self._last, item)) is not None:
             frames_per_slice = self._slice_size // self._samples_per_frame
             interval = 1e6 * self._running.frame_time * frames_per_slice
-            return max(round((item.timestamp - self._last.timestamp) / interval) - 1, 0)
+            return max(round(elapsed / interval) - 1, 0)
         # A counter that goes back says nothing.
         return max(gap // item.num_packets, 1) if gap < 0x8000 else 1
 
@@ -224,7 +224,7 @@ class StrataBoard:
         """Whether a slice is surely the next part of a frame."""
         if gap > 0 or (self._missing and self._expected is None):
             return False
-        if self._last is None or item.timestamp is None or self._last.timestamp is None:
+        if self._last is None or (elapsed := _elapsed(self._last, item)) is None:
             return True
         # Chirps pause between frames, which tells where a frame begins.
         active = self._running.num_chirps * self._running.chirp_time
@@ -233,8 +233,7 @@ class StrataBoard:
             1e6 * (self._running.frame_time - active * (1.0 - 1.0 / slices_per_frame)),
         )
         is_first = len(self._parts) == 0
-        interval = item.timestamp - self._last.timestamp
-        nearest_is_between = abs(interval - between) < abs(interval - within)
+        nearest_is_between = abs(elapsed - between) < abs(elapsed - within)
         return nearest_is_between == is_first or abs(between - within) < _JITTER
 
     def _restart(self, reason: str) -> Lost:
@@ -356,6 +355,13 @@ class StrataBoard:
             if error.status in _UNKNOWN:
                 return None
             raise
+
+
+def _elapsed(earlier: Slice, later: Slice) -> int | None:
+    """Time between two slices [us]; None where their time stamps do not tell: none, or a clock that has gone back."""
+    if earlier.timestamp is None or later.timestamp is None or later.timestamp < earlier.timestamp:
+        return None
+    return later.timestamp - earlier.timestamp
 
 
 _EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
