@@ -13,7 +13,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.cli import main
-from radarcore.sensor import bgt60, open_sensor, virtual_board
+from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise, Playback, Simulated
 
@@ -171,6 +171,29 @@ def test_serve_tells_why_no_frames_come(swing):
         (line,) = board.news()
         assert line.startswith("the client's settings give no frames: ")
         assert board.news() == [], "once"
+
+
+def test_client_that_asks_for_the_temperature_is_no_news(swing):
+    """The chip is idle then, in a mode that has no frames."""
+    with virtual_board(rc.load_scene(swing)) as board, PtyPort(board) as port:
+        with open_sensor(port.path, protocol="strata") as sensor:
+            sensor.temperature()
+        assert board.news() == []
+
+
+def test_source_that_fails_is_told_to_the_client_and_to_whoever_serves():
+    class Wrong:
+        def frame(self, radar, index, time, **gains):
+            raise ValueError("radar: expected what was recorded")
+
+    with virtual_board(Wrong(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+        with open_sensor(port.path) as sensor:
+            wanted = rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=50e-3)
+            sensor.configure(rc.Radar(wanted.waveform, rx=[[0.0, 0.0, 0.0]], receiver=wanted.receiver))
+            with pytest.raises(RequestError, match="endpoint 1 refused"):
+                next(sensor.frames())
+        assert board.news() == ["the client's settings give no frames: radar: expected what was recorded"]
+        open_sensor(port.path).close()
 
 
 class Paced:

@@ -27,6 +27,7 @@ _STATUS = 0xF0
 _STATUS_OVERFLOW = 0x08
 
 _LFSR_EN = 1 << 17
+_CW_MODE = 1 << 16
 _MAIN_ACTIONS = bgt60.FRAME_START | bgt60.SW_RESET | bgt60.FSM_RESET | bgt60.FIFO_RESET
 _STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
 _FSTAT_OVERFLOW = 1 << 23
@@ -150,7 +151,7 @@ class Chip:
             self._stop()
         if main & bgt60.FIFO_RESET:
             self._empty()
-        if main & bgt60.FRAME_START:
+        if main & bgt60.FRAME_START and not main & _CW_MODE:  # a continuous wave has no frames
             self._start()
 
     def has_samples(self, num_samples: int) -> bool:
