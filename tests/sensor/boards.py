@@ -66,6 +66,7 @@ def plugged(controller: Controller, transport: str) -> Iterator[tuple[dict[str, 
 
 @contextmanager
 def opened(controller: Controller, transport: str = "cdc", **options: Any) -> Iterator[Sensor]:
-    """A sensor that is open, to an emulated board."""
+    """A sensor that is open, to an emulated board; its queue is long enough for boards without a pace."""
+    options.setdefault("queue_size", 10_000)
     with plugged(controller, transport) as (where, _), open_sensor(**where, **options) as sensor:
         yield sensor

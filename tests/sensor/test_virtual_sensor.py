@@ -1,5 +1,6 @@
 """`radarcore sensor serve`, and clients of it."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.cli import main
-from radarcore.sensor import bgt60, open_sensor, virtual_board
+from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise, Playback, Simulated
 
@@ -170,6 +171,82 @@ def test_serve_tells_why_no_frames_come(swing):
         (line,) = board.news()
         assert line.startswith("the client's settings give no frames: ")
         assert board.news() == [], "once"
+
+
+def test_client_that_asks_for_the_temperature_is_no_news(swing):
+    """The chip is idle then, in a mode that has no frames."""
+    with virtual_board(rc.load_scene(swing)) as board, PtyPort(board) as port:
+        with open_sensor(port.path, protocol="strata") as sensor:
+            sensor.temperature()
+        assert board.news() == []
+
+
+def test_source_that_fails_is_told_to_the_client_and_to_whoever_serves():
+    class Wrong:
+        def frame(self, radar, index, time, **gains):
+            raise ValueError("radar: expected what was recorded")
+
+    with virtual_board(Wrong(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+        with open_sensor(port.path) as sensor:
+            wanted = rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=50e-3)
+            sensor.configure(rc.Radar(wanted.waveform, rx=[[0.0, 0.0, 0.0]], receiver=wanted.receiver))
+            with pytest.raises(RequestError, match="endpoint 1 refused"):
+                next(sensor.frames())
+        assert board.news() == ["the client's settings give no frames: radar: expected what was recorded"]
+        open_sensor(port.path).close()
+
+
+class Paced:
+    """Noise that takes a time of its own for every frame."""
+
+    def __init__(self, seconds):
+        self.seconds, self.noise = seconds, Noise()
+
+    def frame(self, radar, index, time_of_frame, **gains):
+        time.sleep(self.seconds(index))
+        return self.noise.frame(radar, index, time_of_frame, **gains)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "is_told"),
+    [
+        (lambda index: 0.1, True),
+        # The first frame cannot be made ahead, and a host is busy now and then.
+        (lambda index: {0: 0.5, 10: 0.06}.get(index, 0.0), False),
+    ],
+    ids=["slow", "late now and then"],
+)
+def test_serve_tells_of_a_scene_that_is_slow_and_of_no_other(seconds, is_told, monkeypatch):
+    monkeypatch.setattr("radarcore.sensor.emulator.chip._PACE_TIME", 1.0)
+    radar = rc.bgt60tr13c(num_chirps=8, frame_interval=50e-3)
+    with virtual_board(Paced(seconds)) as board, PtyPort(board) as port, open_sensor(port.path) as sensor:
+        sensor.configure(radar)
+        assert len(list(sensor.frames(25))) == 25
+        lines = board.news()
+        assert len(lines) == is_told
+        # Half the speed, and less on a busy machine.
+        assert all(re.match(r"the scene takes long to simulate and runs at 0\.[2-5]", line) for line in lines)
+        assert board.news() == [], "once"
+
+
+def test_board_answers_while_a_frame_takes_long_to_simulate():
+    """A client that stops or asks is not kept waiting for the scene."""
+    with (
+        virtual_board(Paced(lambda index: 0.0 if index == 0 else 3.0)) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path) as sensor,
+    ):
+        sensor.configure(rc.bgt60tr13c(num_chirps=8))
+        frames = sensor.frames()
+        next(frames)
+        for call in (sensor.temperature, frames.close, sensor.temperature):
+            sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+            began = time.monotonic()
+            call()
+            assert time.monotonic() - began < 1.0
+        # The next measurement has the source when the last one has given it back.
+        (frame,) = sensor.frames(1, timeout=10.0)
+        assert frame.stats["index"] == 0
 
 
 def test_interrupted_server_and_recorder_end_well(swing, tmp_path):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 import warnings
+import weakref
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from os import PathLike
 from types import TracebackType
@@ -39,7 +41,7 @@ _XMC = 0x0058
 _CAPTURE = "capture:"
 _POLL = 0.1
 _PROBE_TIMEOUT = 0.3
-_SLOWEST_START = 2.0
+_SLOWEST_START = 10.0
 """A frame may come so much later than its time [s]: boards wake up, hosts are busy."""
 
 
@@ -208,7 +210,10 @@ class Sensor:
         self.radar: Radar | None = None
         self.num_lost = 0
         self._is_open = True
+        self._closing = threading.RLock()
         self._reader: _Reader | None = None
+        # One that is forgotten gives its port back too, at the latest when the program ends.
+        self._forgotten = weakref.finalize(self, _close_forgotten, board)
 
     def __repr__(self) -> str:
         return f"<Sensor {self.info.chip} on {self.info.port}, firmware {self.info.firmware}>"
@@ -222,7 +227,7 @@ class Sensor:
         self.close()
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
-        """Set the board to a radar; ends what is being measured.
+        """Set the board to a radar; ends what is being measured, as `stop` does.
 
         Parameters
         ----------
@@ -248,7 +253,7 @@ class Sensor:
         self.radar = self._board.configure(radar, **options)
         return self.radar
 
-    def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Iterator[Frame]:
+    def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Generator[Frame, None, None]:
         """Measure, and yield frames as they come; measuring ends with the iteration.
 
         Parameters
@@ -256,7 +261,7 @@ class Sensor:
         num_frames : int, optional
             End after so many; default: never.
         timeout : float, optional
-            Longest time without a frame [s]; default: two frame intervals and 2 s.
+            Longest time without a frame [s]; default: two frame intervals and 10 s.
 
         Raises
         ------
@@ -265,49 +270,60 @@ class Sensor:
         SensorDisconnectedError
             When the board is unplugged; open it again when it is back.
         """
-        self._check_open()
-        if self.radar is None:
-            raise SensorError(f"{self.info.port}: expected configure(radar) before frames")
+        self._configured("frames")
         wanted = None if num_frames is None else check.count("num_frames", num_frames, 0)
-        interval = self.radar.waveform.frame_interval
-        longest = 2.0 * interval + _SLOWEST_START if timeout is None else check.positive("timeout", timeout, "s")
-        return self._frames(self.radar, wanted, longest)
+        return self._frames(wanted, None if timeout is None else check.positive("timeout", timeout, "s"))
 
-    def _frames(self, radar: Radar, wanted: int | None, timeout: float) -> Iterator[Frame]:
-        self.stop()
+    def _frames(self, wanted: int | None, timeout: float | None) -> Generator[Frame, None, None]:
+        # Here begins the first frame, long after `frames` perhaps.
+        radar = self._configured("frames")
+        self._end("measuring was begun anew")
         self.num_lost = 0
-        self._board.start()
-        reader = self._reader = _Reader(self._board, self._queue_size)
-        origin: float | None = None
+        times = _FrameTimes(radar.waveform.frame_interval)
+        if timeout is None:
+            timeout = 2.0 * radar.waveform.frame_interval + _SLOWEST_START
         num_given = 0
+        reader: _Reader | None = None
         try:
+            self._board.start()
+            reader = self._reader = _Reader(self._board, self._queue_size)
+            self._check_open()  # another thread may have closed it meanwhile
             while wanted is None or num_given < wanted:
-                raw, losses = reader.take(timeout)
+                taken = reader.take(timeout)
+                if taken is None:
+                    break
+                raw, losses = taken
                 lost, is_first_loss = losses.num_frames, self.num_lost == 0
                 if lost > 0:
                     self.num_lost += lost
                     if is_first_loss:
                         warnings.warn(f"{self.info.port}: {losses}", FramesLostWarning, stacklevel=2)
-                by_index = raw.index * radar.waveform.frame_interval
-                if origin is None:
-                    origin = by_index if raw.device_time is None else raw.device_time - by_index
-                time_of_frame = by_index if raw.device_time is None else raw.device_time - origin
                 stats: dict[str, Any] = {"index": raw.index, "lost_before": lost, "host_time": raw.host_time}
                 if lost > 0:
                     stats["lost_reason"] = ", ".join(losses.reasons)
                 if raw.device_time is not None:
                     stats["device_time"] = raw.device_time
-                yield Frame(to_samples(raw.codes), time_of_frame, radar, stats=stats, raw=raw.codes)
+                yield Frame(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
                 num_given += 1
-        finally:
+        except BaseException:
             if self._reader is reader:
-                self.stop()
+                with suppress(SensorError):  # what went wrong first is what is told
+                    self._end()
+            raise
+        if self._reader is reader:
+            self._end()
 
     def stop(self) -> None:
-        """End measuring; does nothing where nothing is measured."""
+        """End measuring, and iterations over frames with it; does nothing where nothing is measured."""
+        self._end()
+
+    def _end(self, reason: str = "") -> None:
+        """End measuring; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
+        try:
+            if reader is not None:
+                reader.close(reason)
+        finally:
             self._board.stop()
 
     def record(
@@ -341,18 +357,19 @@ class Sensor:
         """
         from tqdm import tqdm  # heavier than the rest of the import
 
-        if self.radar is None:
-            raise SensorError(f"{self.info.port}: expected configure(radar) before record")
+        radar = self._configured("record")
         if duration is not None and num_frames is not None:
             raise ValueError("duration: expected either duration or num_frames, got both")
         if duration is not None:
             seconds = check.positive("duration", duration, "s")
-            num_frames = max(1, round(seconds / self.radar.waveform.frame_interval))
+            num_frames = max(1, round(seconds / radar.waveform.frame_interval))
         frames = self.frames(num_frames)
         bar = tqdm(frames, desc="recording", unit="frame", total=num_frames, disable=None if progress else True)
-        with RecordingWriter(
-            path, self.radar, num_frames=num_frames, source=self.source(), overwrite=overwrite
-        ) as writer:
+        with (
+            RecordingWriter(path, radar, num_frames=num_frames, source=self.source(), overwrite=overwrite) as writer,
+            closing(frames),  # measuring ends here, also where writing fails
+            bar,
+        ):
             for frame in bar:
                 writer.append(frame)
         return Recording.load(path)
@@ -368,19 +385,62 @@ class Sensor:
 
     def close(self) -> None:
         """End measuring and give the port back; may be called twice."""
-        if not self._is_open:
-            return
-        self._is_open = False
-        try:
-            self.stop()
-        except SensorError:
-            pass  # a board that is gone has stopped
-        finally:
-            self._board.close()
+        with self._closing:  # who closes while another does waits: then the port is free
+            if not self._is_open:
+                return
+            self._is_open = False
+            reader, self._reader = self._reader, None
+            try:
+                if reader is not None:
+                    reader.close("the sensor was closed")
+            finally:
+                self._board.close()
+            self._forgotten.detach()
+
+    def _configured(self, method: str) -> Radar:
+        """The radar; an error where there is none, or no board any more."""
+        self._check_open()
+        if self.radar is None:
+            raise SensorError(f"{self.info.port}: expected configure(radar) before {method}")
+        return self.radar
 
     def _check_open(self) -> None:
         if not self._is_open:
             raise SensorError(f"{self.info.port}: expected an open sensor, got one that is closed")
+
+
+def _close_forgotten(board: Board) -> None:
+    """Close the board of a sensor that nobody has any more."""
+    if threading.current_thread() is threading.main_thread():
+        board.close()
+    else:
+        # The collector may run in a thread of the board itself, which cannot wait for its own end.
+        threading.Thread(target=board.close, name="radarcore-close").start()
+
+
+class _FrameTimes:
+    """Times of frames [s] from the start of the first one on: they always grow.
+
+    By the board's clock where it has one. Where that goes back (it has wrapped, or begins anew with every start), and
+    without it, by the frame interval.
+    """
+
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._origin: float | None = None
+        self._last: tuple[int, float] | None = None
+
+    def of(self, raw: RawFrame) -> float:
+        """Time of the next frame."""
+        last_index, last_time = self._last or (0, 0.0)
+        time = last_time + (raw.index - last_index) * self._interval
+        if raw.device_time is not None:
+            by_clock = time if self._origin is None else raw.device_time - self._origin
+            if self._last is None or by_clock > last_time:
+                time = by_clock
+            self._origin = raw.device_time - time
+        self._last = (raw.index, time)
+        return time
 
 
 class _Reader:
@@ -394,13 +454,18 @@ class _Reader:
         self._losses = _Losses()  # since the newest frame
         self._failure: Exception | None = None
         self._is_closed = False
+        self._reason = ""
         self._thread = threading.Thread(target=self._read, name="radarcore-frames", daemon=True)
         self._thread.start()
 
-    def take(self, timeout: float) -> tuple[RawFrame, _Losses]:
-        """The next frame, and what was lost before it."""
+    def take(self, timeout: float) -> tuple[RawFrame, _Losses] | None:
+        """The next frame, and what was lost before it; None where measuring was ended."""
         with self._arrived:
-            self._arrived.wait_for(lambda: self._frames or self._failure, timeout)
+            self._arrived.wait_for(lambda: self._is_closed or self._frames or self._failure, timeout)
+            if self._is_closed:
+                if self._reason:
+                    raise SensorError(f"{self._board.info.port}: no more frames, {self._reason}")
+                return None
             if self._frames:
                 return self._frames.popleft()
             if self._failure is not None:
@@ -408,9 +473,11 @@ class _Reader:
             because = f"; {self._losses}" if self._losses.num_frames else ""
         raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:g} s{because}")
 
-    def close(self) -> None:
-        """End the thread; what has not been taken is gone."""
-        self._is_closed = True
+    def close(self, reason: str = "") -> None:
+        """End the thread; what has not been taken is gone, and whoever still waits is told the reason."""
+        with self._arrived:
+            self._is_closed, self._reason = True, reason
+            self._arrived.notify_all()
         self._thread.join()
 
     def _read(self) -> None:

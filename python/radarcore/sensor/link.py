@@ -23,6 +23,8 @@ from radarcore.sensor.transport import Stalled, Stream, VendorPort
 _REQUEST_TIMEOUT = 1.0
 # Every request may be made again: where an answer is damaged, that costs less than a measurement.
 _RETRIES = 2
+# An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
+_LATE = 0.1
 _READ_SIZE = 512 * 31
 # Bytes are waited for so long at once; so long a thread that is asked to end may take.
 _POLL = 0.1
@@ -107,6 +109,7 @@ class StreamLink:
         self._parser_lock = threading.Lock()
         self._inbox = _Inbox()
         self._responses: queue.Queue[Response] = queue.Queue()
+        self._num_due = 0  # answers to come; of interrupted requests too
         self._asking = threading.Lock()
         self._is_closed = False
         self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
@@ -128,13 +131,15 @@ class StreamLink:
 
     def _response(self, request: Request, timeout: float) -> Response:
         self._inbox.check()
-        while not self._responses.empty():  # of a request that was given up
-            self._responses.get_nowait()
+        self._forget_answers()
+        self._num_due += 1
         self._stream.write(strata.encode_request(request), timeout)
         deadline = time.monotonic() + timeout
         while True:
             try:
-                return self._responses.get(timeout=min(_POLL, max(deadline - time.monotonic(), 1e-3)))
+                response = self._responses.get(timeout=min(_POLL, max(deadline - time.monotonic(), 1e-3)))
+                self._num_due -= 1
+                return response
             except queue.Empty:
                 self._inbox.check()
                 if time.monotonic() >= deadline:
@@ -143,6 +148,17 @@ class StreamLink:
                     raise SensorTimeoutError(
                         f"{self.name}: no answer to {_text(request)} within {timeout:g} s"
                     ) from None
+
+    def _forget_answers(self) -> None:
+        """Throw away answers to requests that were given up."""
+        with suppress(queue.Empty):
+            while self._num_due > 0:
+                self._responses.get(timeout=_LATE)
+                self._num_due -= 1
+        self._num_due = 0
+        with suppress(queue.Empty):
+            while True:
+                self._responses.get_nowait()
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """Data packets since the last call, and damage among them."""
@@ -157,8 +173,10 @@ class StreamLink:
         if self._is_closed:
             return
         self._is_closed = True
-        self._thread.join()
-        self._stream.close()
+        try:
+            self._thread.join()
+        finally:
+            self._stream.close()
 
     def _read(self) -> None:
         try:
@@ -229,8 +247,10 @@ class VendorLink:
         if self._is_closed:
             return
         self._is_closed = True
-        self._thread.join()
-        self._port.close()
+        try:
+            self._thread.join()
+        finally:
+            self._port.close()
 
     def _read(self) -> None:
         try:

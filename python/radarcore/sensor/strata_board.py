@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -65,6 +66,8 @@ class StrataBoard:
         self._slice_size = 0
         self._assembler: SliceAssembler | None = None
         self._is_running = False
+        # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
+        self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
         self.info = self._open(timeout)
 
@@ -109,8 +112,7 @@ class StrataBoard:
         settings = bgt60.Settings.from_radar(radar, **options)
         slice_size = bgt60.choose_slice_size(settings)
         bgt60.registers(settings, slice_size)  # refuses what the chip cannot do
-        if self._is_running:
-            self.stop()
+        self.stop()
         self._settings = bgt60.achieved(settings)
         self._requested, self._slice_size = settings, slice_size
         return self._settings.to_radar()
@@ -119,9 +121,11 @@ class StrataBoard:
         """Tell the board how to read, then set all registers and begin."""
         if self._settings is None:
             raise SensorError(f"{self._link.name}: expected configure(radar) before measuring")
-        self._index = 0
-        self._num_restarts = 0
-        self._begin()
+        with self._conversation:
+            self.stop()
+            self._index = 0
+            self._num_restarts = 0
+            self._begin()
 
     def _begin(self) -> None:
         image = bgt60.registers(self._requested, self._slice_size)
@@ -130,6 +134,8 @@ class StrataBoard:
         self._is_running = True
         self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, strata.data_configuration(self._slice_size)))
         self._link.ask(Request.write(Code.DATA, Data.START, 0))
+        while self._link.packets(0.0):
+            pass  # of an earlier measurement: this one has not begun
         self._execute(bgt60.start_words(image))
         self._assembler = SliceAssembler(self._slice_size * 3 // 2)
         self._parts: list[Slice] = []
@@ -207,10 +213,10 @@ class StrataBoard:
         """Slices of whole frames between the last slice and this one; `gap` is what the counter is ahead."""
         if self._last is None:
             return 1  # how many came before only the board knows
-        if item.timestamp is not None and self._last.timestamp is not None:
+        if (elapsed := _elapsed(self._last, item)) is not None:
             frames_per_slice = self._slice_size // self._samples_per_frame
             interval = 1e6 * self._running.frame_time * frames_per_slice
-            return max(round((item.timestamp - self._last.timestamp) / interval) - 1, 0)
+            return max(round(elapsed / interval) - 1, 0)
         # A counter that goes back says nothing.
         return max(gap // item.num_packets, 1) if gap < 0x8000 else 1
 
@@ -218,7 +224,7 @@ class StrataBoard:
         """Whether a slice is surely the next part of a frame."""
         if gap > 0 or (self._missing and self._expected is None):
             return False
-        if self._last is None or item.timestamp is None or self._last.timestamp is None:
+        if self._last is None or (elapsed := _elapsed(self._last, item)) is None:
             return True
         # Chirps pause between frames, which tells where a frame begins.
         active = self._running.num_chirps * self._running.chirp_time
@@ -227,31 +233,34 @@ class StrataBoard:
             1e6 * (self._running.frame_time - active * (1.0 - 1.0 / slices_per_frame)),
         )
         is_first = len(self._parts) == 0
-        interval = item.timestamp - self._last.timestamp
-        nearest_is_between = abs(interval - between) < abs(interval - within)
+        nearest_is_between = abs(elapsed - between) < abs(elapsed - within)
         return nearest_is_between == is_first or abs(between - within) < _JITTER
 
     def _restart(self, reason: str) -> Lost:
         """Begin anew; the frames that would have been measured meanwhile are lost."""
-        self._num_restarts += 1
-        if self._num_restarts > _MOST_RESTARTS:
-            raise SensorError(f"{self._link.name}: {reason}, again after {_MOST_RESTARTS} restarts")
-        began = self._arrived
-        self.stop()
-        self._begin()
+        with self._conversation:
+            if not self._is_running:  # ended meanwhile
+                return Lost(1, reason)
+            self._num_restarts += 1
+            if self._num_restarts > _MOST_RESTARTS:
+                raise SensorError(f"{self._link.name}: {reason}, again after {_MOST_RESTARTS} restarts")
+            began = self._arrived
+            self.stop()
+            self._begin()
         lost = max(1, round((time.monotonic() - began) / self._running.frame_time))
         self._index += lost
         return Lost(lost, f"{reason}; measuring was started anew")
 
     def stop(self) -> None:
         """Stop the data, then the chip, and throw away what is still on its way."""
-        if not self._is_running:
-            return
-        self._is_running = False
-        self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
-        image = bgt60.registers(self._requested, self._slice_size)
-        self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
-        self._link.discard()
+        with self._conversation:
+            if not self._is_running:
+                return
+            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
+            image = bgt60.registers(self._requested, self._slice_size)
+            self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
+            self._is_running = False  # and not before: who is interrupted above stops again
+            self._link.discard()
 
     def details(self) -> dict[str, Any]:
         """Settings of the chip, under the names that Infineon's recordings have for them."""
@@ -269,11 +278,12 @@ class StrataBoard:
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]; at most 0.1 s old."""
-        when, value = self._temperature
-        if time.monotonic() - when >= _TEMPERATURE_AGE:
-            value = self._measure_temperature()
-            self._temperature = (time.monotonic(), value)
-        return value
+        with self._conversation:
+            when, value = self._temperature
+            if time.monotonic() - when >= _TEMPERATURE_AGE:
+                value = self._measure_temperature()
+                self._temperature = (time.monotonic(), value)
+            return value
 
     def _measure_temperature(self) -> float:
         if self._is_running:
@@ -345,6 +355,13 @@ class StrataBoard:
             if error.status in _UNKNOWN:
                 return None
             raise
+
+
+def _elapsed(earlier: Slice, later: Slice) -> int | None:
+    """Time between two slices [us]; None where their time stamps do not tell: none, or a clock that has gone back."""
+    if earlier.timestamp is None or later.timestamp is None or later.timestamp < earlier.timestamp:
+        return None
+    return later.timestamp - earlier.timestamp
 
 
 _EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)

@@ -7,6 +7,7 @@ from types import TracebackType
 from radarcore import check
 from radarcore.recording import Recording
 from radarcore.scenefile import Simulation
+from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import StreamPeripheral
@@ -62,11 +63,12 @@ class VirtualBoard:
     def __init__(self, source: FrameSource, protocol: str, speed: float | None, faults: Faults | None) -> None:
         self._controller: Controller | None = None
         self._board: StreamPeripheral
+        self._measures: Chip | ComLibEmulator
         if protocol == "comlib":
-            self._board = ComLibEmulator(source, speed=speed)
+            self._board = self._measures = ComLibEmulator(source, speed=speed)
         else:
             self._controller = Controller(source, speed=speed, faults=faults)
-            self._board = CdcBoard(self._controller)
+            self._board, self._measures = CdcBoard(self._controller), self._controller.chip
         self._told: set[str] = set()
 
     def receive(self, data: bytes) -> None:
@@ -79,15 +81,14 @@ class VirtualBoard:
 
     def news(self) -> list[str]:
         """What whoever runs the board should know, each thing once: registers no frame comes of, a scene too slow."""
-        if self._controller is None:
-            return []
-        chip, found = self._controller.chip, []
-        if chip.failure is not None:
-            found.append(f"the client's settings give no frames: {chip.failure}")
-        if chip.slowest < 0.95:
-            found.append("the scene is simulated slower than it runs; a lower run.resolution helps")
-        news = [line for line in found if line not in self._told]
-        self._told.update(news)
+        found = {}
+        if self._measures.failure is not None:
+            found[str(self._measures.failure)] = f"the client's settings give no frames: {self._measures.failure}"
+        if isinstance(self._measures, Chip) and self._measures.slowest < 0.95:
+            pace = f"{self._measures.slowest:.2g} x the speed that was asked for"
+            found["slow"] = f"the scene takes long to simulate and runs at {pace}; a lower run.resolution helps"
+        news = [line for what, line in found.items() if what not in self._told]
+        self._told.update(found)
         return news
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 The sequencer is a thread: it asks the source for a frame, waits until that would have been measured, and puts the
 samples into the FIFO. Scene time and time stamps follow from the number of the frame, so that a source that is too slow
-makes a slow sensor, not a wrong one.
+makes a slow sensor, not a wrong one. Time stamps count from power-up, and run on from one measurement to the next.
 """
 
 from __future__ import annotations
@@ -27,10 +27,14 @@ _STATUS = 0xF0
 _STATUS_OVERFLOW = 0x08
 
 _LFSR_EN = 1 << 17
+_CW_MODE = 1 << 16
 _MAIN_ACTIONS = bgt60.FRAME_START | bgt60.SW_RESET | bgt60.FSM_RESET | bgt60.FIFO_RESET
 _STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
 _FSTAT_OVERFLOW = 1 << 23
 _FSTAT_EMPTY = 1 << 20
+
+_PACE_TIME = 4.0
+"""How fast a source is, is measured over so long [s of the host]: a busy host is late now and then."""
 
 
 class Chip:
@@ -76,6 +80,9 @@ class Chip:
         """An overflow has not been told yet; whoever tells it clears this."""
         self.failure: Exception | None = None
         self.slowest = np.inf
+        """Least pace of the source so far, 1 where it keeps up."""
+        self._began = time.monotonic()
+        self._latest = 0.0  # time stamp of the newest samples
         self.registers: dict[int, int] = {}
         self._clear()
 
@@ -83,6 +90,13 @@ class Chip:
         """Hardware reset: registers as after power-up, nothing measured."""
         self._stop()
         self._clear()
+
+    def power_up(self) -> None:
+        """As after power was away: the clock begins anew too."""
+        self.reset()
+        with self._lock:
+            self.complains = False
+            self._began, self._latest = time.monotonic(), 0.0
 
     def _clear(self) -> None:
         with self._lock:
@@ -137,7 +151,7 @@ class Chip:
             self._stop()
         if main & bgt60.FIFO_RESET:
             self._empty()
-        if main & bgt60.FRAME_START:
+        if main & bgt60.FRAME_START and not main & _CW_MODE:  # a continuous wave has no frames
             self._start()
 
     def has_samples(self, num_samples: int) -> bool:
@@ -145,7 +159,10 @@ class Chip:
         return self._fill >= num_samples
 
     def take(self, num_samples: int) -> tuple[NDArray[np.uint16], float] | None:
-        """The oldest samples of the FIFO, and when the last of them was measured [s]; None while there are fewer."""
+        """The oldest samples of the FIFO, and when the last of them was measured [s since power-up].
+
+        None while there are fewer.
+        """
         with self._lock:
             if self._fill < num_samples:
                 return None
@@ -179,6 +196,8 @@ class Chip:
     def close(self) -> None:
         """End the sequencer."""
         self._stop()
+        if self._thread is not None:
+            self._thread.join()
 
     def _start(self) -> None:
         self._stop()
@@ -189,25 +208,34 @@ class Chip:
             self.failure = error
             return
         self.slowest = np.inf
-        self._thread = threading.Thread(
-            target=self._measure, args=(self._run, settings, radar), name="radarcore-sequencer", daemon=True
-        )
+        piece = bgt60.slice_size_of(self.registers)
+        is_test = bool(self.registers[bgt60.SFCTL] & _LFSR_EN)
+        arguments = (self._run, settings, radar, piece, is_test, self._thread)
+        self._thread = threading.Thread(target=self._measure, args=arguments, name="radarcore-sequencer", daemon=True)
         self._thread.start()
 
     def _stop(self) -> None:
+        """End what is measured; its thread ends when the source has given the frame it is at, which may take long."""
         with self._lock:
             self._run += 1
             self._lock.notify_all()
-        thread, self._thread = self._thread, None
-        if thread is not None and thread is not threading.current_thread():
-            thread.join()
 
-    def _measure(self, run: int, settings: bgt60.Settings, radar: Radar) -> None:
-        """Frames into the FIFO until `run` is over."""
-        is_test = bool(self.registers[bgt60.SFCTL] & _LFSR_EN)
-        piece = bgt60.slice_size_of(self.registers)
+    def _measure(
+        self,
+        run: int,
+        settings: bgt60.Settings,
+        radar: Radar,
+        piece: int,
+        is_test: bool,
+        previous: threading.Thread | None,
+    ) -> None:
+        """Frames into the FIFO until `run` is over; the source is that of `previous` until that has ended."""
+        if previous is not None:
+            previous.join()
+        first_stamp = self._uptime()
         began, index = time.monotonic(), 0
-        while settings.num_frames == 0 or index < settings.num_frames:
+        paced_from: tuple[float, float] | None = None
+        while self._run == run and (settings.num_frames == 0 or index < settings.num_frames):
             start = index * settings.frame_time
             try:
                 cube = self.source.frame(radar, index, start, if_gain_db=settings.if_gain_db)
@@ -217,19 +245,35 @@ class Chip:
             if is_test and settings.rx_mask & 1:
                 cube = cube.copy()
                 cube[0] = codes.test_pattern(cube[0].size).reshape(cube[0].shape)
-            # A real sensor has measured the frame after its last chirp.
-            end = start + settings.num_chirps * settings.chirp_time
-            late = self._wait_until(run, began, end)
-            if late > 0.0:
-                began += late
-                self.slowest = min(self.slowest, settings.frame_time / (settings.frame_time + late))
             samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
+            active = settings.num_chirps * settings.chirp_time
             for first in range(0, len(samples), piece):
                 part = samples[first : first + piece]
-                share = (first + len(part)) / len(samples)
-                if not self._put(run, part, start + share * (end - start)):
+                # A real sensor has measured samples after their chirp.
+                moment = start + (first + len(part)) / len(samples) * active
+                late = self._wait_until(run, began, moment)
+                if first == 0:
+                    # A source that is late makes the sensor late, but not its chirps shorter.
+                    began += late
+                    paced_from = self._pace(paced_from, moment)
+                if not self._put(run, part, first_stamp + moment):
                     return
             index += 1
+
+    def _uptime(self) -> float:
+        """Time since power-up [s], not before what has been measured."""
+        by_host = 0.0 if self.speed is None else self.speed * (time.monotonic() - self._began)
+        return max(self._latest, by_host)
+
+    def _pace(self, begin: tuple[float, float] | None, moment: float) -> tuple[float, float]:
+        """Compare the sensor's time with the host's since `begin`; returns from when on to compare next."""
+        now = time.monotonic()
+        if begin is None or self.speed is None:  # the first frame could not be made ahead
+            return now, moment
+        if now - begin[0] < _PACE_TIME:
+            return begin
+        self.slowest = min(self.slowest, (moment - begin[1]) / (self.speed * (now - begin[0])))
+        return now, moment
 
     def _wait_until(self, run: int, began: float, moment: float) -> float:
         """Wait for a moment of the sensor's time; returns by how much it was missed [s of the host]."""
@@ -250,6 +294,7 @@ class Chip:
             if self._run != run:
                 return False
             has_room = self._fill + len(samples) <= FIFO_SAMPLES
+            self._latest = when
             if has_room:
                 self._fifo.append((samples, when))
                 self._fill += len(samples)

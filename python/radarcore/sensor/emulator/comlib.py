@@ -87,7 +87,7 @@ class ComLibEmulator:
     Parameters
     ----------
     source : FrameSource
-        Gives the frames. It is called by `send`, which raises what it raises.
+        Gives the frames. It is called by `send`; where it raises, the frame is refused, and `failure` says why.
     speed : float, optional
         Seconds of measuring in one of the clock: 1 is real time. A frame is ready an interval after the last one, and
         over when the next is. Default: frames are ready whenever they are asked for, and none is ever lost.
@@ -118,6 +118,7 @@ class ComLibEmulator:
         buffer_size: int = 512,
     ) -> None:
         self.temperature = check.number("temperature", temperature, "degrees Celsius")
+        self.failure: Exception | None = None
         self._source = source
         self._speed = None if speed is None else check.positive("speed", speed)
         self._initial_rate = round(check.positive("sample_rate", sample_rate, "Hz"))
@@ -276,7 +277,11 @@ class ComLibEmulator:
         index = self._num_over - 1
         self._next_index = index + 1
         radar = self.radar
-        codes = np.asarray(self._source.frame(radar, index, index * radar.waveform.frame_interval))
+        try:
+            codes = np.asarray(self._source.frame(radar, index, index * radar.waveform.frame_interval))
+        except Exception as error:  # a source that fails ends the measurement, not the board
+            self.failure = error
+            raise _Refused(Status.NOT_POSSIBLE) from error
         shape = (len(radar.rx), radar.waveform.num_chirps, radar.waveform.num_samples)
         if codes.shape != shape or codes.dtype != np.uint16 or codes.max() > 0xFFF:
             raise ValueError(f"frame: expected codes of 12 bit, uint16 {shape}, got {codes.dtype} {codes.shape}")

@@ -118,11 +118,11 @@ class Controller:
 
     def power_up(self) -> None:
         """As after power was away."""
-        self.chip.reset()
+        self.chip.power_up()
         with self.arrived:
             self.packets.clear()
             self._num_slices = self._counter = 0
-            self._is_sending = self.chip.complains = False
+            self._is_sending = False
             self._slice_size = None
 
     def handle(self, request: Request) -> Response:
@@ -189,9 +189,7 @@ class Controller:
     def _component(self, request: Request) -> bytes:
         kind, value, index = request.kind, request.value, request.index
         if (kind, value) == (Kind.READ, Component.COUNT):
-            if index != Component.AVIAN:
-                raise RequestError("component type", Status.COMPONENT_TYPE_INVALID)
-            return b"\1"
+            return b"\1" if index == Component.AVIAN else b"\0"
         if value != Component.AVIAN:
             raise RequestError("component type", Status.COMPONENT_TYPE_INVALID)
         if index & 0xF != 0:

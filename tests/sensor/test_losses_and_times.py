@@ -1,0 +1,330 @@
+"""What is lost is counted, and when frames were measured: slices put in by hand, and clocks of all kinds."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from boards import Numbered, number_of, numbered, opened
+
+import radarcore as rc
+from radarcore import codes
+from radarcore.sensor import FramesLostWarning, Sensor, bgt60
+from radarcore.sensor.board import BoardInfo, Lost, RawFrame
+from radarcore.sensor.emulator.source import Noise
+from radarcore.sensor.emulator.strata import Controller
+from radarcore.sensor.strata import Avian, Code, Component, DataPacket, Kind, Request
+from radarcore.sensor.strata_board import StrataBoard
+from radarcore.sensor.strata_stream import Damage
+
+SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
+FAST = rc.bgt60tr13c(
+    num_samples=32, num_chirps=1, chirp_interval=400e-6, frame_interval=2e-3
+)  # three frames to a slice
+
+
+class Slices:
+    """A link whose requests an emulated board answers, and whose data packets a test puts in."""
+
+    name = "test"
+    most_payload = 4085
+
+    def __init__(self):
+        self.controller = Controller(Noise())
+        self.waiting = []
+        self.num_starts = 0
+
+    def ask(self, request, timeout=1.0, *, retries=2):
+        response = self.controller.handle(request)
+        assert response.status == 0
+        if (request.request, request.kind, request.index) == (Code.COMPONENT, Kind.WRITE, Avian.EXECUTE):
+            self.num_starts += request.value == Component.AVIAN and request.payload[-1] & 1
+            self.controller.chip.close()  # only the test sends data
+        return response.payload
+
+    def packets(self, timeout):
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+    def discard(self):
+        self.waiting.clear()
+
+    def close(self):
+        self.controller.close()
+
+
+class Measuring:
+    """A board that measures, of a driver without threads."""
+
+    def __init__(self, radar, *, stamps=True, packets_per_slice=1):
+        self.link = Slices()
+        self.board = StrataBoard(self.link)
+        self.radar = self.board.configure(radar)
+        self.board.start()
+        settings = bgt60.Settings.from_radar(radar)
+        self.slice_size = bgt60.choose_slice_size(settings)
+        self.frame_size = settings.frame_size
+        self.frame_time = self.radar.waveform.frame_interval
+        self.stamps, self.packets_per_slice = stamps, packets_per_slice
+        self.shape = (self.radar.num_channels, self.radar.waveform.num_chirps, self.radar.waveform.num_samples)
+        self.active = self.radar.waveform.num_chirps * bgt60.achieved(settings).chirp_time
+
+    def packets(self, number, *, counter=None, stamp=0.0):
+        """Slice of a measurement, from 0; `stamp` is what the board's clock is ahead [s]."""
+        first_sample = number * self.slice_size
+        frames = range(first_sample // self.frame_size, -(-(first_sample + self.slice_size) // self.frame_size))
+        samples = np.concatenate([numbered(self.shape, frame).transpose(1, 2, 0).reshape(-1) for frame in frames])
+        begin = first_sample - frames[0] * self.frame_size
+        data = codes.pack_msb(samples[begin : begin + self.slice_size])
+        parts = np.array_split(np.frombuffer(data, np.uint8), self.packets_per_slice)
+        counter = number * self.packets_per_slice if counter is None else counter
+        within = (begin + self.slice_size) / self.frame_size - len(frames) + 1
+        when = stamp + frames[-1] * self.frame_time + within * self.active
+        return [
+            DataPacket(
+                part.tobytes(),
+                (counter + index) % 65536,
+                timestamp=round(1e6 * when) if self.stamps and index == len(parts) - 1 else None,
+                is_first=index == 0,
+                is_last=index == len(parts) - 1,
+            )
+            for index, part in enumerate(parts)
+        ]
+
+    def read(self, *packets):
+        self.link.waiting = [packet for group in packets for packet in (group if isinstance(group, list) else [group])]
+        return self.board.read(0.0)
+
+
+def frames_of(items):
+    return [(item.index, number_of(item.codes)) for item in items if isinstance(item, RawFrame)]
+
+
+def lost_of(items):
+    return [item.num_frames for item in items if isinstance(item, Lost)]
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+@pytest.mark.parametrize("packets_per_slice", [1, 3])
+def test_counter_that_wraps_loses_nothing_and_still_counts(stamps, packets_per_slice):
+    given = Measuring(SMALL, stamps=stamps, packets_per_slice=packets_per_slice)
+    begin = 65536 - 2 * packets_per_slice
+    items = given.read(
+        *(given.packets(number, counter=begin + packets_per_slice * number) for number in (0, 1, 2, 3, 6, 7))
+    )
+    assert frames_of(items) == [(0, 0), (1, 1), (2, 2), (3, 3), (6, 6), (7, 7)]
+    assert lost_of(items) == [2]
+
+
+def test_loss_of_more_packets_than_the_counter_has_is_counted_by_time_stamps():
+    given = Measuring(SMALL)
+    items = given.read(given.packets(0), given.packets(70_000))
+    assert frames_of(items) == [(0, 0), (70_000, 70_000 % 4096)]
+    assert lost_of(items) == [69_999]
+
+
+def test_counter_that_jumps_without_a_loss_loses_nothing_by_time_stamps():
+    given = Measuring(SMALL)
+    items = given.read(given.packets(0), given.packets(1, counter=500), given.packets(2, counter=501))
+    assert frames_of(items) == [(0, 0), (1, 1), (2, 2)]
+    assert lost_of(items) == []
+
+
+def test_time_stamps_that_go_back_leave_counting_to_the_counter():
+    given = Measuring(SMALL)
+    items = given.read(given.packets(0, stamp=60.0), given.packets(3), given.packets(4))
+    assert frames_of(items) == [(0, 0), (3, 3), (4, 4)]
+    assert lost_of(items) == [2]
+
+
+def test_damage_before_the_first_frame_is_a_loss_of_unknown_length():
+    given = Measuring(SMALL)
+    items = given.read(Damage(100, "bad CRC"), given.packets(5), given.packets(6))
+    assert frames_of(items) == [(1, 5), (2, 6)]
+    assert [(item.num_frames, item.reason) for item in items if isinstance(item, Lost)] == [(1, "bad CRC")]
+
+
+def test_packet_that_comes_twice_is_one_frame():
+    given = Measuring(SMALL)
+    twice = given.packets(1)
+    items = given.read(given.packets(0), twice, twice, given.packets(2))
+    assert frames_of(items) == [(0, 0), (1, 1), (2, 2)]
+    assert lost_of(items) == []
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_slice_of_several_frames_loses_as_many(stamps):
+    given = Measuring(FAST, stamps=stamps)
+    num = given.slice_size // given.frame_size
+    assert num == 3
+    items = given.read(given.packets(0), given.packets(3))
+    assert frames_of(items) == [(index, index) for index in (0, 1, 2, 9, 10, 11)]
+    assert lost_of(items) == [6]
+    if stamps:
+        times = [item.device_time for item in items if isinstance(item, RawFrame)]
+        np.testing.assert_allclose(times, np.array([0, 1, 2, 9, 10, 11]) * given.frame_time, atol=1e-6)
+
+
+def test_frames_with_an_odd_number_of_samples_come_by_the_two():
+    preset = rc.bgt60tr13c(num_samples=33, num_chirps=7, frame_interval=25e-3)
+    radar = rc.Radar(preset.waveform, rx=preset.rx[:1], receiver=preset.receiver)
+    given = Measuring(radar)
+    assert given.slice_size == 2 * given.frame_size
+    items = given.read(given.packets(0), given.packets(2))
+    assert frames_of(items) == [(0, 0), (1, 1), (4, 4), (5, 5)]
+    assert lost_of(items) == [2]
+
+
+def test_parts_of_two_frames_are_never_put_together():
+    """By time stamps even where the counter says nothing: the first part of the first frame is lost."""
+    given = Measuring(LARGE)
+    items = given.read(given.packets(1, counter=7), given.packets(2, counter=8))
+    assert frames_of(items) == []
+    assert lost_of(items) == [1]
+    assert given.link.num_starts == 2, "measured anew"
+    assert frames_of(given.read(given.packets(0, stamp=9.0), given.packets(1, stamp=9.0))) == [(1, 0)]
+
+
+@pytest.mark.parametrize("when", [1, 2, 3])
+def test_clock_that_goes_back_does_not_take_frames_apart(when):
+    given = Measuring(LARGE)
+    items = given.read(*(given.packets(number, stamp=5000.0 if number < when else 0.0) for number in range(4)))
+    assert frames_of(items) == [(0, 0), (1, 1)]
+    assert given.link.num_starts == 1
+
+
+def test_what_was_on_its_way_before_the_start_is_no_frame_of_it():
+    given = Measuring(SMALL)
+    given.board.stop()
+    ask = given.link.ask
+
+    def late(request, *arguments, **options):
+        if request == Request.write(Code.DATA, 3, 0):
+            given.link.waiting += given.packets(77)
+        return ask(request, *arguments, **options)
+
+    given.link.ask = late
+    given.board.start()
+    assert given.board.read(0.0) == []
+
+
+class Clocked:
+    """A board whose frames have the time stamps of a list."""
+
+    info = BoardInfo("test", "strata", "board", "BGT60TR13C", "1", "")
+
+    def __init__(self, items):
+        self.items = items
+
+    def configure(self, radar):
+        return radar
+
+    def start(self):
+        self.left = list(self.items)
+
+    def read(self, timeout):
+        left, self.left = self.left, []
+        return left
+
+    def stop(self):
+        pass
+
+    close = stop
+
+
+INTERVAL = SMALL.waveform.frame_interval
+
+
+def raw(index, device_time):
+    return RawFrame(np.zeros((3, 8, 32), np.uint16), index, 0.0, device_time)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "expected"),
+    [
+        # frame: time stamp -> frame: time in frame intervals
+        ({0: None, 1: None, 5: None}, [0, 1, 5]),
+        ({1: None, 2: None}, [1, 2]),
+        ({0: 100.0, 1: 101.1, 5: 105.2}, [0, 1.1, 5.2]),
+        # A clock that runs on, one that starts again with the measurement, one that wraps.
+        ({0: 100.0, 1: 101.0, 9: 109.7, 10: 110.7}, [0, 1, 9.7, 10.7]),
+        ({0: 0.3, 1: 1.3, 9: 0.3, 10: 1.4}, [0, 1, 9, 10.1]),
+        ({0: 4e9, 1: 4e9 + 1, 2: 3.0, 3: 4.0}, [0, 1, 2, 3]),
+        # One that stands still, and one that is there now and then.
+        ({0: 0.0, 1: 0.0, 2: 0.0}, [0, 1, 2]),
+        ({0: None, 1: 51.0, 2: None, 3: 53.2}, [0, 1, 2, 3.2]),
+    ],
+)
+def test_frame_times_grow_with_a_clock_of_any_kind(stamps, expected):
+    frames = [raw(i, None if stamp is None else stamp * INTERVAL) for i, stamp in stamps.items()]
+    with Sensor(Clocked(frames)) as sensor:
+        sensor.configure(SMALL)
+        given = list(sensor.frames(len(frames)))
+    np.testing.assert_allclose([frame.time for frame in given], np.array(expected) * INTERVAL, atol=1e-7)
+    assert [frame.stats["index"] for frame in given] == list(stamps)
+    assert [frame.stats.get("device_time") for frame in given] == [frame.device_time for frame in frames]
+
+
+@pytest.mark.parametrize("speed", [None, 20.0])
+def test_clock_of_an_emulated_board_runs_on_from_power_up(speed):
+    controller = Controller(Numbered(), speed=speed)
+    with opened(controller) as sensor:
+        sensor.configure(SMALL)
+        last = 0.0
+        for _ in range(2):
+            frames = list(sensor.frames(3))
+            stamps = [frame.stats["device_time"] for frame in frames]
+            assert stamps[0] >= last
+            np.testing.assert_allclose(np.diff(stamps), frames[0].radar.waveform.frame_interval, atol=2e-6)
+            assert frames[0].time == 0.0
+            last = stamps[-1]
+        assert last > 0.1
+        controller.power_up()
+        sensor.configure(SMALL)
+        (frame,) = sensor.frames(1)
+        assert frame.stats["device_time"] < last
+
+
+def test_times_across_a_restart_are_those_of_the_board():
+    controller = Controller(Numbered(), speed=1.0)
+    with opened(controller) as sensor, pytest.warns(FramesLostWarning, match="started anew"):  # noqa: PT031
+        radar = sensor.configure(SMALL)
+        frames = sensor.frames()
+        given = [next(frames) for _ in range(3)]
+        controller.chip.overflow()
+        controller._collect()  # as when the FIFO is read
+        given += [next(frames) for _ in range(3)]
+        frames.close()
+    lost = given[3].stats["lost_before"]
+    assert lost > 0
+    times, indices = ([frame.time for frame in given], [frame.stats["index"] for frame in given])
+    assert all(b > a for a, b in pairwise(times))
+    # The host reckons from when frames arrive: to a frame or two, and a busy machine.
+    interval = radar.waveform.frame_interval
+    np.testing.assert_allclose(times, np.array(indices) * interval, atol=10 * interval)
+    np.testing.assert_allclose(np.diff(times[3:]), interval, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "radar",
+    [
+        rc.bgt60tr13c(num_samples=256, num_chirps=128, frame_interval=0.15, chirp_interval=500e-6),  # 98304 samples
+        rc.Radar(
+            rc.bgt60tr13c(
+                num_samples=4094, num_chirps=1, sample_rate=4e6, chirp_interval=1.2e-3, frame_interval=20e-3
+            ).waveform,
+            rx=SMALL.rx[1:2],
+            receiver=SMALL.receiver,
+        ),
+        rc.bgt60tr13c(num_samples=4095, num_chirps=2, sample_rate=4e6, chirp_interval=1.2e-3, frame_interval=20e-3),
+        rc.bgt60tr13c(num_samples=64, num_chirps=1, chirp_interval=500e-6, frame_interval=1.5e-3),
+        rc.bgt60tr13c(num_samples=33, num_chirps=3, frame_interval=10e-3),
+    ],
+    ids=["six FIFOs", "one chirp", "largest chirps", "660 frames per second", "odd"],
+)
+def test_frames_of_any_size_come_in_real_time(radar):
+    with opened(Controller(Numbered(), speed=1.0)) as sensor:
+        sensor.configure(radar)
+        frames = list(sensor.frames(4))
+    assert [number_of(frame.raw) for frame in frames] == [0, 1, 2, 3]
+    assert sensor.num_lost == 0

@@ -1,0 +1,241 @@
+"""A sensor's life: threads and ports given back however it ends, and measuring that ends at once."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged
+
+import radarcore as rc
+from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
+from radarcore.sensor.emulator.faults import Faults
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
+
+SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+AT_ONCE = 1.0
+"""Less than the time-out of `SMALL`'s frames [s], which is a little more than 2 s."""
+
+
+def is_measuring(controller):
+    thread = controller.chip._thread
+    if thread is not None:
+        thread.join(0.1)  # it ends by itself, a moment after it is told to
+    return controller._is_sending or (thread is not None and thread.is_alive())
+
+
+def files():
+    return len(list(Path("/proc/self/fd").iterdir())) if sys.platform == "linux" else 0
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_opening_and_closing_again_and_again_leaves_nothing(transport):
+    with plugged(Controller(Numbered()), transport) as (where, _):
+        gc.collect()
+        before = threading.active_count(), files()
+        for _ in range(3):
+            with open_sensor(**where, protocol="strata") as sensor:
+                sensor.configure(SMALL)
+                assert len(list(sensor.frames(2))) == 2
+        assert (threading.active_count(), files()) == before
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_forgotten_sensor_gives_its_port_back(transport):
+    controller = Controller(Numbered())
+    with plugged(controller, transport) as (where, _):
+        sensor = open_sensor(**where, protocol="strata")
+        sensor.configure(SMALL)
+        frames = sensor.frames()
+        next(frames)
+        del sensor, frames
+        gc.collect()
+        assert not is_measuring(controller)
+        open_sensor(**where, protocol="strata").close()
+
+
+def test_forgotten_sensor_is_closed_whichever_thread_finds_it():
+    controller = Controller(Numbered())
+    with plugged(controller, "cdc") as (where, _):
+        kept = [open_sensor(**where)]
+        thread = threading.Thread(target=kept.clear)
+        thread.start()
+        thread.join()
+        deadline = time.monotonic() + 10.0
+        while time.monotonic() < deadline:
+            with suppress(SensorError):
+                open_sensor(**where).close()
+                break
+            time.sleep(0.05)
+        else:
+            pytest.fail("the port is still in use")
+
+
+def test_closing_from_another_thread_ends_the_wait_for_a_frame_at_once():
+    controller = Controller(Numbered())
+    with plugged(controller, "cdc") as (where, _):
+        sensor = open_sensor(**where)
+        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=5.0))
+        frames = sensor.frames()
+        next(frames)
+        threading.Timer(0.2, sensor.close).start()
+        began = time.monotonic()
+        with pytest.raises(SensorError, match="no more frames, the sensor was closed"):
+            next(frames)
+        assert time.monotonic() - began < AT_ONCE
+        sensor.close()  # waits for the one that is under way: then the port is free
+        open_sensor(**where).close()
+
+
+def test_stopping_ends_the_iteration_quietly():
+    with opened(Controller(Numbered())) as sensor:
+        sensor.configure(SMALL)
+        began, given = time.monotonic(), 0
+        for _ in sensor.frames():
+            given += 1
+            if given == 3:
+                sensor.stop()
+        assert given == 3
+        assert time.monotonic() - began < AT_ONCE
+
+
+def test_second_iteration_ends_the_first_with_an_error():
+    with opened(Controller(Numbered())) as sensor:
+        sensor.configure(SMALL)
+        first, second = sensor.frames(), sensor.frames(3)
+        assert number_of(next(first).raw) == 0
+        assert number_of(next(second).raw) == 0
+        with pytest.raises(SensorError, match="no more frames, measuring was begun anew"):
+            next(first)
+        assert [number_of(frame.raw) for frame in second] == [1, 2], "the second goes on"
+
+
+def test_settings_are_those_at_the_first_frame():
+    with opened(Controller(Numbered())) as sensor:
+        sensor.configure(SMALL)
+        frames = sensor.frames(1)
+        achieved = sensor.configure(rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=25e-3))
+        frame = next(frames)
+        assert frame.radar is achieved
+        assert frame.cube.shape == (3, 4, 64)
+        frames = sensor.frames(1)
+    with pytest.raises(SensorError, match="got one that is closed"):
+        next(frames)
+
+
+def test_error_in_the_middle_of_recording_ends_measuring_although_somebody_keeps_the_error(tmp_path, monkeypatch):
+    controller = Controller(Numbered())
+    with opened(controller) as sensor:
+        sensor.configure(SMALL)
+        monkeypatch.setattr(rc.recording.RecordingWriter, "append", _full_disk)
+        with pytest.raises(OSError, match="disk") as kept:
+            sensor.record(tmp_path / "rec", progress=False)
+        assert kept.value.__traceback__ is not None
+        assert not is_measuring(controller)
+
+
+def _full_disk(self, frame):
+    raise OSError("no room on the disk")
+
+
+def test_what_went_wrong_first_is_told_where_stopping_fails_too(monkeypatch):
+    with opened(Controller(Numbered())) as sensor:
+        sensor.configure(SMALL)
+        frames = sensor.frames(timeout=0.5)
+        next(frames)
+
+        def silent():
+            raise SensorTimeoutError("no answer to stop")
+
+        sensor._board.stop, stop = silent, sensor._board.stop
+        with pytest.raises(KeyError):
+            frames.throw(KeyError("what the reader of frames did"))
+        sensor._board.stop = stop
+
+
+@pytest.mark.parametrize("step", ["start", "stop"])
+def test_interrupted_conversation_still_leaves_a_board_that_does_not_measure(step, monkeypatch):
+    """Ctrl-C between any two requests of a start or a stop."""
+    controller = Controller(Numbered())
+    with plugged(controller, "cdc") as (where, _):
+        for number in range(4):
+            with suppress(KeyboardInterrupt), open_sensor(**where) as sensor:
+                sensor.configure(SMALL)
+                frames = sensor.frames()
+                if step == "stop":
+                    next(frames)
+                _interrupt(monkeypatch, sensor._board._link, number)
+                if step == "stop":
+                    sensor.stop()
+                else:
+                    next(frames)
+            assert not is_measuring(controller)
+
+
+def _interrupt(monkeypatch, link, number):
+    """Ctrl-C after so many more requests, once."""
+    ask, left = link.ask, [number]
+
+    def interrupted(request, *arguments, **options):
+        answer = ask(request, *arguments, **options)
+        left[0] -= 1
+        if left[0] == -1:
+            raise KeyboardInterrupt
+        return answer
+
+    monkeypatch.setattr(link, "ask", interrupted)
+
+
+def test_measurement_after_an_interrupted_start_has_its_own_frames(monkeypatch):
+    with opened(Controller(Numbered())) as sensor:
+        sensor.configure(SMALL)
+        with monkeypatch.context() as patch:
+            _interrupt(patch, sensor._board._link, 3)
+            with pytest.raises(KeyboardInterrupt):
+                next(sensor.frames())
+        time.sleep(0.1)  # frames of the first one come
+        assert [number_of(frame.raw) for frame in sensor.frames(3)] == [0, 1, 2]
+
+
+def test_temperature_may_be_asked_for_while_measuring_starts_anew():
+    controller = Controller(Numbered(), speed=20.0, temperature=41.5, faults=Faults(overflow=0.3, seed=2))
+    with opened(controller) as sensor, pytest.warns(match="started anew"):  # noqa: PT031  # on the way
+        sensor.configure(SMALL)
+        frames = sensor.frames()
+        for _ in range(8):
+            next(frames)
+            sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+            assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
+        frames.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a pty")
+def test_interrupted_programs_end_soon_and_leave_the_board_alone():
+    program = (
+        "import sys, radarcore as rc\n"
+        "with rc.open_sensor(sys.argv[1], protocol='strata') as sensor:\n"
+        "    sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3))\n"
+        "    print('ready', flush=True)\n"
+        "    while True:\n"
+        "        list(sensor.frames(3))\n"
+    )
+    controller = Controller(Numbered())
+    with PtyPort(CdcBoard(controller)) as port:
+        for wait in (0.0, 0.13, 0.31):
+            command = [sys.executable, "-c", program, port.path]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+                assert process.stdout.readline() == "ready\n"
+                time.sleep(wait)
+                process.send_signal(signal.SIGINT)
+                _, errors = process.communicate(timeout=20)
+            assert process.returncode in (-signal.SIGINT, 1, 130)
+            assert errors.rstrip().endswith("KeyboardInterrupt")
+            assert not is_measuring(controller)
+    controller.close()
