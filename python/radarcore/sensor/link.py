@@ -57,12 +57,10 @@ class _Inbox:
     def __init__(self) -> None:
         self._queue: queue.Queue[DataPacket | Damage | SensorError] = queue.Queue()
         self._failure: SensorError | None = None
-        self._num_dropped = 0
 
     def put(self, item: DataPacket | Damage) -> None:
-        if self._queue.qsize() >= _MOST_PACKETS:
-            self._num_dropped += 1  # the counter of the next one tells
-        else:
+        """Keep it, as long as there is room; beyond that the counter of the next packet tells what is missing."""
+        if self._queue.qsize() < _MOST_PACKETS:
             self._queue.put(item)
 
     def fail(self, error: SensorError) -> None:
@@ -97,23 +95,60 @@ class _Inbox:
                 pass
 
 
-class StreamLink:
+class _Reading:
+    """What both links share: a thread that polls the port, and the packets it has found."""
+
+    def __init__(self, port: Stream | VendorPort) -> None:
+        self.name = port.name
+        self._inbox = _Inbox()
+        self._asking = threading.Lock()
+        self._closing = port.close
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
+        self._thread.start()
+
+    def packets(self, timeout: float) -> list[DataPacket | Damage]:
+        """Data packets since the last call, and damage among them."""
+        return self._inbox.take(timeout)
+
+    def discard(self) -> None:
+        """Throw away data packets until none come any more."""
+        self._inbox.discard(_POLL)
+
+    def close(self) -> None:
+        """End the thread, close the port."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            self._thread.join()
+        finally:
+            self._closing()
+
+    def _poll(self) -> None:
+        """Wait a little for something to come, and sort it."""
+        raise NotImplementedError
+
+    def _read(self) -> None:
+        try:
+            while not self._is_closed:
+                self._poll()
+        except SensorError as error:
+            self._inbox.fail(error)
+
+
+class StreamLink(_Reading):
     """Over a byte stream: responses and data packets share the way to the host."""
 
     most_payload = strata.MAX_REQUEST_PAYLOAD
 
     def __init__(self, stream: Stream) -> None:
-        self.name = stream.name
         self._stream = stream
         self._parser = HostParser()
         self._parser_lock = threading.Lock()
-        self._inbox = _Inbox()
         self._responses: queue.Queue[Response] = queue.Queue()
         self._num_due = 0  # answers to come; of interrupted requests too
-        self._asking = threading.Lock()
-        self._is_closed = False
-        self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
-        self._thread.start()
+        super().__init__(stream)
 
     def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
         """Send a request and wait for its answer."""
@@ -160,52 +195,25 @@ class StreamLink:
             while True:
                 self._responses.get_nowait()
 
-    def packets(self, timeout: float) -> list[DataPacket | Damage]:
-        """Data packets since the last call, and damage among them."""
-        return self._inbox.take(timeout)
-
-    def discard(self) -> None:
-        """Throw away data packets until none come any more."""
-        self._inbox.discard(_POLL)
-
-    def close(self) -> None:
-        """End the thread, close the stream."""
-        if self._is_closed:
-            return
-        self._is_closed = True
-        try:
-            self._thread.join()
-        finally:
-            self._stream.close()
-
-    def _read(self) -> None:
-        try:
-            while not self._is_closed:
-                data = self._stream.read(_READ_SIZE, _POLL)
-                with self._parser_lock:
-                    found = self._parser.feed(data)
-                for item in found:
-                    if isinstance(item, Response):
-                        self._responses.put(item)
-                    else:
-                        self._inbox.put(item)
-        except SensorError as error:
-            self._inbox.fail(error)
+    def _poll(self) -> None:
+        data = self._stream.read(_READ_SIZE, _POLL)
+        with self._parser_lock:
+            found = self._parser.feed(data)
+        for item in found:
+            if isinstance(item, Response):
+                self._responses.put(item)
+            else:
+                self._inbox.put(item)
 
 
-class VendorLink:
+class VendorLink(_Reading):
     """Over vendor requests and a bulk endpoint."""
 
     most_payload = strata.MAX_CONTROL_PAYLOAD
 
     def __init__(self, port: VendorPort) -> None:
-        self.name = port.name
         self._port = port
-        self._inbox = _Inbox()
-        self._asking = threading.Lock()
-        self._is_closed = False
-        self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
-        self._thread.start()
+        super().__init__(port)
 
     def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
         """Send a request and fetch its answer; transfers of USB have retries of their own."""
@@ -234,36 +242,14 @@ class VendorLink:
             raise ProtocolError(f"{self.name}: expected a status of 4 bytes, got {len(answer)}")
         return answer[1]
 
-    def packets(self, timeout: float) -> list[DataPacket | Damage]:
-        """Data packets since the last call, and damage among them."""
-        return self._inbox.take(timeout)
-
-    def discard(self) -> None:
-        """Throw away data packets until none come any more."""
-        self._inbox.discard(_POLL)
-
-    def close(self) -> None:
-        """End the thread, close the port."""
-        if self._is_closed:
+    def _poll(self) -> None:
+        data = self._port.read_packet(_READ_SIZE, _POLL)
+        if not data:
             return
-        self._is_closed = True
         try:
-            self._thread.join()
-        finally:
-            self._port.close()
-
-    def _read(self) -> None:
-        try:
-            while not self._is_closed:
-                data = self._port.read_packet(_READ_SIZE, _POLL)
-                if not data:
-                    continue
-                try:
-                    self._inbox.put(strata.decode_data(data))
-                except ProtocolError as error:
-                    self._inbox.put(Damage(len(data), str(error)))
-        except SensorError as error:
-            self._inbox.fail(error)
+            self._inbox.put(strata.decode_data(data))
+        except ProtocolError as error:
+            self._inbox.put(Damage(len(data), str(error)))
 
 
 def _payload(name: str, request: Request, response: Response) -> bytes:
