@@ -45,6 +45,8 @@ pub struct Array {
     pub power: f64,
     /// Centre of the sampled band [Hz].
     pub frequency: f64,
+    /// Unit vector along the field of every element, as far as it is transverse; none: antennas without a polarisation.
+    pub polarization: Option<DVec3>,
 }
 
 /// One antenna's view of a point.
@@ -62,6 +64,14 @@ impl Array {
     /// Number of TX-RX pairs.
     pub fn num_channels(&self) -> usize {
         self.tx.len() * self.rx.len()
+    }
+
+    /// Unit vectors from transmitter and receiver of a channel to a point of the sensor frame.
+    pub fn directions(&self, channel: usize, point: DVec3) -> [DVec3; 2] {
+        [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]].map(|antenna| {
+            let offset = point - antenna;
+            offset / offset.length()
+        })
     }
 
     /// What transmitter and receiver of a channel see of a point of the sensor frame.

@@ -23,10 +23,11 @@ use crate::beat;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
-use crate::material::Material;
+use crate::material::{self, Dielectric, Response, Roughness};
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
 use crate::plan::{Method, Step};
+use crate::polarization::Seen;
 use crate::rays::ImagePlane;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
 use crate::shown::Shown;
@@ -45,6 +46,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;
+    module.add_class::<Material>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
     module.add_class::<Scatterers>()?;
@@ -524,31 +526,86 @@ impl Surface {
     }
 }
 
-/// Surfaces with materials.
+/// What a surface does to waves of one frequency.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Material(material::Material);
+
+#[pymethods]
+impl Material {
+    /// The same at every angle; the field reflection coefficient as (real, imaginary).
+    #[staticmethod]
+    fn constant(reflection: (f64, f64), albedo: f64) -> Self {
+        Self(material::Material::Constant(Response {
+            reflection: Complex64::new(reflection.0, reflection.1),
+            albedo,
+        }))
+    }
+
+    /// What Fresnel says of a relative permittivity (real, imaginary), of a half-space or a slab of some thickness [m].
+    /// `roughness`: rms height [m], none for a smooth surface; or `scattering`: the part of the field that is scattered.
+    #[staticmethod]
+    #[pyo3(signature = (permittivity, *, roughness=None, scattering=None, thickness=None))]
+    fn dielectric(
+        permittivity: (f64, f64),
+        roughness: Option<f64>,
+        scattering: Option<f64>,
+        thickness: Option<f64>,
+    ) -> PyResult<Self> {
+        let roughness = match (roughness, scattering) {
+            (None, None) => Roughness::Smooth,
+            (Some(height), None) => Roughness::Height(height),
+            (None, Some(part)) => Roughness::Scattering(part),
+            (Some(_), Some(_)) => return Err(Error::value("scattering", "none with roughness", "both").into()),
+        };
+        Ok(Self(material::Material::Dielectric(Dielectric {
+            permittivity: Complex64::new(permittivity.0, permittivity.1),
+            thickness,
+            roughness,
+        })))
+    }
+
+    /// Field reflection coefficients and albedos at cosines of incidence (n,), as antennas see them that get the parts
+    /// `te` and `tm` of both polarisations.
+    #[pyo3(signature = (cosine, *, wavelength, te, tm))]
+    fn response<'py>(
+        &self,
+        py: Python<'py>,
+        cosine: PyReadonlyArray1<'_, f64>,
+        wavelength: f64,
+        te: f64,
+        tm: f64,
+    ) -> PyResult<ResponseArrays<'py>> {
+        let cosines = numbers("cosine", &cosine, [None])?.iter();
+        let of = |cosine: &f64| self.0.response(*cosine, wavelength, Seen { te, tm });
+        let (reflection, albedo): (Vec<_>, Vec<_>) = cosines.map(of).map(|r| (r.reflection, r.albedo)).unzip();
+        Ok((reflection.into_pyarray(py), albedo.into_pyarray(py)))
+    }
+}
+
+type ResponseArrays<'py> = (Bound<'py, PyArray1<Complex64>>, Bound<'py, PyArray1<f64>>);
+
+/// One material per body.
+fn materials(materials: &[PyRef<'_, Material>], num_bodies: usize) -> Result<Vec<material::Material>> {
+    if materials.len() != num_bodies {
+        let expected = format!("{num_bodies}, one per body");
+        return Err(Error::value("materials", expected, materials.len()));
+    }
+    Ok(materials.iter().map(|material| material.0).collect())
+}
+
+/// Surfaces.
 #[pyclass(frozen, module = "radarcore._core")]
 struct Scene {
     surfaces: Vec<Arc<surface::Surface>>,
-    materials: Vec<Material>,
 }
 
 #[pymethods]
 impl Scene {
     #[new]
-    fn new(
-        surfaces: Vec<PyRef<'_, Surface>>,
-        reflection: PyReadonlyArray1<'_, Complex64>,
-        albedo: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Self> {
-        let reflection = numbers("reflection", &reflection, [Some(surfaces.len())])?;
-        let albedo = numbers("albedo", &albedo, [Some(surfaces.len())])?;
-        let materials = reflection
-            .iter()
-            .zip(albedo)
-            .map(|(&reflection, &albedo)| Material { reflection, albedo });
-        Ok(Self {
+    fn new(surfaces: Vec<PyRef<'_, Surface>>) -> Self {
+        Self {
             surfaces: surfaces.iter().map(|s| s.0.clone()).collect(),
-            materials: materials.collect(),
-        })
+        }
     }
 
     /// Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4), and how many searches ended
@@ -614,7 +671,6 @@ impl Scene {
         Ok(Hits {
             snapshot,
             image: hits,
-            materials: self.materials.clone(),
             shown: OnceLock::new(),
         })
     }
@@ -634,7 +690,6 @@ type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 struct Hits {
     snapshot: Snapshot,
     image: trace::Hits,
-    materials: Vec<Material>,
     shown: OnceLock<Shown>,
 }
 
@@ -680,11 +735,28 @@ impl Hits {
         ))
     }
 
-    /// Power reflectance of the material, (rows, columns); 0 where nothing was hit.
-    fn reflectance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let per_body: Vec<f64> = self.materials.iter().map(Material::reflectance).collect();
-        let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
-        let reflectance: Vec<f64> = self.image.body.iter().map(of).collect();
+    /// Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns); 0 where nothing was hit.
+    #[pyo3(signature = (materials, *, frequency, polarization=None, threads=None))]
+    fn reflectance<'py>(
+        &self,
+        py: Python<'py>,
+        materials: Vec<PyRef<'_, Material>>,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
+        let polarization = polarization.map(DVec3::from_array);
+        let reflectance = compute(py, threads, || {
+            let shown = || self.shown();
+            Ok(scatter::reflectance(
+                &self.image,
+                &materials,
+                frequency,
+                polarization,
+                shown,
+            ))
+        })?;
         self.image(reflectance.into_pyarray(py))
     }
 
@@ -709,28 +781,33 @@ impl Hits {
         PyArray1::from_iter(py, numbers).reshape([plane.rows, plane.columns, 3])
     }
 
-    /// Material points of all hits that send anything back.
-    #[pyo3(signature = (*, tx, rx, pattern, power, frequency, is_footprint, seed, threads=None))]
+    /// Material points of all hits that send anything back; `materials` has one per body.
+    #[pyo3(signature = (
+        materials, *, tx, rx, pattern, power, frequency, polarization=None, is_footprint, seed, threads=None
+    ))]
     fn scatterers(
         &self,
         py: Python<'_>,
+        materials: Vec<PyRef<'_, Material>>,
         tx: PyReadonlyArray2<'_, f64>,
         rx: PyReadonlyArray2<'_, f64>,
         pattern: (f64, f64, f64),
         power: f64,
         frequency: f64,
+        polarization: Option<[f64; 3]>,
         is_footprint: bool,
         seed: u64,
         threads: Option<usize>,
     ) -> PyResult<Scatterers> {
-        let array = array(&tx, &rx, pattern, power, frequency)?;
+        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
+        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
         let sampling = sampling(is_footprint);
         let scatterers = compute(py, threads, || {
             Ok(scatter::Scatterers::new(
                 &self.snapshot,
                 &self.image,
                 self.shown(),
-                &self.materials,
+                &materials,
                 array,
                 sampling,
                 seed,
@@ -757,7 +834,7 @@ impl Hits {
 /// Material points of the surface elements of an image that send anything back; the bodies' frames are the sensor frame.
 #[pyfunction(signature = (
     distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, tx, rx, pattern, power,
-    frequency, is_footprint, seed, threads=None
+    frequency, polarization=None, is_footprint, seed, threads=None
 ))]
 fn image_scatterers(
     py: Python<'_>,
@@ -774,6 +851,7 @@ fn image_scatterers(
     pattern: (f64, f64, f64),
     power: f64,
     frequency: f64,
+    polarization: Option<[f64; 3]>,
     is_footprint: bool,
     seed: u64,
     threads: Option<usize>,
@@ -799,20 +877,21 @@ fn image_scatterers(
         body: numbers("body", &body, image)?,
         num_bodies,
     };
-    let array = array(&tx, &rx, pattern, power, frequency)?;
+    let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
     let scatterers = compute(py, threads, || {
         scatter::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
     })?;
     Ok(Scatterers { scatterers, num_bodies })
 }
 
-/// Antennas from rows (x, y, z) and the parameters of a Gaussian beam.
+/// Antennas from rows (x, y, z), the parameters of a Gaussian beam and a unit vector.
 fn array(
     tx: &PyReadonlyArray2<'_, f64>,
     rx: &PyReadonlyArray2<'_, f64>,
     (peak, azimuth, elevation): (f64, f64, f64),
     power: f64,
     frequency: f64,
+    polarization: Option<[f64; 3]>,
 ) -> PyResult<Array> {
     Ok(Array {
         tx: points(numbers("tx", tx, [None, Some(3)])?),
@@ -824,6 +903,7 @@ fn array(
         },
         power,
         frequency,
+        polarization: polarization.map(DVec3::from_array),
     })
 }
 

@@ -16,8 +16,9 @@ use crate::antenna::{Array, Sight};
 use crate::error::{Error, Result, fits_memory};
 use crate::facet::Facet;
 use crate::hash::mix;
-use crate::material::Material;
+use crate::material::{Material, Response};
 use crate::motion::Pose;
+use crate::polarization::Seen;
 use crate::rays::ImagePlane;
 use crate::shown::Shown;
 use crate::trace::{Hits, NO_BODY, Snapshot};
@@ -60,10 +61,23 @@ pub struct Scatterers {
     normal: Vec<DVec3>,
     /// Bodies of facets and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
-    /// `(scatterer, channel)`: `(j / 4 pi) Gamma F dA / 2`.
-    mirror: Vec<Complex64>,
+    /// `(scatterer, channel)`.
+    weights: Vec<Weight>,
+}
+
+/// What a material point sends back by one channel, but for the cosines and distances.
+#[derive(Clone, Copy)]
+struct Weight {
+    /// `(j / 4 pi) Gamma F dA / 2`.
+    mirror: Complex64,
     /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
-    diffuse: Vec<Complex64>,
+    diffuse: Complex64,
+}
+
+impl Weight {
+    fn is_silent(&self) -> bool {
+        self.mirror == Complex64::ZERO && self.diffuse == Complex64::ZERO
+    }
 }
 
 /// Delays and amplitudes, `(node, channel, path)`, row-major.
@@ -244,10 +258,10 @@ impl Scatterers {
         surfels.check()?;
         Ok(Self::gather(&surfels.plane, array, sampling, |weigh, pixel| {
             let patch = surfels.patch(pixel)?;
-            let material = Material {
+            let material = Material::Constant(Response {
                 reflection: surfels.reflection[pixel],
                 albedo: surfels.albedo[pixel],
-            };
+            });
             let speckle = mix(seed ^ u64::from(patch.body));
             weigh.scatterer(&patch, &material, &Pose::IDENTITY, None, speckle)
         }))
@@ -257,12 +271,9 @@ impl Scatterers {
     pub fn select(&self, is_wanted: impl Fn(u32) -> bool) -> Self {
         let channels = self.array.num_channels();
         let rows: Vec<usize> = (0..self.len()).filter(|i| is_wanted(self.body[*i])).collect();
-        let per_channel = |numbers: &[Complex64]| -> Vec<Complex64> {
-            rows.iter()
-                .flat_map(|i| &numbers[channels * i..channels * (i + 1)])
-                .copied()
-                .collect()
-        };
+        let weights = rows
+            .iter()
+            .flat_map(|i| &self.weights[channels * i..channels * (i + 1)]);
         Self {
             array: self.array.clone(),
             pixel: rows.iter().map(|i| self.pixel[*i]).collect(),
@@ -271,12 +282,7 @@ impl Scatterers {
             position: rows.iter().map(|i| self.position[*i]).collect(),
             normal: rows.iter().map(|i| self.normal[*i]).collect(),
             deforming: self.deforming.iter().copied().filter(|d| is_wanted(d.0)).collect(),
-            mirror: if self.mirror.is_empty() {
-                Vec::new()
-            } else {
-                per_channel(&self.mirror)
-            },
-            diffuse: rows.iter().map(|i| self.diffuse[*i]).collect(),
+            weights: weights.copied().collect(),
         }
     }
 
@@ -306,8 +312,7 @@ impl Scatterers {
             position: scatterers.iter().map(|s| s.position).collect(),
             normal: scatterers.iter().map(|s| s.normal).collect(),
             deforming: Vec::new(),
-            diffuse: scatterers.iter().map(|s| s.diffuse).collect(),
-            mirror: scatterers.into_iter().flat_map(|s| s.mirror).collect(),
+            weights: scatterers.into_iter().flat_map(|s| s.weights).collect(),
             array,
         }
     }
@@ -433,8 +438,9 @@ impl Scatterers {
     /// README eqs. (2) and (3) at a material point that may have moved since it was hit.
     fn surface_amplitude(&self, path: usize, channel: usize, normal: DVec3, t: &Sight, r: &Sight) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
-        let mirror = self.mirror[path * self.num_channels() + channel] * (cos_t + cos_r);
-        let diffuse = self.diffuse[path] * (cos_t * cos_r).sqrt();
+        let weight = &self.weights[path * self.num_channels() + channel];
+        let mirror = weight.mirror * (cos_t + cos_r);
+        let diffuse = weight.diffuse * (cos_t * cos_r).sqrt();
         (mirror + diffuse) * self.spreading(t, r)
     }
 
@@ -460,8 +466,8 @@ struct Scatterer {
     facet: Option<[u32; 3]>,
     position: DVec3,
     normal: DVec3,
-    mirror: Vec<Complex64>,
-    diffuse: Complex64,
+    /// Per channel.
+    weights: Vec<Weight>,
     /// Area of the patch [m^2].
     area: f64,
     /// Number of the cell whose diffuse phase it has.
@@ -471,13 +477,16 @@ struct Scatterer {
 /// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cell is that of its
 /// area, however many pixels it was sampled with.
 fn share_speckle(scatterers: &mut [Scatterer]) {
-    let is_diffuse = |s: &Scatterer| s.diffuse != Complex64::ZERO;
+    let is_diffuse = |s: &Scatterer| s.weights.iter().any(|w| w.diffuse != Complex64::ZERO);
     let mut areas: HashMap<u64, f64> = HashMap::new();
     for scatterer in scatterers.iter().filter(|s| is_diffuse(s)) {
         *areas.entry(scatterer.cell).or_default() += scatterer.area;
     }
     for scatterer in scatterers.iter_mut().filter(|s| is_diffuse(s)) {
-        scatterer.diffuse *= (scatterer.area / areas[&scatterer.cell]).sqrt();
+        let share = (scatterer.area / areas[&scatterer.cell]).sqrt();
+        for weight in &mut scatterer.weights {
+            weight.diffuse *= share;
+        }
     }
 }
 
@@ -497,6 +506,15 @@ struct Weigh<'a> {
 }
 
 impl Weigh<'_> {
+    /// What the material of a surface with a unit normal returns to antennas in unit directions. The angle of incidence is
+    /// that whose cosine is the mean of both, which is the mirror's where it matters.
+    fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
+        let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
+        let polarization = self.array.polarization;
+        let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, normal, t, r));
+        material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
+    }
+
     /// The material point of one patch, if it sends anything back.
     fn scatterer(
         &self,
@@ -525,53 +543,86 @@ impl Weigh<'_> {
             .solid_angle(pixel / self.plane.columns, pixel % self.plane.columns);
         let area = distance * distance * solid_angle / cos;
 
-        // Mirror-like part of every channel.
-        let point = distance * direction;
-        let scale = Complex64::new(0.0, 1.0 / (8.0 * PI)) * material.reflection * area;
-        let channels = 0..self.array.num_channels();
-        let mirror: Vec<Complex64> = if scale == Complex64::ZERO || self.sampling == Sampling::Point {
-            channels.map(|_| scale).collect()
-        } else {
-            let (across, down) = footprint(self.plane, pixel, direction, distance, normal);
-            let k = TAU / wavelength;
-            let factor = |channel| {
-                let (t, r) = self.array.pair(channel, point);
-                let bisector = 0.5 * k * (t.direction + r.direction);
-                taper(bisector.dot(across)) * taper(bisector.dot(down))
-            };
-            channels.map(|channel| scale * factor(channel)).collect()
-        };
-
         // The place on the body, or on its facet where the body deforms.
-        let (mut position, mut normal) = (pose.point_to_body(point), pose.direction_to_body(normal));
+        let point = distance * direction;
+        let (mut position, mut normal_to_body) = (pose.point_to_body(point), pose.direction_to_body(normal));
         let mut on_surface = position;
         if let Some(Carrier { facet, rest, .. }) = carrier {
-            (position, normal) = (facet.coordinates(position), facet.slopes(normal));
+            (position, normal_to_body) = (facet.coordinates(position), facet.slopes(normal_to_body));
             on_surface = rest.point(position);
         }
 
-        // Diffuse part: its phase belongs to the surface, which is told by where it was before it was deformed.
-        let magnitude = wavelength / (4.0 * PI) * (material.albedo * area / PI).sqrt();
+        // The diffuse phase belongs to the surface, which is told by where it was before it was deformed.
         let cell = speckle_cell(speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
             Sampling::Footprint => TAU * speckle_turns(cell),
         };
-        let diffuse = Complex64::from_polar(magnitude, phase);
 
-        let is_silent = diffuse == Complex64::ZERO && mirror.iter().all(|m| *m == Complex64::ZERO);
+        // What the material sends back, mirror-like and diffuse, by every channel.
+        let edges = footprint(self.plane, pixel, direction, distance, normal);
+        let phasor = Complex64::cis(phase);
+        let weights: Vec<Weight> = (0..self.array.num_channels())
+            .map(|channel| {
+                let [t, r] = self.array.directions(channel, point);
+                let Response { reflection, albedo } = self.response(material, normal, t, r);
+                let mut mirror = Complex64::new(0.0, 1.0 / (8.0 * PI)) * reflection * area;
+                if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
+                    let bisector = 0.5 * (TAU / wavelength) * (t + r);
+                    mirror *= taper(bisector.dot(edges.0)) * taper(bisector.dot(edges.1));
+                }
+                let magnitude = wavelength / (4.0 * PI) * (albedo * area / PI).sqrt();
+                Weight {
+                    mirror,
+                    diffuse: phasor * magnitude,
+                }
+            })
+            .collect();
+
+        let is_silent = weights.iter().all(Weight::is_silent);
         (!is_silent).then_some(Scatterer {
             pixel: pixel as u32,
             body,
             facet: carrier.map(|carrier| carrier.vertices),
             position,
-            normal,
-            mirror,
-            diffuse,
+            normal: normal_to_body,
+            weights,
             area,
             cell,
         })
     }
+}
+
+/// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
+/// of the array; zero where nothing was hit. `shown` is asked only where it depends on the angle.
+pub fn reflectance<'a>(
+    hits: &Hits,
+    materials: &[Material],
+    frequency: f64,
+    polarization: Option<DVec3>,
+    shown: impl FnOnce() -> &'a Shown,
+) -> Vec<f64> {
+    let wavelength = SPEED_OF_LIGHT / frequency;
+    if materials.iter().all(|m| matches!(m, Material::Constant(_))) {
+        let of = |m: &Material| m.response(1.0, wavelength, Seen::SCALAR).power();
+        let per_body: Vec<f64> = materials.iter().map(of).collect();
+        let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
+        return hits.body.iter().map(of).collect();
+    }
+    let shown = shown();
+    (0..hits.plane.num_pixels())
+        .into_par_iter()
+        .map(|pixel| {
+            let Some(material) = materials.get(hits.body[pixel] as usize) else {
+                return 0.0;
+            };
+            let direction = hits
+                .plane
+                .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
+            let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, shown.normal[pixel], direction, direction));
+            material.response(shown.cosine[pixel], wavelength, seen).power()
+        })
+        .collect()
 }
 
 /// The two edges of a pixel's patch on the tangent plane, dx/du du and dx/dv dv [m].

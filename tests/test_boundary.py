@@ -42,8 +42,10 @@ ANTENNAS: dict[str, Any] = {
 POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
 
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
-REFLECTION, ALBEDO = np.array([-0.5 + 0j]), np.array([0.5])
+MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)
+GLASS = _core.Material.dielectric((6.31, -0.26), roughness=1e-4, thickness=4e-3)
 SHAPE = (4, 5)
+COSINES = np.array([1.0, 0.5, 0.0])
 SURFELS: dict[str, Any] = {
     "distance": np.full(SHAPE, 2.0),
     "normals": np.broadcast_to([-1.0, 0.0, 0.0], (*SHAPE, 3)).copy(),
@@ -52,10 +54,10 @@ SURFELS: dict[str, Any] = {
     "body": np.zeros(SHAPE, np.int32),
 }
 CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "principal_point": (2.5, 2.0)}
-SCENE = _core.Scene([SURFACE], REFLECTION, ALBEDO)
+SCENE = _core.Scene([SURFACE])
 HITS = SCENE.cast(POSES, **IMAGE)
-SCATTERERS = HITS.scatterers(**ANTENNAS)
-DEFORMED = _core.Scene([SURFACE.deform(VERTICES)], REFLECTION, ALBEDO).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
+SCATTERERS = HITS.scatterers([MATERIAL], **ANTENNAS)
+DEFORMED = _core.Scene([SURFACE.deform(VERTICES)]).cast(POSES, **IMAGE).scatterers([MATERIAL], **ANTENNAS)
 
 
 def waveform(**changes: Any) -> Any:
@@ -73,8 +75,16 @@ def cast(poses: Any = POSES, **changes: Any) -> Any:
     return SCENE.cast(poses, **(IMAGE | changes))
 
 
-def scatterers(**changes: Any) -> Any:
-    return HITS.scatterers(**(ANTENNAS | changes))
+def scatterers(materials: Any = (MATERIAL,), **changes: Any) -> Any:
+    return HITS.scatterers(list(materials), **(ANTENNAS | changes))
+
+
+def reflectance(materials: Any = (MATERIAL,), **changes: Any) -> Any:
+    return HITS.reflectance(list(materials), **({"frequency": 60e9} | changes))
+
+
+def response(cosine: Any = COSINES, **changes: Any) -> Any:
+    return GLASS.response(cosine, **({"wavelength": 5e-3, "te": 0.5, "tm": 0.5} | changes))
 
 
 def surfels(**changes: Any) -> Any:
@@ -105,8 +115,8 @@ def deformed_rates(vertices: Any = VERTICES, vertex_rates: Any = VERTICES, **cha
     return DEFORMED.delay_rates(*rest, vertices=[vertices], vertex_rates=[vertex_rates], **changes)
 
 
-def scene(surfaces: Any = (SURFACE,), reflection: Any = REFLECTION, albedo: Any = ALBEDO) -> Any:
-    return _core.Scene(list(surfaces), reflection, albedo)
+def scene(surfaces: Any = (SURFACE,)) -> Any:
+    return _core.Scene(list(surfaces))
 
 
 def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:
@@ -137,7 +147,10 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (beat(), "complex128", (2, 2, 8)),
         (HITS.distance(), "float64", (20, 30)),
         (HITS.cos_incidence(), "float64", (20, 30)),
-        (HITS.reflectance(), "float64", (20, 30)),
+        (reflectance(), "float64", (20, 30)),
+        (reflectance([GLASS], polarization=(0.0, 0.0, 1.0)), "float64", (20, 30)),
+        (response()[0], "complex128", (3,)),
+        (response()[1], "float64", (3,)),
         (HITS.body(), "int32", (20, 30)),
         (HITS.directions(), "float64", (20, 30, 3)),
         (HITS.shaded()[0], "float64", (20, 30)),
@@ -166,8 +179,7 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "beat chirp_times": (lambda a: beat(chirp_times=a), WAVEFORM["chirp_times"]),
     "surface vertices": (lambda a: surface(vertices=a), VERTICES),
     "surface triangles": (lambda a: surface(triangles=a), TRIANGLES),
-    "scene reflection": (lambda a: scene([SURFACE] * 2, a, np.zeros(2)), np.ones(2, complex)),
-    "scene albedo": (lambda a: scene([SURFACE] * 2, np.ones(2, complex), a), np.zeros(2)),
+    "response cosine": (lambda a: response(a), COSINES),
     "cast poses": (lambda a: cast(a), POSES),
     "scatterers tx": (lambda a: scatterers(tx=a), ANTENNAS["rx"]),
     "scatterers rx": (lambda a: scatterers(rx=a), ANTENNAS["rx"]),
@@ -239,9 +251,9 @@ def test_wrong_number_of_axes_is_a_type_error(argument: str) -> None:
 
 NAN, INF = float("nan"), float("inf")
 HUGE = 2**64 - 1
-EMPTY = _core.Scene([], np.zeros(0, complex), np.zeros(0))
+EMPTY = _core.Scene([])
 EMPTY_HITS = EMPTY.cast(np.zeros((0, 3, 4)), **IMAGE)
-EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
+EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
 
 
 @pytest.mark.parametrize(
@@ -269,9 +281,14 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers(**ANTENNAS)
         (lambda: surface(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
         (lambda: surface(np.zeros((6, 0))), r"vertices: expected shape \(n, 3\), got \(6, 0\)"),
         (lambda: surface(triangles=TRIANGLES.reshape(3, 4)), r"triangles: expected shape \(n, 3\), got \(3, 4\)"),
-        (lambda: scene([SURFACE] * 2), r"reflection: expected shape \(2,\), got \(1,\)"),
-        (lambda: scene([]), r"reflection: expected shape \(0,\), got \(1,\)"),
-        (lambda: scene(albedo=np.zeros(2)), r"albedo: expected shape \(1,\), got \(2,\)"),
+        (lambda: scatterers([]), "materials: expected 1, one per body, got 0"),
+        (lambda: scatterers([MATERIAL, GLASS]), "materials: expected 1, one per body, got 2"),
+        (lambda: reflectance([]), "materials: expected 1, one per body, got 0"),
+        (lambda: EMPTY_HITS.scatterers([MATERIAL], **ANTENNAS), "materials: expected 0, one per body, got 1"),
+        (
+            lambda: _core.Material.dielectric((2.0, 0.0), roughness=1e-4, scattering=0.1),
+            "scattering: expected none with roughness, got both",
+        ),
         (lambda: cast(np.zeros((1, 4, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 4, 3\)"),
         (lambda: cast(np.zeros((1, 3, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 3, 3\)"),
         (lambda: cast(np.zeros((0, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
@@ -382,7 +399,13 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: scatterers(pattern=None), TypeError),
         (lambda: scene([None]), TypeError),
         (lambda: scene(["surface"]), TypeError),
-        (lambda: _core.Scene(SURFACE, np.ones(1, complex), np.zeros(1)), TypeError),
+        (lambda: _core.Scene(SURFACE), TypeError),
+        (lambda: scatterers([None]), TypeError),
+        (lambda: scatterers(polarization="vertical"), (TypeError, ValueError)),
+        (lambda: scatterers(polarization=(1.0, 0.0)), (TypeError, ValueError)),
+        (lambda: response(wavelength=None), TypeError),
+        (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
+        (lambda: _core.Material(), TypeError),
         (lambda: surface(crease_angle="45"), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
@@ -432,8 +455,10 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     hits = cast(poses)
     assert np.isin(hits.body(), (-1, 0)).all()
     for wild in (
-        hits.scatterers(**ANTENNAS),
+        hits.scatterers([MATERIAL], **ANTENNAS),
+        hits.scatterers([GLASS], **ANTENNAS, polarization=(value,) * 3),
         scatterers(frequency=value),
+        scatterers([GLASS], frequency=value),
         scatterers(power=value),
         scatterers(pattern=(value,) * 3),
     ):
@@ -447,7 +472,15 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
     assert deformed_paths(np.full((1, 6, 3), value))[0].shape == (1, 2, len(DEFORMED) + 1)
     deformed_rates(np.full((6, 3), value), np.full((6, 3), value))
-    scene(reflection=np.full(1, value + 0j), albedo=np.full(1, value)).cast(POSES, **IMAGE).scatterers(**ANTENNAS)
+    wild_materials = [
+        _core.Material.constant((value, value), value),
+        _core.Material.dielectric((value, value), roughness=value, thickness=value),
+        _core.Material.dielectric((value, -value), scattering=value),
+    ]
+    for material in wild_materials:
+        scatterers([material])
+        reflectance([material], polarization=(value,) * 3)
+        material.response(np.array([0.0, 1.0, value]), wavelength=value, te=value, tm=value)
     if np.isfinite(value):
         wild, rates_of = np.full((2, 3), value), np.full((2, 3), value)
         for method in ("direct", "auto", "grid", "recurrence", "lanes"):
@@ -468,7 +501,7 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
                 body = surface(vertices, triangles, crease_angle=crease_angle)
                 hits = scene([body]).cast(POSES, **IMAGE)
                 assert np.isin(hits.body(), (-1, 0)).all()
-                hits.scatterers(**ANTENNAS)
+                hits.scatterers([MATERIAL], **ANTENNAS)
 
 
 def test_threads_do_not_change_a_bit() -> None:
@@ -476,14 +509,14 @@ def test_threads_do_not_change_a_bit() -> None:
     vertices = np.concatenate([VERTICES, rng.uniform(-1.0, 1.0, (24, 3))])
     triangles = np.concatenate([TRIANGLES, np.arange(6, 30, dtype=np.uint32).reshape(8, 3)])
     body = surface(vertices, triangles, crease_angle=0.8)
-    world = scene([body, SURFACE], np.full(2, -0.6 + 0.1j), np.full(2, 0.4))
+    world = scene([body, SURFACE])
     poses = np.concatenate([POSES, POSES - np.array([0.0, 0.0, 0.0, 0.5])])
     nodes = np.stack([poses + k * np.array([0.0, 0.0, 0.0, 0.01]) for k in range(5)])
     points = rng.uniform(1.0, 3.0, (5, 7, 3))
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
         hits = world.cast(poses, **(IMAGE | {"rows": 67, "columns": 91}), threads=threads)
-        found = hits.scatterers(**ANTENNAS, threads=threads)
+        found = hits.scatterers([MATERIAL, GLASS], **ANTENNAS, threads=threads)
         delay, amplitude = found.paths(nodes, points, np.ones(7), threads=threads)
         return [
             hits.distance(),
@@ -493,6 +526,7 @@ def test_threads_do_not_change_a_bit() -> None:
             delay,
             amplitude,
             found.delay_rates(poses, poses, points[0], points[1], threads=threads),
+            hits.reflectance([MATERIAL, GLASS], frequency=60e9, threads=threads),
             *(
                 beat(delay, amplitude, num_samples=130, threads=threads, method=method, tolerance=1e-5)
                 for method in ("direct", "auto")

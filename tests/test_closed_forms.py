@@ -138,12 +138,15 @@ def test_plate_looks_the_same_smooth_and_flat_and_from_behind() -> None:
 def test_echo_scales_with_the_reflection_coefficient() -> None:
     mesh = rc.shapes.plate(0.1, 0.1)
     conductor = transfer_function([body(mesh, 1.0)], resolution=128)
-    for material in (rc.Material(0.3 - 0.4j), rc.materials["concrete"], rc.materials["skin"]):
+    material = rc.Material(0.3 - 0.4j)
+    got = transfer_function([body(mesh, 1.0, material=material)], resolution=128)
+    assert got == pytest.approx(-material.reflection * conductor, rel=1e-12)
+    # Half-spaces: the plate is seen at up to 4 degrees, where (r_TE - r_TM) / 2 is 0.2 % below its normal value.
+    for name, level_db in (("concrete", -8.12), ("skin", -4.23)):
+        material = rc.materials[name]
         got = transfer_function([body(mesh, 1.0, material=material)], resolution=128)
-        assert got == pytest.approx(-material.reflection * conductor, rel=1e-12)
-    # Half-spaces at normal incidence, from the tables of ITU-R P.2040-3 and Gabriel et al.
-    assert db(rc.materials["concrete"].reflection) == pytest.approx(-8.12, abs=0.005)
-    assert db(rc.materials["skin"].reflection) == pytest.approx(-4.23, abs=0.005)
+        assert got == pytest.approx(-material.reflection * conductor, rel=3e-3)
+        assert db(got / conductor) == pytest.approx(level_db, abs=0.03)
 
 
 def test_oblique_wall_does_not_echo_in_footprint_mode_and_drowns_the_scene_in_point_mode() -> None:

@@ -139,6 +139,9 @@ RADARS = [
     rc.Radar(WAVEFORM, pattern=rc.IsotropicPattern(3.0), receiver=rc.Receiver(noise_figure_db=12.0)),
     rc.bgt60tr13c(),
     rc.bgt60tr13c(num_chirps=2, chirp_times=[1e-4, 7e-4]),
+    rc.Radar(WAVEFORM, polarization="vertical"),
+    rc.Radar(WAVEFORM, polarization="horizontal"),
+    rc.Radar(WAVEFORM, polarization=[0.1, 0.0, np.sqrt(0.99)]),
 ]
 
 
@@ -149,6 +152,21 @@ def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
     assert hash(back) == hash(radar)
     np.testing.assert_array_equal(back.rx, radar.rx)
     assert (back.pattern, back.receiver, back.tx_power_dbm) == (radar.pattern, radar.receiver, radar.tx_power_dbm)
+    assert back.polarization_vector == radar.polarization_vector
+
+
+def test_radar_of_a_file_from_before_polarization_has_none() -> None:
+    values = RADARS[1].to_dict()
+    del values["polarization"]
+    assert rc.Radar.from_dict(values) == RADARS[1]
+
+
+def test_polarization_is_a_word_or_a_unit_vector() -> None:
+    vectors = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0), None: None}
+    for word, vector in vectors.items():
+        assert rc.Radar(WAVEFORM, polarization=word).polarization_vector == vector
+    slanted = rc.Radar(WAVEFORM, polarization=[0.0, 0.7071, 0.7071]).polarization_vector
+    assert slanted == pytest.approx((0.0, np.sqrt(0.5), np.sqrt(0.5)), rel=1e-15)
 
 
 def test_radars_are_equal_when_their_numbers_are() -> None:
@@ -188,6 +206,14 @@ NAN = float("nan")
         ({"waveform": None}, TypeError, "waveform: expected Waveform, got NoneType"),
         ({"tx_power_dbm": NAN}, ValueError, "tx_power_dbm: expected a finite number.*got nan"),
         ({"tx_power_dbm": "4"}, TypeError, "tx_power_dbm: expected a number.*got '4'"),
+        (
+            {"polarization": "circular"},
+            ValueError,
+            "polarization: expected 'vertical', 'horizontal' or a unit vector, got 'circular'",
+        ),
+        ({"polarization": [0.0, 1.0]}, ValueError, r"polarization: expected shape \(3,\), got \(2,\)"),
+        ({"polarization": [0.0, 1.0, 1.0]}, ValueError, "polarization: expected a unit vector, got one of length 1.41"),
+        ({"polarization": [0.0, NAN, 1.0]}, ValueError, "polarization: expected finite numbers, got nan"),
     ],
 )
 def test_what_is_no_radar_is_refused_with_its_name(changes: dict[str, Any], error: Any, message: str) -> None:

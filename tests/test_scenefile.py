@@ -128,12 +128,51 @@ def test_mesh_file_is_relative_to_the_scene_file(tmp_path: Path, monkeypatch: py
         ("{ reflection = -0.5, albedo = 0.1 }", rc.Material(-0.5, 0.1)),
         ("{ albedo = 0.3 }", rc.Material.lambertian(0.3)),
         ("{ permittivity = [5.0, 0.2] }", rc.Material.dielectric(5.0 - 0.2j)),
+        ("{ permittivity = [5.0, 0.2], roughness = 3e-4 }", rc.Material.dielectric(5.0 - 0.2j, roughness=3e-4)),
+        (
+            "{ permittivity = [2.5, 0], scattering = 0.4, thickness = 4e-3 }",
+            rc.Material.dielectric(2.5, scattering=0.4, thickness=4e-3),
+        ),
+        (
+            '{ permittivity = "concrete", roughness = 3e-4 }',
+            rc.Material.dielectric(rc.materials["concrete"].permittivity, roughness=3e-4),
+        ),
     ],
 )
 def test_materials(tmp_path: Path, text: str, material: rc.Material) -> None:
     body = load(tmp_path, BALL + f"material = {text}\n").scene.bodies[0]
     assert isinstance(body, rc.Body)
     assert body.material == material
+
+
+def test_materials_of_the_file_are_referred_to_by_name(tmp_path: Path) -> None:
+    text = (
+        '[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]\nthickness = 2e-3\n'
+        '[[material]]\nname = "rough concrete"\npermittivity = "concrete"\nroughness = 5e-4\n'
+        '[[material]]\nname = "paint"\nreflection = -0.2\nalbedo = 0.5\n'
+    )
+    made = []
+    for name in ("felt", "rough concrete", "paint", "wood"):
+        body = load(tmp_path, f'{BALL}material = "{name}"\n{text}').scene.bodies[0]
+        assert isinstance(body, rc.Body)
+        made.append(body.material)
+    concrete = rc.materials["concrete"]
+    assert made == [
+        rc.Material.dielectric(1.6 - 0.06j, thickness=2e-3),
+        concrete.with_surface(roughness=5e-4),
+        rc.Material(-0.2, 0.5),
+        rc.materials["wood"],
+    ]
+    assert (made[1].source, made[1].valid_frequency) == (concrete.source, concrete.valid_frequency)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [('"vertical"', "vertical"), ('"horizontal"', "horizontal"), ("[0.0, 0.6, 0.8]", (0.0, 0.6, 0.8))],
+)
+@pytest.mark.parametrize("head", [RADAR, '[radar]\npreset = "bgt60tr13c"\n'])
+def test_polarization_is_a_word_or_a_vector(tmp_path: Path, head: str, text: str, expected: object) -> None:
+    assert load(tmp_path, "", radar=f"{head}polarization = {text}\n").radar.polarization == expected
 
 
 @pytest.mark.parametrize(
@@ -337,7 +376,7 @@ FAULTS = {
         BALL + "motion = { velocity = [1, 0, 0] }",
         "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', got none",
     ),
-    "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood'?"),
+    "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
     "material key": (
         BALL + "material = { albdo = 0.1 }",
         "body[0] 'ball': material: unknown key 'albdo', did you mean 'albedo'?",
@@ -402,6 +441,51 @@ FAULTS = {
     "two materials": (
         BALL + "material = { reflection = -1, permittivity = [2, 0] }",
         "body[0] 'ball': material.reflection: expected either reflection or permittivity, got both",
+    ),
+    "permittivity": (
+        BALL + "material = { permittivity = [2, -1] }",
+        "body[0] 'ball': material.permittivity: expected eps' - j eps'' with eps'' >= 0, got (2+1j)",
+    ),
+    "one permittivity": (
+        BALL + "material = { permittivity = 2.0 }",
+        "body[0] 'ball': material.permittivity: expected text or a list, got 2.0",
+    ),
+    "no permittivity of that name": (
+        BALL + 'material = { permittivity = "conrete" }',
+        "body[0] 'ball': material.permittivity: no material 'conrete'; did you mean 'concrete'?",
+    ),
+    "rough without permittivity": (
+        BALL + "material = { reflection = -0.5, roughness = 1e-4 }",
+        "body[0] 'ball': material.roughness: expected permittivity with it, got none",
+    ),
+    "albedo with permittivity": (
+        BALL + "material = { permittivity = [2, 0], albedo = 0.1 }",
+        "body[0] 'ball': material.albedo: expected none with permittivity (roughness or scattering",
+    ),
+    "two ways to scatter": (
+        BALL + "material = { permittivity = [2, 0], roughness = 1e-4, scattering = 0.5 }",
+        "body[0] 'ball': material.scattering: expected either scattering or roughness, got both (0.5, 0.0001 m)",
+    ),
+    "own material": (
+        BALL + 'material = "fellt"\n[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]',
+        "body[0] 'ball': material: no material 'fellt'; did you mean 'felt'?",
+    ),
+    "material without a name": ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
+    "key of a material": (
+        '[[material]]\nname = "felt"\nrougness = 1e-3',
+        "material[0] 'felt': unknown key 'rougness', did you mean 'roughness'?",
+    ),
+    "material of the library": (
+        '[[material]]\nname = "wood"\nreflection = -0.5',
+        "material[0] 'wood': name: expected a name of its own, got that of one of the library",
+    ),
+    "material twice": (
+        '[[material]]\nname = "felt"\nalbedo = 0.5\n[[material]]\nname = "felt"\nalbedo = 0.4',
+        "material[1] 'felt': name: expected a name of its own, got that of another",
+    ),
+    "bright material": (
+        '[[material]]\nname = "felt"\nalbedo = 1.5',
+        "material[0] 'felt': reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got 1.5",
     ),
     "two rotations": (
         "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
@@ -486,6 +570,14 @@ RADAR_FAULTS = {
     "no radar": ("[run]\nstop = 1", "radar: expected a value, got none"),
     "no samples": (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),
     "no slope": (radar("", without="stop"), "radar: slope: expected either slope or stop_frequency, got none"),
+    "polarization": (
+        radar('polarization = "circular"'),
+        "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",
+    ),
+    "long polarization": (
+        radar("polarization = [0, 0, 2]"),
+        "radar: polarization: expected a unit vector, got one of length 2",
+    ),
     "two slopes": (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
     "float count": (
         radar("num_samples = 64.0", without="num_samples"),

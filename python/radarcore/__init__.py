@@ -13,9 +13,11 @@ from radarcore.camera import Camera
 from radarcore.deformation import Deformation
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
-from radarcore.material import Material, materials
+from radarcore.library import materials
+from radarcore.material import Material
 from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
+from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
@@ -31,12 +33,14 @@ __all__ = [
     "Attached",
     "Body",
     "Camera",
+    "ColeCole",
     "Deformation",
     "DepthImage",
     "Frame",
     "Function",
     "GaussianPattern",
     "IsotropicPattern",
+    "ItuPermittivity",
     "Linear",
     "Material",
     "Mesh",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Hits",
+    "Material",
     "Report",
     "Scatterers",
     "Scene",
@@ -81,6 +82,7 @@ def image_scatterers(
     pattern: tuple[float, float, float],
     power: float,
     frequency: float,
+    polarization: tuple[float, float, float] | None = None,
     is_footprint: bool,
     seed: int,
     threads: int | None = None,
@@ -88,7 +90,8 @@ def image_scatterers(
     """Material points of the surface elements (rows, columns) of an image; the bodies' frames are the sensor frame.
 
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
-    unit vectors towards the sensor; focal lengths and principal point are in pixels.
+    unit vectors towards the sensor; focal lengths and principal point are in pixels. `polarization`: unit vector along
+    the field of the antennas.
     """
 
 @final
@@ -158,12 +161,37 @@ class Surface:
         """Memory of triangles, tree and shading, and of the vertices [bytes]."""
 
 @final
-class Scene:
-    """Surfaces with materials."""
+class Material:
+    """What a surface does to waves of one frequency."""
 
-    def __new__(
-        cls, surfaces: Sequence[Surface], reflection: NDArray[np.complex128], albedo: NDArray[np.float64]
-    ) -> Scene: ...
+    @staticmethod
+    def constant(reflection: tuple[float, float], albedo: float) -> Material:
+        """The same at every angle; the field reflection coefficient as (real, imaginary)."""
+    @staticmethod
+    def dielectric(
+        permittivity: tuple[float, float],
+        *,
+        roughness: float | None = None,
+        scattering: float | None = None,
+        thickness: float | None = None,
+    ) -> Material:
+        """What Fresnel says of a relative permittivity (real, imaginary), of a half-space or a slab of a thickness [m].
+
+        `roughness`: rms height [m]; or `scattering`: the part of the field that is scattered. None: a smooth surface.
+        """
+    def response(
+        self, cosine: NDArray[np.float64], *, wavelength: float, te: float, tm: float
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Field reflection coefficients and albedos at cosines of incidence (n,).
+
+        As antennas see them that get the parts `te` and `tm` of both polarisations; the wavelength is in metres.
+        """
+
+@final
+class Scene:
+    """Surfaces."""
+
+    def __new__(cls, surfaces: Sequence[Surface]) -> Scene: ...
     def hide(
         self,
         poses: NDArray[np.float64],
@@ -214,8 +242,18 @@ class Hits:
 
         (rows, columns), inf where nothing was hit, and (rows, columns, 3), 0 where nothing was hit.
         """
-    def reflectance(self) -> NDArray[np.float64]:
-        """Power reflectance of the material, (rows, columns); 0 where nothing was hit."""
+    def reflectance(
+        self,
+        materials: Sequence[Material],
+        *,
+        frequency: float,
+        polarization: tuple[float, float, float] | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns).
+
+        0 where nothing was hit.
+        """
     def body(self) -> NDArray[np.int32]:
         """Number of the body, (rows, columns); -1 where nothing was hit."""
     def place_on_mesh(self, pixel: int) -> tuple[list[int], list[float]]:
@@ -224,17 +262,19 @@ class Hits:
         """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
     def scatterers(
         self,
+        materials: Sequence[Material],
         *,
         tx: NDArray[np.float64],
         rx: NDArray[np.float64],
         pattern: tuple[float, float, float],
         power: float,
         frequency: float,
+        polarization: tuple[float, float, float] | None = None,
         is_footprint: bool,
         seed: int,
         threads: int | None = None,
     ) -> Scatterers:
-        """Material points of all hits that send anything back."""
+        """Material points of all hits that send anything back; `materials` has one per body."""
 
 @final
 class Scatterers:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -23,7 +24,8 @@ class DepthImage:
     cos_incidence : (rows, columns) float64
         Cosine of the angle between ray and surface normal; 0 where nothing was hit.
     reflectance : (rows, columns) float64
-        Power that the material returns, mirror-like and diffuse, over incident power; 0 where nothing was hit.
+        Power that the material returns, mirror-like and diffuse, over incident power, at the pixel's angle of incidence
+        and to the radar's polarisation; 0 where nothing was hit.
     body : (rows, columns) int32
         Number of the body in the scene; -1 where nothing was hit.
     directions : (rows, columns, 3) float64
@@ -41,17 +43,22 @@ class DepthImage:
 
     distance: NDArray[np.float64]
     cos_incidence: NDArray[np.float64]
-    reflectance: NDArray[np.float64]
     body: NDArray[np.int32]
     field_of_view_deg: tuple[float, float]
     time: float
     _hits: _core.Hits = field(repr=False)
+    _reflectance: Callable[[_core.Hits], NDArray[np.float64]] = field(repr=False)
     _threads: int | None = field(default=None, repr=False)
 
     @cached_property
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays, see the attributes."""
         return self._hits.directions()
+
+    @cached_property
+    def reflectance(self) -> NDArray[np.float64]:
+        """Power reflectance at the pixels, see the attributes."""
+        return self._reflectance(self._hits)
 
     @cached_property
     def surface_distance(self) -> NDArray[np.float64]:
@@ -75,8 +82,8 @@ class DepthImage:
 
     def __getstate__(self) -> dict[str, Any]:
         # The arrays are all there is to keep.
-        arrays = {name: getattr(self, name) for name in ("directions", "surface_distance", "normals")}
-        return {**self.__dict__, **arrays, "_hits": None}
+        arrays = {name: getattr(self, name) for name in ("directions", "reflectance", "surface_distance", "normals")}
+        return {**self.__dict__, **arrays, "_hits": None, "_reflectance": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

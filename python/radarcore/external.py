@@ -198,6 +198,7 @@ def frame_from_depth(
         pattern=radar.pattern.gaussian_parameters,
         power=radar.tx_power,
         frequency=radar.waveform.center_frequency,
+        polarization=radar.polarization_vector,
         is_footprint=sampling == "footprint",
         seed=seed,
         threads=num_threads,

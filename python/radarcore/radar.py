@@ -36,6 +36,9 @@ class Radar:
         Transmitted power of one TX [dBm]; the default, 1 W, makes amplitudes transfer functions.
     receiver : Receiver, optional
         None: the ideal receiver, I/Q without noise.
+    polarization : "vertical", "horizontal" or (3,) array_like, optional
+        Direction of the field of every element, TX and RX: along z, along y, or a unit vector in the sensor frame; of
+        every ray the part across it. None: what materials reflect is averaged over polarisations.
     """
 
     waveform: Waveform
@@ -44,6 +47,7 @@ class Radar:
     pattern: Pattern
     tx_power_dbm: float
     receiver: Receiver | None
+    polarization: str | tuple[float, float, float] | None
 
     def __init__(
         self,
@@ -54,6 +58,7 @@ class Radar:
         pattern: Pattern | None = None,
         tx_power_dbm: float = 30.0,
         receiver: Receiver | None = None,
+        polarization: str | ArrayLike | None = None,
     ) -> None:
         pattern = IsotropicPattern() if pattern is None else pattern
         for name, value, kind in (
@@ -70,6 +75,7 @@ class Radar:
         put(self, "pattern", pattern)
         put(self, "tx_power_dbm", check.number("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
+        put(self, "polarization", _polarization(polarization))
 
     @property
     def num_channels(self) -> int:
@@ -86,6 +92,11 @@ class Radar:
     def tx_power(self) -> float:
         """Transmitted power of one TX [W]."""
         return power_from_dbm(self.tx_power_dbm)
+
+    @property
+    def polarization_vector(self) -> tuple[float, float, float] | None:
+        """Unit vector along the field of the antennas in the sensor frame; None without a polarisation."""
+        return _POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
 
     @property
     def is_real(self) -> bool:
@@ -106,6 +117,7 @@ class Radar:
             "pattern": pattern_to_dict(self.pattern),
             "tx_power_dbm": self.tx_power_dbm,
             "receiver": None if self.receiver is None else dict(vars(self.receiver)),
+            "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
         }
 
     @classmethod
@@ -119,6 +131,7 @@ class Radar:
             pattern=pattern_from_dict(values["pattern"]),
             tx_power_dbm=values["tx_power_dbm"],
             receiver=None if receiver is None else Receiver(**receiver),
+            polarization=values.get("polarization"),  # files from before it have none
         )
 
     def __eq__(self, other: object) -> bool:
@@ -180,6 +193,24 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         tx_power_dbm=tx_power_dbm,
         receiver=Receiver(output="real", noise_figure_db=12.0),
     )
+
+
+_POLARIZATIONS = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0)}
+
+
+def _polarization(value: object) -> str | tuple[float, float, float] | None:
+    if value is None:
+        return None
+    if isinstance(value, str):
+        if value not in _POLARIZATIONS:
+            raise ValueError(f"polarization: expected 'vertical', 'horizontal' or a unit vector, got {value!r}")
+        return value
+    vector = check.array("polarization", value, (3,))  # type: ignore[arg-type]  # what is no array is refused there
+    length = float(np.linalg.norm(vector))
+    if abs(length - 1.0) > 1e-3:
+        raise ValueError(f"polarization: expected a unit vector, got one of length {length:g}")
+    x, y, z = (vector / length).tolist()
+    return x, y, z
 
 
 def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:

@@ -102,12 +102,7 @@ class Scene:
         return shape.core
 
     def _shape_of(self, vertices: dict[int, NDArray[np.float64]], surfaces: list[_core.Surface]) -> _Shape:
-        core = _core.Scene(
-            surfaces,
-            np.array([body.material.reflection for _, body in self._meshed], dtype=np.complex128),
-            np.array([body.material.albedo for _, body in self._meshed], dtype=np.float64),
-        )
-        return _Shape(vertices, surfaces, core)
+        return _Shape(vertices, surfaces, _core.Scene(surfaces))
 
     @property
     def is_static(self) -> bool:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, library
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
 from radarcore.follow import Course, receive, synthesise, warn_beyond_range
@@ -112,7 +113,7 @@ class Simulator:
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
-        self._has_warned_of_range = self._has_warned_of_series = False
+        self._has_warned_of_materials = self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
 
     def with_radar(self, radar: Radar) -> Simulator:
@@ -134,6 +135,7 @@ class Simulator:
     def depth_image(self, time: float = 0.0) -> DepthImage:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
+        self._warn_of_materials(stacklevel=3)
         return self._image(self._cast(at, is_image=True), at)
 
     def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
@@ -167,6 +169,7 @@ class Simulator:
         with their facets where bodies deform.
         """
         start = check.number("time", time, "s")
+        self._warn_of_materials(stacklevel=3)
         scatterers = self._scatterers(self._cast(start + self._middle))
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
@@ -193,6 +196,7 @@ class Simulator:
         `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
+        self._warn_of_materials(stacklevel=3)
         hits = self._cast(start + self._middle)
         scatterers = self._scatterers(hits)
         synthesis = synthesise(
@@ -311,22 +315,38 @@ class Simulator:
         return DepthImage(
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
-            reflectance=hits.reflectance(),
             body=numbers[body] if has_other_numbers else body,
             field_of_view_deg=self.field_of_view_deg,
             time=time,
             _hits=hits,
+            _reflectance=self._reflectance,
             _threads=self.threads,
+        )
+
+    @cached_property
+    def _materials(self) -> list[_core.Material]:
+        """Materials of the bodies with meshes, at the centre of the band."""
+        return [body.material._core_at(self.radar.waveform.center_frequency) for _, body in self.scene._meshed]
+
+    def _reflectance(self, hits: _core.Hits) -> NDArray[np.float64]:
+        """Power reflectance of what the pixels show."""
+        return hits.reflectance(
+            self._materials,
+            frequency=self.radar.waveform.center_frequency,
+            polarization=self.radar.polarization_vector,
+            threads=self.threads,
         )
 
     def _scatterers(self, hits: _core.Hits) -> _core.Scatterers:
         """Material points of the hits that send anything back."""
         return hits.scatterers(
+            self._materials,
             tx=self.radar.tx - self.radar.array_center,
             rx=self.radar.rx - self.radar.array_center,
             pattern=self.radar.pattern.gaussian_parameters,
             power=self.radar.tx_power,
             frequency=self.radar.waveform.center_frequency,
+            polarization=self.radar.polarization_vector,
             is_footprint=self.sampling == "footprint",
             seed=self.seed,
             threads=self.threads,
@@ -379,7 +399,8 @@ class Simulator:
         ]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_previous": {}}
+        kept = {name: value for name, value in self.__dict__.items() if name != "_materials"}
+        return {**kept, "_previous": {}}
 
     def _truth(self, hits: _core.Hits, body: NDArray[np.int32], time: float) -> Truth:
         """Range, velocity and direction at `time` of the nearest point of every body that pixels show."""
@@ -415,6 +436,13 @@ class Simulator:
         v = (0.5 * rows - (row + 0.5)) * 2.0 * half_height / rows
         direction: NDArray[np.float64] = np.array([1.0, u, v]) / np.sqrt(1.0 + u * u + v * v)
         return direction
+
+    def _warn_of_materials(self, stacklevel: int) -> None:
+        if not self._has_warned_of_materials:
+            self._has_warned_of_materials = True
+            used = (body.material for _, body in self.scene._meshed)
+            if text := library.extrapolation(used, self.radar.waveform.center_frequency):
+                warnings.warn(text, stacklevel=stacklevel)
 
     def _warn_of_overlap(self, rate: float) -> None:
         duration = self.radar.waveform.duration

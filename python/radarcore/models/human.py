@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, shapes
 from radarcore.body import Body
-from radarcore.material import Material, materials
+from radarcore.library import materials
+from radarcore.material import Material
 from radarcore.mesh import Mesh
 from radarcore.models import gait, robots
 from radarcore.models.path import FloorPath

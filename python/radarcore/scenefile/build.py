@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ import numpy as np
 from radarcore import shapes
 from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern
 from radarcore.body import Body, PointTarget
-from radarcore.material import Material, materials
+from radarcore.library import materials, near_names
+from radarcore.material import Material
 from radarcore.mesh import Mesh, load_mesh
 from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
@@ -34,6 +35,7 @@ from radarcore.scenefile.tables import (
     LineTable,
     MaterialTable,
     MeshTable,
+    NamedMaterialTable,
     PatternTable,
     PlacedTable,
     PointTable,
@@ -55,7 +57,7 @@ def simulation(table: SceneTable, file: Path) -> Simulation:
     with _located(f"{file}: "):
         with _located("radar: "):
             radar = _radar(table.radar)
-        parts, carriers = _Parts(file.parent).build(table)
+        parts, carriers = _Parts(file.parent, _materials(table.material)).build(table)
         with _located("sensor: "):
             motion = _sensor_motion(table.sensor, carriers)
         found = Simulation(Scene(parts), radar, motion, table.run)
@@ -84,8 +86,9 @@ def _located(prefix: str) -> Iterator[None]:
 class _Parts:
     """Builds bodies, points, people and arms, each after what carries it."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
         self._directory = directory
+        self._materials = known
         self._carriers: Carriers = {}
 
     def build(self, table: SceneTable) -> tuple[list[Body | PointTarget], Carriers]:
@@ -134,10 +137,19 @@ class _Parts:
 
     def _body(self, table: BodyTable) -> Body:
         mesh = self._mesh(table.shape)
-        body = Body(mesh, material=_material(table.material), motion=_motion(table, self._carriers), name=table.name)
+        body = Body(
+            mesh, material=self._material(table.material), motion=_motion(table, self._carriers), name=table.name
+        )
         if table.name is not None:
             self._carriers[table.name] = body.motion
         return body
+
+    def _material(self, value: str | MaterialTable) -> Material:
+        if isinstance(value, MaterialTable):
+            with _located("material."):
+                return _material(value)
+        with _located("material: "):
+            return _named(value, self._materials)
 
     def _mesh(self, table: Any) -> Mesh:
         sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
@@ -158,7 +170,7 @@ class _Parts:
     def _human(self, table: HumanTable) -> list[Body]:
         human = Human(**table.model_dump(exclude={"name", "material", "meshes"}))
         make = human.mesh_bodies if table.meshes else human.bodies
-        bodies = make(material=_material(table.material), name=table.name)
+        bodies = make(material=self._material(table.material), name=table.name)
         self._carriers |= {body.name: body.motion for body in bodies if body.name is not None}
         return bodies
 
@@ -168,7 +180,7 @@ class _Parts:
             joints = _joint_motion(arm, table)
         moving = arm.moving(joints, base=_motion(table, self._carriers))
         self._carriers |= {f"{table.name}/{link}": moving.link_motion(link) for link in arm.links}
-        return moving.bodies(material=_material(table.material), name=table.name)
+        return moving.bodies(material=self._material(table.material), name=table.name)
 
     def _arm_model(self, table: ArmTable) -> RobotArm:
         if table.model == "ur10":
@@ -236,17 +248,43 @@ def _sensor_motion(table: SensorTable, carriers: Carriers) -> Motion:
     return Attached(carriers[table.attached_to], Pose([0.0, 0.0, table.along_z]) @ RADAR_AT_TOOL0)
 
 
-def _material(value: str | MaterialTable) -> Material:
-    if isinstance(value, str):
-        with _located("material: "):
-            return materials[value]
-    with _located("material."):
-        if value.permittivity is None:
-            return Material(value.reflection or 0.0, value.albedo)
-        if value.reflection is not None:
-            raise ValueError("reflection: expected either reflection or permittivity, got both")
-        real, loss = value.permittivity
-        return Material(Material.dielectric(complex(real, -loss)).reflection, value.albedo)
+def _materials(tables: list[NamedMaterialTable]) -> dict[str, Material]:
+    """Materials of the file and of the library by name."""
+    own: dict[str, Material] = {}
+    for i, table in enumerate(tables):
+        with _located(f"{place('material', i, table.name)}: "):
+            if table.name in own or table.name in materials:
+                other = "another" if table.name in own else "one of the library"
+                raise ValueError(f"name: expected a name of its own, got that of {other}")
+            own[table.name] = _material(table)
+    return own | dict(materials)
+
+
+def _named(name: str, known: Mapping[str, Material]) -> Material:
+    if name not in known:
+        raise ValueError(f"no material {name!r}; {near_names(name, known)}")
+    return known[name]
+
+
+def _material(table: MaterialTable) -> Material:
+    surface: dict[str, Any] = table.model_dump(include={"roughness", "thickness", "scattering"})
+    if table.permittivity is None:
+        if given := table.model_fields_set & set(surface):
+            raise ValueError(f"{min(given)}: expected permittivity with it, got none")
+        return Material(table.reflection or 0.0, table.albedo)
+    if table.reflection is not None:
+        raise ValueError("reflection: expected either reflection or permittivity, got both")
+    if table.albedo != 0.0:
+        raise ValueError(
+            "albedo: expected none with permittivity (roughness or scattering say what is scattered), "
+            f"got {table.albedo:g}"
+        )
+    if isinstance(table.permittivity, str):
+        with _located("permittivity: "):
+            found = _named(table.permittivity, materials)
+        return found.with_surface(**surface)
+    real, loss = table.permittivity
+    return Material.dielectric(complex(real, -loss), **surface)
 
 
 def _joint_motion(arm: RobotArm, table: ArmTable) -> JointTrajectory | JointAngles:
@@ -294,7 +332,9 @@ def _radar(table: RadarTable) -> Radar:
     for name in ("start_frequency", "stop_frequency"):
         if not _LOWEST_FREQUENCY <= waveform.get(name, _LOWEST_FREQUENCY) <= _HIGHEST_FREQUENCY:
             raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {waveform[name]:g}")
-    others: dict[str, Any] = {name: given[name] for name in ("tx", "rx", "tx_power_dbm") if name in given}
+    others: dict[str, Any] = {
+        name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization") if name in given
+    }
     if table.pattern is not None:
         with _located("pattern."):
             others["pattern"] = _pattern(table.pattern)
@@ -303,7 +343,9 @@ def _radar(table: RadarTable) -> Radar:
             others["receiver"] = Receiver(**table.receiver.model_dump())
     if table.preset is not None:
         preset = bgt60tr13c(**waveform)
-        kept = {name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver")}
+        kept = {
+            name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
+        }
         return Radar(preset.waveform, **(kept | others))
     return Radar(_waveform(waveform), **others)
 

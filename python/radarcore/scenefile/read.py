@@ -198,4 +198,11 @@ def _key(location: Location) -> _Key:
 
 
 # Types that pydantic puts into locations besides keys.
-_TYPES = ("str", "int", "tuple[int, int]")
+_TYPES = (
+    "str",
+    "int",
+    "tuple[int, int]",
+    "tuple[float, float]",
+    "tuple[float, float, float]",
+    "literal['vertical','horizontal']",
+)

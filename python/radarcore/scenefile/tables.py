@@ -154,14 +154,27 @@ ShapeTable = (
 
 
 class MaterialTable(Table):
-    """A material by numbers; `reflection` or `permittivity` or neither."""
+    """A material by numbers: `reflection` and `albedo`, or `permittivity` and what goes with it."""
 
     reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no mirror-like part")
-    permittivity: tuple[float, float] | None = _key(None, "", "relative permittivity: real part, loss (positive)")
     albedo: float = _key(0.0, "", "diffuse albedo, 0 to 1")
+    permittivity: str | tuple[float, float] | None = _key(
+        None, "", "relative permittivity: real part, loss (positive); or the material of the library whose it is"
+    )
+    roughness: float = _key(0.0, "m", "rms height of the surface of a dielectric")
+    thickness: float | None = _key(None, "m", "of a slab of a dielectric; default: it has no other side")
+    scattering: float | None = _key(
+        None, "", "in place of roughness: part of the reflected field that is scattered, 0 to 1"
+    )
 
 
-_MATERIAL = "name of a material of the library, or a table of numbers"
+class NamedMaterialTable(MaterialTable):
+    """A material that bodies refer to."""
+
+    name: str = _key(..., "", "what bodies call it")
+
+
+_MATERIAL = "name of a material of this file or of the library, or a table of numbers"
 
 
 class BodyTable(PlacedTable):
@@ -272,6 +285,9 @@ class RadarTable(Table):
     tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
     pattern: PatternTable | None = _key(None, "", "of every antenna; default: isotropic, or the preset's")
     receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
+    polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
+        None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"
+    )
 
 
 class RunTable(Table):
@@ -294,6 +310,7 @@ class SceneTable(Table):
     radar: RadarTable = _key(..., "", "the radar")
     sensor: SensorTable = _key(SensorTable(), "", "where the radar is; default: at the origin, looking along x")
     run: RunTable = _key(RunTable(), "", "what is simulated and how")
+    material: list[NamedMaterialTable] = _key([], "", "materials that bodies refer to")
     body: list[BodyTable] = _key([], "", "rigid bodies")
     point: list[PointTable] = _key([], "", "ideal point targets")
     human: list[HumanTable] = _key([], "", "walking people")
