@@ -41,6 +41,10 @@ _PLASTICS = {
 }
 
 
+# Permittivities change little over a tenth of the frequency: that is not worth a warning.
+_SLACK = 1.1
+
+
 def _entry(name: str, permittivity: Permittivity, source: str, band_ghz: tuple[float, float]) -> Material:
     band = (1e9 * band_ghz[0], 1e9 * band_ghz[1])
     return Material.dielectric(permittivity, name=name, source=source, valid_frequency=band)
@@ -64,8 +68,10 @@ def extrapolation(used: Iterable[Material], frequency: float) -> str | None:
     """What to warn of when materials are used at a frequency [Hz] that their numbers do not cover."""
     known = []
     for material in used:
-        if material.valid_frequency is not None and not material.is_valid_at(frequency):
-            lowest, highest = material.valid_frequency
+        if material.valid_frequency is None:
+            continue
+        lowest, highest = material.valid_frequency
+        if not lowest / _SLACK <= frequency <= highest * _SLACK:
             known.append(f"{material.name or 'a dielectric'} (known at {_text((1e-9 * lowest, 1e-9 * highest))})")
     if not known:
         return None
