@@ -1,0 +1,208 @@
+"""What the driver says to a board, byte by byte, and answers that come late or not at all."""
+
+import threading
+import time
+
+import pytest
+from boards import Numbered, opened
+
+import radarcore as rc
+from radarcore.sensor import ProtocolError, RequestError, SensorTimeoutError, bgt60, strata
+from radarcore.sensor.emulator.source import Noise
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.link import StreamLink
+from radarcore.sensor.strata import Code, Component, Info, Kind, Request
+from radarcore.sensor.strata_board import StrataBoard
+
+# Request, value, index : payload, as in "Life cycle, message by message" (Strata).
+PROBE = [
+    "R 80 0001 0000 :",
+    "W 0d 0004 0000 :",  # a board that was left measuring: this is not in the life cycle
+    "R 20 0000 0103 :",
+    "R 80 0002 0000 :",
+    "T 80 0000 0000 :",
+    "W 20 0103 0520 :",
+    "W 20 0103 0130 : 0d100000",
+    "T 20 0103 0130 : 04000000",
+]
+RESET = "W 20 0103 0130 : 011e827c"
+START = [
+    RESET,  # a FIFO that has overflown: this is not in the life cycle
+    "W 0d 0001 0000 : 100000000000000060000018",
+    "W 0d 0003 0000 :",
+    # 38 words, the last one MAIN with FRAME_START; gain 33 dB and slices of 6144 samples.
+    "W 20 0103 0130 : 030a021009e967fd0b0805b40d102bff0f010d00110000001300000015000000"
+    "17000be0190000001b0000001d0000001f000b602113fc51237ff41f25703def2d0004903b00048049000480570004805911be0e"
+    "5b62fc0a5d03f0005f787e1e61a2a85063000c886500017267000040690000006b0000006d0000006f393b107f0001008f0001009f000100"
+    "ad000000b7000000011e8271",
+]
+STOP = ["W 0d 0004 0000 :", RESET]
+TEMPERATURE = [
+    "W 20 0103 0130 : 190000001f000be0110000001300100017000f8009800000011f82710d000000",
+    "T 20 0103 0130 : ba000000",
+    "W 20 0103 0130 : 17000d80",
+    "T 20 0103 0130 : ba000000",
+    "W 20 0103 0130 : 0f010f10",
+    "T 20 0103 0130 : bc000000",
+    "W 20 0103 0520 :",
+]
+
+
+def told(request):
+    kind = {Kind.READ: "R", Kind.WRITE: "W", Kind.TRANSFER: "T"}[request.kind]
+    text = f"{kind} {request.request:02x} {request.value:04x} {request.index:04x} : {request.payload.hex()}"
+    return text.rstrip()
+
+
+def test_conversation_is_that_of_the_vendors_host(monkeypatch):
+    """But for the order of the questions, the resets before a start, and what is not asked at all."""
+    heard, handle = [], Controller.handle
+    monkeypatch.setattr(
+        Controller, "handle", lambda self, request: heard.append(told(request)) or handle(self, request)
+    )
+
+    def new():
+        lines, heard[:] = list(heard), []
+        return lines
+
+    with opened(Controller(Numbered(), speed=None), "vendor") as sensor:
+        assert new() == PROBE
+        waveform = rc.bgt60tr13c(num_chirps=64, frame_interval=0.0772688463, chirp_interval=0.000591125)
+        sensor.configure(waveform, if_gain_db=33)
+        assert new() == [], "settings are sent with the start"
+        frames = sensor.frames()
+        next(frames)
+        assert new() == START
+        sensor.temperature()
+        assert new() == ["T 20 0103 0130 : bc000000"]
+        frames.close()
+        assert new() == STOP
+        sensor._board._temperature = (-1.0, 0.0)
+        sensor.temperature()
+        assert new() == TEMPERATURE
+    assert new() == [], "nothing was measured when it was closed"
+
+
+def test_emulated_board_counts_radars_of_its_type_alone():
+    controller = Controller(Noise())
+    for index in (0x0101, 0x0102, 0x0103, 0x0104, 0x0105, 0x0201):
+        response = controller.handle(Request.read(Code.COMPONENT, Component.COUNT, index, 1))
+        assert (response.status, response.payload) == (0, bytes([index == 0x0103]))
+
+
+def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
+    """FSTAT and the status of every SPI answer have it; the next function is refused, once."""
+    controller = Controller(Numbered(), speed=1000.0)
+    settings = bgt60.Settings.from_radar(rc.bgt60tr13c(num_samples=64, num_chirps=16, frame_interval=25e-3))
+    image = bgt60.registers(settings, 3072)
+    controller.chip.execute(bgt60.start_words(image))
+    deadline = time.monotonic() + 20.0
+    while not controller.chip.has_overflown and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+    def execute(word):
+        return controller.handle(Request.transfer(*AT_CHIP, strata.encode_commands([word])))
+
+    assert execute(bgt60.FSTAT << 25).status == 0x05
+    (answer,) = strata.decode_values(execute(bgt60.FSTAT << 25).payload)
+    assert answer >> 24 & 0x08
+    assert answer & 1 << 23
+    assert len(controller.packets) == 0, "nobody has asked for data"
+    execute(bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | bgt60.FSM_RESET | bgt60.FIFO_RESET))
+    (answer,) = strata.decode_values(execute(bgt60.FSTAT << 25).payload)
+    assert not answer >> 24 & 0x08
+    assert answer & 0xFFFFFF == 1 << 20, "empty"
+    controller.close()
+
+
+AT_CHIP = (Code.COMPONENT, Component.AVIAN, 0x0130)
+VERSION = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
+UUID = Request.read(Code.BOARD_INFO, Info.UUID, 0, 16)
+
+
+class Delayed:
+    """A byte stream to an emulated board whose answers come as late as a test wants, or not at all."""
+
+    name = "delayed"
+
+    def __init__(self):
+        self.board = CdcBoard(Controller(Noise()))
+        self.delays = []
+        self.num_written = 0
+
+    def write(self, data, timeout):
+        self.num_written += 1
+        delay = self.delays.pop(0) if self.delays else 0.0
+        if delay is not None:
+            threading.Timer(delay, self.board.receive, [data]).start()
+
+    def read(self, size, timeout):
+        return self.board.send(size, timeout)
+
+    def close(self):
+        self.board.controller.close()
+
+
+@pytest.fixture
+def link():
+    link = StreamLink(Delayed())
+    yield link
+    link.close()
+
+
+def test_answer_that_comes_late_is_not_that_of_the_next_request(link):
+    link._stream.delays = [0.25, 0.15]  # in order
+    with pytest.raises(SensorTimeoutError, match="no answer to request 0x80"):
+        link.ask(VERSION, 0.2, retries=0)
+    assert link.ask(UUID, 5.0) == link._stream.board.controller.identity.uuid
+    # Both tries are answered, the first one late: each answer is thrown away, or that of its request.
+    link._stream.delays = [0.25, 0.12, 0.1]
+    assert link.ask(VERSION, 0.2, retries=1) == link._stream.board.controller.identity.version.encode()
+    assert link.ask(UUID, 5.0) == link._stream.board.controller.identity.uuid
+
+
+def test_request_without_an_answer_is_made_three_times(link):
+    link._stream.delays = [None, None, None]
+    with pytest.raises(SensorTimeoutError, match=r"delayed: no answer to request 0x80 .* within 0\.1 s"):
+        link.ask(VERSION, 0.1)
+    assert link._stream.num_written == 3
+    link._stream.delays = [None, None, 0.0]
+    assert len(link.ask(VERSION, 0.3)) == 16
+
+
+def test_refusal_is_not_asked_again(link):
+    with pytest.raises(RequestError, match="the board refuses request 0x80") as caught:
+        link.ask(Request.read(Code.BOARD_INFO, 0x77, 0, 4))
+    assert caught.value.status == 0x89
+    assert link._stream.num_written == 1
+
+
+def test_answers_of_another_length_or_kind_are_no_answers(monkeypatch, link):
+    handle = Controller.handle
+    for answer, message in (
+        (strata.Response(Kind.READ, 0, b"short"), "expected 16 bytes as answer"),
+        (strata.Response(Kind.WRITE, 0, b""), "expected an answer of kind 0xC0, got 0x40"),
+    ):
+        monkeypatch.setattr(Controller, "handle", lambda self, request, answer=answer: answer)
+        with pytest.raises(ProtocolError, match=message):
+            link.ask(VERSION)
+    monkeypatch.setattr(Controller, "handle", handle)
+
+
+def test_register_that_comes_with_others_is_refused(monkeypatch, link):
+    handle = Controller.handle
+
+    def twice(self, request):
+        response = handle(self, request)
+        is_register = request.kind == Kind.TRANSFER and request.index == AT_CHIP[2]
+        return strata.Response(Kind.TRANSFER, 0, 2 * response.payload) if is_register else response
+
+    monkeypatch.setattr(Controller, "handle", twice)
+    with pytest.raises(ProtocolError, match="expected one register, got 2"):
+        StrataBoard(link)
+
+
+def test_function_that_only_tells_of_an_overflow_is_asked_again(link):
+    board = StrataBoard(link)
+    link._stream.board.controller.chip.overflow()
+    assert board.temperature() == pytest.approx(25.0, abs=0.3)
