@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +18,22 @@ from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
 
 TRANSPORTS = ("cdc", "vendor", "pty")
+
+
+CLI = "import sys\nfrom radarcore.cli import main\nsys.exit(main())"
+"""Program that is the command `radarcore`."""
+
+
+def python(program: str, *arguments: object) -> subprocess.Popen[str]:
+    """A process that Ctrl-C ends, also where the tests themselves run in the background of a shell."""
+    interruptible = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    return subprocess.Popen(
+        [sys.executable, "-c", interruptible + program, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
 
 _STEP = 131
 """Between the first codes of frames; odd, so that the number of a frame follows from its first code."""

@@ -3,7 +3,6 @@
 import gc
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -11,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 
 import radarcore as rc
 from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
@@ -229,8 +228,7 @@ def test_interrupted_programs_end_soon_and_leave_the_board_alone():
     controller = Controller(Numbered())
     with PtyPort(CdcBoard(controller)) as port:
         for wait in (0.0, 0.13, 0.31):
-            command = [sys.executable, "-c", program, port.path]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            with python(program, port.path) as process:
                 assert process.stdout.readline() == "ready\n"
                 time.sleep(wait)
                 process.send_signal(signal.SIGINT)

@@ -3,13 +3,13 @@
 import re
 import signal
 import subprocess
-import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from boards import CLI, python
 
 import radarcore as rc
 from radarcore.cli import main
@@ -66,15 +66,18 @@ def swing(tmp_path):
 @contextmanager
 def served(*arguments):
     """`radarcore sensor serve` in a process of its own; its port."""
-    command = [sys.executable, "-m", "radarcore", "sensor", "serve", *map(str, arguments)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with python(CLI, "sensor", "serve", *arguments) as process:
         try:
             line = process.stdout.readline()
             assert line.startswith("listening on "), process.stderr.read()
             yield line.removeprefix("listening on ").strip(), process
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(30)
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
 
 
 def test_client_tracks_a_moving_scene_for_a_minute(swing):
@@ -254,9 +257,8 @@ def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
     with served(swing, "--link", tmp_path / "port") as (port, server):
         assert port == str(tmp_path / "port")
         assert Path(port).is_symlink()
-        command = [sys.executable, "-m", "radarcore", "sensor", "record", port, "-o", output, "--rate", "20"]
-        command += ["--chirps", "8"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as recorder:
+        options = ("--rate", "20", "--chirps", "8")
+        with python(CLI, "sensor", "record", port, "-o", output, *options) as recorder:
             deadline = time.monotonic() + 60.0
             while time.monotonic() < deadline and not _has_frames(output, 5):
                 time.sleep(0.05)
