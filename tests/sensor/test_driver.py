@@ -27,6 +27,7 @@ from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
+from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata import Version
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
@@ -278,6 +279,14 @@ def test_board_with_comlib_is_found_out_by_asking():
         assert [number_of(frame.raw) for frame in frames] == [0, 1, 2, 3, 4]
         assert frames[0].radar is achieved
         assert frames[0].cube.shape == (1, 4, 64)
+
+
+def test_xmc_board_on_usb_is_spoken_to_in_comlib_alone():
+    bus = EmulatedBus()
+    with virtual_board(Numbered(), protocol="comlib", speed=None) as board:
+        bus.plug(cdc_device(board, product_id=0x0058))
+        (info,) = list_sensors(usb_backend=bus)
+        assert (info.protocol, info.port) == ("comlib", "usb:1-1")
 
 
 def test_what_is_no_radar_board_is_told():

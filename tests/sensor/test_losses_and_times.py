@@ -1,6 +1,9 @@
 """What is lost is counted, and when frames were measured: slices put in by hand, and clocks of all kinds."""
 
+import time
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +11,9 @@ from boards import Numbered, number_of, numbered, opened
 
 import radarcore as rc
 from radarcore import codes
-from radarcore.sensor import FramesLostWarning, Sensor, bgt60
+from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError, bgt60
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
+from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
 from radarcore.sensor.strata import Avian, Code, Component, DataPacket, Kind, Request
@@ -208,6 +212,84 @@ def test_what_was_on_its_way_before_the_start_is_no_frame_of_it():
     assert given.board.read(0.0) == []
 
 
+def test_reason_is_that_of_the_loss_it_is_told_with():
+    given = Measuring(SMALL)
+    items = given.read(given.packets(0), Damage(9, "bad CRC"), given.packets(2), given.packets(3), given.packets(5))
+    lost = [(item.num_frames, item.reason) for item in items if isinstance(item, Lost)]
+    assert lost == [(1, "bad CRC"), (1, "expected packet 4, got 5")]
+    # Damage that was no part of a slice, such as an answer, costs nothing, and is no reason for what comes later.
+    items = given.read(Damage(9, "bad CRC"), given.packets(6), given.packets(8))
+    assert [item.reason for item in items if isinstance(item, Lost)] == ["expected packet 7, got 8"]
+
+
+def test_slice_of_another_length_is_lost():
+    given = Measuring(SMALL)
+    (whole,) = given.packets(1)
+    items = given.read(given.packets(0), replace(whole, payload=whole.payload[:-3]), given.packets(2))
+    assert frames_of(items) == [(0, 0), (2, 2)]
+    assert [(item.num_frames, item.reason) for item in items if isinstance(item, Lost)] == [
+        (1, "a slice of 1149 bytes")
+    ]
+
+
+def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause():
+    radar = rc.bgt60tr13c(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 500e-6)
+    given = Measuring(radar)
+    assert given.slice_size * 2 == given.frame_size
+    items = given.read(*(given.packets(number, stamp=3e-4 * (number % 3)) for number in range(12)))
+    assert frames_of(items) == [(index, index) for index in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (0x07, "overflow (0x07)"),
+        (0x012E, "FIFO overflow (0x12E)"),
+        (0x40000002, "(0x40000002)"),
+        ("no supply", "no supply"),
+    ],
+)
+def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, text, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("radarcore.sensor.strata_board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time))
+    given = Measuring(SMALL)
+    (whole,) = given.packets(1)
+    given.read(given.packets(0))
+    now[0] += 20.2 * given.frame_time
+    (lost,) = given.read(replace(whole, payload=b"", error=error))
+    assert lost.num_frames == 20
+    assert lost.reason.startswith("the board stopped: ")
+    assert lost.reason.endswith(f"{text}; measuring was started anew")
+    assert given.link.num_starts == 2
+    assert frames_of(given.read(given.packets(0, stamp=1.0))) == [(21, 0)]
+
+
+def test_board_that_always_fails_is_given_up_and_one_that_gives_frames_is_not():
+    given = Measuring(SMALL)
+    error = DataPacket(b"", 0, error=0x07)
+    for _ in range(12):
+        assert len(given.read(error, given.packets(0))) == 1
+        assert len(given.read(given.packets(0))) == 1
+    for _ in range(10):
+        given.read(error)
+    with pytest.raises(SensorError, match=r"test: the board stopped: overflow \(0x07\), again after 10 restarts"):
+        given.read(error)
+
+
+def test_error_after_the_end_starts_nothing():
+    given = Measuring(SMALL)
+    given.board.stop()
+    assert lost_of(given.read(DataPacket(b"", 0, error=0x07))) == [1]
+    assert given.link.num_starts == 1
+
+
+def test_other_bits_of_the_temperature_register_are_no_temperature(monkeypatch):
+    given = Measuring(SMALL)
+    read = Chip.read
+    monkeypatch.setattr(Chip, "read", lambda self, address: read(self, address) | 0x2BC400)  # raw result, busy
+    assert given.board.temperature() == pytest.approx(25.0, abs=0.3)
+
+
 class Clocked:
     """A board whose frames have the time stamps of a list."""
 
@@ -230,6 +312,7 @@ class Clocked:
         pass
 
     close = stop
+    details = dict
 
 
 INTERVAL = SMALL.waveform.frame_interval
@@ -263,6 +346,35 @@ def test_frame_times_grow_with_a_clock_of_any_kind(stamps, expected):
     np.testing.assert_allclose([frame.time for frame in given], np.array(expected) * INTERVAL, atol=1e-7)
     assert [frame.stats["index"] for frame in given] == list(stamps)
     assert [frame.stats.get("device_time") for frame in given] == [frame.device_time for frame in frames]
+
+
+def test_losses_are_warned_of_once_a_measurement_and_counted_anew_in_the_next():
+    items = [raw(0, None), Lost(2, "damage"), raw(3, None), Lost(1, "damage"), raw(5, None)]
+    with Sensor(Clocked(items)) as sensor:
+        sensor.configure(SMALL)
+        for _ in range(2):
+            with pytest.warns(FramesLostWarning) as warned:
+                frames = list(sensor.frames(3))
+            assert [str(warning.message) for warning in warned] == ["test: 2 lost: damage"]
+            assert [frame.stats["lost_before"] for frame in frames] == [0, 2, 1]
+            assert [frame.stats.get("lost_reason") for frame in frames] == [None, "damage", "damage"]
+            assert sensor.num_lost == 3
+
+
+def test_duration_of_a_recording_is_rounded_to_frames(tmp_path):
+    with Sensor(Clocked([raw(index, None) for index in range(20)])) as sensor:
+        sensor.configure(SMALL)
+        recording = sensor.record(tmp_path / "rec", duration=9.6 * INTERVAL, progress=False)
+        assert len(recording) == 10
+        assert len(sensor.record(tmp_path / "short", duration=0.1 * INTERVAL, progress=False)) == 1
+
+
+def test_frame_is_waited_for_longer_than_frames_take(monkeypatch):
+    monkeypatch.setattr("radarcore.sensor.device._SLOWEST_START", 0.1)
+    with Sensor(Clocked([])) as sensor:
+        sensor.configure(rc.bgt60tr13c(num_chirps=8, frame_interval=0.2))
+        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.5 s"):
+            next(sensor.frames())
 
 
 @pytest.mark.parametrize("speed", [None, 20.0])

@@ -7,11 +7,19 @@ import pytest
 from boards import Numbered, opened
 
 import radarcore as rc
-from radarcore.sensor import ProtocolError, RequestError, SensorTimeoutError, bgt60, strata
+from radarcore.sensor import (
+    ProtocolError,
+    RequestError,
+    SensorDisconnectedError,
+    SensorTimeoutError,
+    bgt60,
+    strata,
+)
+from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.link import StreamLink
-from radarcore.sensor.strata import Code, Component, Info, Kind, Request
+from radarcore.sensor.strata import Code, Component, DataPacket, Info, Kind, Request
 from radarcore.sensor.strata_board import StrataBoard
 
 # Request, value, index : payload, as in "Life cycle, message by message" (Strata).
@@ -78,9 +86,22 @@ def test_conversation_is_that_of_the_vendors_host(monkeypatch):
         frames.close()
         assert new() == STOP
         sensor._board._temperature = (-1.0, 0.0)
-        sensor.temperature()
+        assert sensor.temperature() == sensor.temperature(), "at most 0.1 s old"
         assert new() == TEMPERATURE
     assert new() == [], "nothing was measured when it was closed"
+
+
+@pytest.mark.parametrize("status", [0x10, 0x15, 0x89])
+def test_board_that_has_no_uuid_and_no_name_is_opened(status, monkeypatch):
+    handle = Controller.handle
+
+    def lacking(self, request):
+        is_lacking = request.request == Code.BOARD_INFO and request.value != Info.VERSION
+        return strata.Response(request.kind, status, b"") if is_lacking else handle(self, request)
+
+    monkeypatch.setattr(Controller, "handle", lacking)
+    with opened(Controller(Noise())) as sensor:
+        assert (sensor.info.serial_number, sensor.info.name) == ("", "Strata board")
 
 
 def test_emulated_board_counts_radars_of_its_type_alone():
@@ -137,7 +158,10 @@ class Delayed:
             threading.Timer(delay, self.board.receive, [data]).start()
 
     def read(self, size, timeout):
-        return self.board.send(size, timeout)
+        try:
+            return self.board.send(size, timeout)
+        except Unplugged:
+            raise SensorDisconnectedError("the board is gone") from None
 
     def close(self):
         self.board.controller.close()
@@ -170,11 +194,46 @@ def test_request_without_an_answer_is_made_three_times(link):
     assert len(link.ask(VERSION, 0.3)) == 16
 
 
-def test_refusal_is_not_asked_again(link):
+def test_refusal_is_not_asked_again_but_damage_on_the_way_is(link, monkeypatch):
     with pytest.raises(RequestError, match="the board refuses request 0x80") as caught:
         link.ask(Request.read(Code.BOARD_INFO, 0x77, 0, 4))
     assert caught.value.status == 0x89
     assert link._stream.num_written == 1
+    handle, statuses = Controller.handle, [0x84, 0x80]
+
+    def damaged(self, request):
+        return strata.Response(Kind.WRITE, statuses.pop(), b"") if statuses else handle(self, request)
+
+    monkeypatch.setattr(Controller, "handle", damaged)
+    assert len(link.ask(VERSION)) == 16
+    assert link._stream.num_written == 4
+
+
+def test_answer_is_found_behind_a_packet_that_claims_more_than_comes(link):
+    """The parser waits for the rest of a packet whose length is damaged; the next try looks for the answer anew."""
+    assert len(link.ask(VERSION)) == 16  # in step
+    link._stream.board._out += bytes.fromhex("d3 00 00 00 f0 0f")  # 4080 bytes are to follow
+    assert len(link.ask(VERSION, 0.2)) == 16
+
+
+def test_unplugged_board_is_told_again_and_again():
+    stream = Delayed()
+    link = StreamLink(stream)
+    packet = DataPacket(b"abc", 0)
+    stream.board._out += strata.encode_data(packet)
+    stream.board._is_gone = True  # what was sent before still comes
+    deadline = time.monotonic() + 10.0
+    found = []
+    while not found and time.monotonic() < deadline:
+        found = link.packets(0.1)
+    assert found == [packet]
+    for _ in range(2):
+        with pytest.raises(SensorDisconnectedError, match="the board is gone"):
+            link.packets(5.0)
+        with pytest.raises(SensorDisconnectedError, match="the board is gone"):
+            link.ask(VERSION)
+    link.discard()
+    link.close()
 
 
 def test_answers_of_another_length_or_kind_are_no_answers(monkeypatch, link):
