@@ -61,6 +61,11 @@ pub struct Sight {
 }
 
 impl Array {
+    /// Field that is sent to a direction and received from there, relative to the peak.
+    pub fn relative_gain(&self, direction: DVec3) -> f64 {
+        self.pattern.gain(direction) / self.pattern.peak
+    }
+
     /// Number of TX-RX pairs.
     pub fn num_channels(&self) -> usize {
         self.tx.len() * self.rx.len()

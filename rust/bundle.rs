@@ -94,6 +94,41 @@ impl Fan {
         }
     }
 
+    /// Through at most 64 points of the image plane, in their order.
+    #[inline(always)]
+    pub fn hold(&mut self, points: &[[f64; 2]]) {
+        let last = points.len() - 1;
+        for ray in 0..MOST_RAYS {
+            [self.u[ray], self.v[ray]] = points[ray.min(last)];
+        }
+        let (mut low, mut high) = ([[0.0; 2]; PACKETS + 1], [[0.0; 2]; PACKETS + 1]);
+        for packet in 0..PACKETS {
+            let first = packet * PACKET;
+            let number = points.len().saturating_sub(first).min(PACKET);
+            self.valid[packet] = ((1_u64 << number) - 1) as u32;
+            for (axis, places) in [&self.u, &self.v].into_iter().enumerate() {
+                let (mut least, mut most) = (places[first], places[first]);
+                for ray in first..first + PACKET {
+                    (least, most) = (least.min(places[ray]), most.max(places[ray]));
+                }
+                (low[packet][axis], high[packet][axis]) = (least, most);
+            }
+        }
+        (low[PACKETS], high[PACKETS]) = (low[0], high[0]);
+        for packet in 1..PACKETS {
+            for axis in 0..2 {
+                low[PACKETS][axis] = low[PACKETS][axis].min(low[packet][axis]);
+                high[PACKETS][axis] = high[PACKETS][axis].max(high[packet][axis]);
+            }
+        }
+        for packet in 0..=PACKETS {
+            for axis in 0..2 {
+                self.middle[packet][axis] = 0.5 * (low[packet][axis] + high[packet][axis]);
+                self.half[packet][axis] = 0.5 * (high[packet][axis] - low[packet][axis]);
+            }
+        }
+    }
+
     /// Smallest and largest `u`, and `v`.
     pub fn ranges(&self) -> [[f64; 2]; 2] {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);

@@ -7,7 +7,8 @@
 //!
 //! Images: `rays` (pixels and tiles), `trace` (bodies at their places and images of them), `surface` (triangles of one body),
 //! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
-//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `scatter` makes paths of what they show
+//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for); `samples`: what a
+//! frame takes of a scene, `adaptive` cells (`parts`: what these must not miss) and `diffuse` points. `scatter` makes paths of what they show
 //! (`material` and `polarization`: what comes back of a wave), which stays with its `facet` where a body deforms.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
@@ -25,6 +26,7 @@
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
+pub mod adaptive;
 pub mod antenna;
 pub mod beat;
 pub mod block;
@@ -32,6 +34,7 @@ pub mod bundle;
 pub mod bvh;
 pub mod chirp;
 pub mod delay;
+pub mod diffuse;
 pub mod direct;
 pub mod error;
 pub mod expansion;
@@ -46,12 +49,14 @@ pub mod mesh;
 pub mod modes;
 pub mod motion;
 pub mod parallel;
+pub mod parts;
 pub mod plan;
 pub mod polarization;
 #[cfg(feature = "python")]
 mod python;
 pub mod rays;
 pub mod residual;
+pub mod samples;
 pub mod scatter;
 pub mod shading;
 pub mod shown;

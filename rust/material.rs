@@ -70,6 +70,20 @@ impl Material {
     }
 }
 
+impl Material {
+    /// Whether anything of what comes back is diffuse.
+    pub fn is_diffuse(&self) -> bool {
+        match self {
+            Self::Constant(response) => response.albedo > 0.0,
+            Self::Dielectric(dielectric) => match dielectric.roughness {
+                Roughness::Smooth => false,
+                Roughness::Height(height) => height > 0.0,
+                Roughness::Scattering(part) => part > 0.0,
+            },
+        }
+    }
+}
+
 impl Dielectric {
     /// README eqs. (4) to (6).
     fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {

@@ -18,6 +18,7 @@ use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, Py
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
+use crate::adaptive::{Leaf, Rule};
 use crate::antenna::{Array, Pattern};
 use crate::beat;
 use crate::chirp;
@@ -29,6 +30,7 @@ use crate::motion::Pose;
 use crate::plan::{Method, Step};
 use crate::polarization::Seen;
 use crate::rays::ImagePlane;
+use crate::samples;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
 use crate::shown::Shown;
 use crate::simd::Level;
@@ -49,6 +51,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Material>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
+    module.add_class::<Samples>()?;
     module.add_class::<Scatterers>()?;
     Ok(())
 }
@@ -648,16 +651,8 @@ impl Scene {
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane::centered(rows, columns, half_width, half_height);
-        let beam = beam.map(|(azimuth, elevation, floor)| Beam {
-            pattern: Pattern {
-                peak: 1.0,
-                azimuth,
-                elevation,
-            },
-            floor,
-        });
         let cast = Cast {
-            beam,
+            beam: self::beam(beam),
             skip_empty,
             with_cosines,
             previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
@@ -674,6 +669,73 @@ impl Scene {
             shown: OnceLock::new(),
         })
     }
+
+    /// Cast rays where they are needed with the bodies at `poses` (body, 3, 4), body to sensor: through a base grid of `rows`
+    /// x `columns` cells, which are split until they leave open less than `rcs_floor` asks for, or `budget` rays are cast.
+    /// `end_points`: cells whose phase turns fast stand for their ends.
+    /// What was sampled of the same scene before is taken over where no body has moved. `beam` and `skip_empty` as in `cast`.
+    #[pyo3(signature = (
+        poses, materials, *, rows, columns, half_width, half_height, tx, rx, pattern, power, frequency, polarization=None,
+        rcs_floor, budget=None, end_points, seed, previous=None, beam=None, skip_empty=true, threads=None
+    ))]
+    fn sample(
+        &self,
+        py: Python<'_>,
+        poses: PyReadonlyArray3<'_, f64>,
+        materials: Vec<PyRef<'_, Material>>,
+        rows: usize,
+        columns: usize,
+        half_width: f64,
+        half_height: f64,
+        tx: PyReadonlyArray2<'_, f64>,
+        rx: PyReadonlyArray2<'_, f64>,
+        pattern: (f64, f64, f64),
+        power: f64,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+        rcs_floor: f64,
+        budget: Option<usize>,
+        end_points: bool,
+        seed: u64,
+        previous: Option<PyRef<'_, Samples>>,
+        beam: Option<(f64, f64, f64)>,
+        skip_empty: bool,
+        threads: Option<usize>,
+    ) -> PyResult<Samples> {
+        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
+        let materials = self::materials(&materials, self.surfaces.len())?;
+        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+        let rule = Rule {
+            base: ImagePlane::centered(rows, columns, half_width, half_height),
+            rcs_floor,
+            budget,
+            end_points,
+        };
+        let cast = Cast {
+            beam: self::beam(beam),
+            skip_empty,
+            ..Cast::default()
+        };
+        let before = previous.as_ref().map(|before| (&before.snapshot, &before.samples));
+        let (snapshot, samples) = compute(py, threads, || {
+            let snapshot = self.snapshot(&poses);
+            let samples = samples::Samples::new(&snapshot, &cast, &materials, &array, &rule, seed, before)?;
+            Ok((snapshot, samples))
+        })?;
+        Ok(Samples { snapshot, samples })
+    }
+}
+
+/// Directions of interest from the exponents of a pattern and its floor.
+fn beam(beam: Option<(f64, f64, f64)>) -> Option<Beam> {
+    beam.map(|(azimuth, elevation, floor)| Beam {
+        pattern: Pattern {
+            peak: 1.0,
+            azimuth,
+            elevation,
+        },
+        floor,
+    })
 }
 
 /// Snapshots of a scene.
@@ -769,8 +831,22 @@ impl Hits {
 
     /// The vertices of the triangle that a pixel hit and their weights there; the pixel hit something.
     fn place_on_mesh(&self, pixel: usize) -> PyResult<([u32; 3], [f64; 3])> {
-        scatter::place_on_mesh(&self.snapshot, &self.image, pixel)
-            .ok_or_else(|| Error::value("pixel", "one that hit something", pixel).into())
+        let body = self.image.body.get(pixel).copied().filter(|body| *body != NO_BODY);
+        let body = body.ok_or_else(|| Error::value("pixel", "one that hit something", pixel))?;
+        let plane = &self.image.plane;
+        let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
+        let triangle = self.image.triangle[pixel];
+        Ok(scatter::place_on_mesh(&self.snapshot, &cell, body, triangle))
+    }
+
+    /// Unit direction of the ray of a pixel in the sensor frame.
+    fn direction(&self, pixel: usize) -> PyResult<[f64; 3]> {
+        let plane = &self.image.plane;
+        if pixel >= plane.num_pixels() {
+            let expected = format!("a number below {}", plane.num_pixels());
+            return Err(Error::value("pixel", expected, pixel).into());
+        }
+        Ok(plane.direction(pixel / plane.columns, pixel % plane.columns).to_array())
     }
 
     /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
@@ -828,6 +904,97 @@ impl Hits {
 
     fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
         pixels.reshape([self.image.plane.rows, self.image.plane.columns])
+    }
+}
+
+/// Cells of the image plane, fine where they need to be, and what their rays hit.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Samples {
+    snapshot: Snapshot,
+    samples: samples::Samples,
+}
+
+#[pymethods]
+impl Samples {
+    fn __len__(&self) -> usize {
+        self.samples.leaves.len()
+    }
+
+    /// Rays that were cast, bundles of rays that were skipped and taken over, and cells that could have been split.
+    #[getter]
+    fn counts(&self) -> (usize, usize, usize, usize) {
+        let trace::Counts {
+            rays,
+            tiles_skipped,
+            tiles_reused,
+        } = self.samples.counts;
+        (rays, tiles_skipped, tiles_reused, self.samples.num_coarse())
+    }
+
+    /// Centre (u, v) and widths of the cells that hit something, (cell, 4).
+    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self
+            .samples
+            .leaves
+            .iter()
+            .map(|leaf| leaf.cell)
+            .map(|c| [c.u, c.v, c.du, c.dv]);
+        matrix(py, rows.collect())
+    }
+
+    /// Number of the body that every cell hit, (cell,).
+    fn body<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i32>> {
+        PyArray1::from_iter(py, self.samples.leaves.iter().map(|leaf| leaf.found.body.cast_signed()))
+    }
+
+    /// Distance along the ray [m], (cell,).
+    fn distance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.samples.leaves.iter().map(|leaf| leaf.found.to_facet))
+    }
+
+    /// Unit direction of the ray of a cell in the sensor frame.
+    fn direction(&self, cell: usize) -> PyResult<[f64; 3]> {
+        Ok(self.leaf(cell)?.cell.direction().to_array())
+    }
+
+    /// The vertices of the triangle that a cell hit and their weights there.
+    fn place_on_mesh(&self, cell: usize) -> PyResult<([u32; 3], [f64; 3])> {
+        let Leaf { cell, found, .. } = self.leaf(cell)?;
+        Ok(scatter::place_on_mesh(&self.snapshot, cell, found.body, found.triangle))
+    }
+
+    /// Material points of all cells that send anything back; `materials` has one per body.
+    #[pyo3(signature = (materials, *, tx, rx, pattern, power, frequency, polarization=None, threads=None))]
+    fn scatterers(
+        &self,
+        py: Python<'_>,
+        materials: Vec<PyRef<'_, Material>>,
+        tx: PyReadonlyArray2<'_, f64>,
+        rx: PyReadonlyArray2<'_, f64>,
+        pattern: (f64, f64, f64),
+        power: f64,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+        threads: Option<usize>,
+    ) -> PyResult<Scatterers> {
+        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
+        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+        let scatterers = compute(py, threads, || {
+            let (snapshot, samples) = (&self.snapshot, &self.samples);
+            Ok(scatter::Scatterers::of_samples(snapshot, samples, &materials, array))
+        })?;
+        Ok(Scatterers {
+            scatterers,
+            num_bodies: self.snapshot.num_bodies(),
+        })
+    }
+}
+
+impl Samples {
+    fn leaf(&self, number: usize) -> Result<&Leaf> {
+        let expected = || format!("a number below {}", self.samples.leaves.len());
+        let leaf = self.samples.leaves.get(number);
+        leaf.ok_or_else(|| Error::value("cell", expected(), number))
     }
 }
 
@@ -935,9 +1102,9 @@ impl Scatterers {
         PyArray1::from_slice(py, self.scatterers.bodies())
     }
 
-    /// Number of the pixel of every material point, row by row.
-    fn pixel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.scatterers.pixels())
+    /// Number of the cell of every material point: of the pixel, row by row, or of the cell of samples.
+    fn cell<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, self.scatterers.cells())
     }
 
     /// Numbers of the bodies that deform and have material points here, increasing.
@@ -945,11 +1112,16 @@ impl Scatterers {
         PyArray1::from_iter(py, self.scatterers.deforming().iter().map(|(body, _)| *body))
     }
 
-    /// The material points of the bodies for which `wanted` (body,) is true, in the same order.
-    fn select(&self, wanted: PyReadonlyArray1<'_, bool>) -> PyResult<Self> {
+    /// By which power of the frequency the field of every material point falls.
+    fn order<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        PyArray1::from_slice(py, self.scatterers.orders())
+    }
+
+    /// The material points of the bodies for which `wanted` (body,) is true, and of an order, in the same order.
+    fn select(&self, wanted: PyReadonlyArray1<'_, bool>, order: u8) -> PyResult<Self> {
         let wanted = numbers("wanted", &wanted, [Some(self.num_bodies)])?;
         Ok(Self {
-            scatterers: self.scatterers.select(|body| wanted[body as usize]),
+            scatterers: self.scatterers.select(|body, of| wanted[body as usize] && of == order),
             num_bodies: self.num_bodies,
         })
     }
@@ -1107,7 +1279,7 @@ fn poses(numbers: &[f64]) -> Vec<Pose> {
     numbers.as_chunks().0.iter().map(Pose::from_rows).collect()
 }
 
-fn matrix<T: numpy::Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let shape = [rows.len(), 3];
+fn matrix<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let shape = [rows.len(), N];
     rows.into_flattened().into_pyarray(py).reshape(shape)
 }

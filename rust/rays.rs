@@ -27,6 +27,53 @@ pub struct ImagePlane {
     pub axis_row: f64,
 }
 
+/// A rectangle of the image plane, with a ray through its centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Plane coordinates of the centre.
+    pub u: f64,
+    /// Up.
+    pub v: f64,
+    /// Width in u.
+    pub du: f64,
+    /// Height in v.
+    pub dv: f64,
+}
+
+impl Cell {
+    /// Unit direction through the centre.
+    pub fn direction(&self) -> DVec3 {
+        DVec3::new(1.0, self.u, self.v).normalize()
+    }
+
+    /// Solid angle [sr], du dv / w^3.
+    pub fn solid_angle(&self) -> f64 {
+        self.du * self.dv / (1.0 + self.u * self.u + self.v * self.v).powf(1.5)
+    }
+
+    /// The same cell about another of its points, which is so many widths away in u and in v.
+    pub fn about(&self, [along_u, along_v]: [f64; 2]) -> Self {
+        Self {
+            u: self.u + along_u * self.du,
+            v: self.v + along_v * self.dv,
+            ..*self
+        }
+    }
+
+    /// Edges du and dv of the patch it covers on the plane with a unit normal at a distance along its ray: dx/du du and
+    /// dx/dv dv [m].
+    pub fn edges(&self, distance: f64, normal: DVec3) -> [DVec3; 2] {
+        let w = (1.0 + self.u * self.u + self.v * self.v).sqrt();
+        let d = DVec3::new(1.0, self.u, self.v) / w;
+        let edge = |axis: DVec3, coordinate: f64, width: f64| {
+            let turn = (axis - d * (coordinate / w)) / w; // dd/du of d = (1, u, v) / w
+            let stretch = -distance * normal.dot(turn) / normal.dot(d); // dR/du on the plane
+            (stretch * d + distance * turn) * width
+        };
+        [edge(DVec3::Y, self.u, self.du), edge(DVec3::Z, self.v, self.dv)]
+    }
+}
+
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile {
@@ -99,16 +146,34 @@ impl ImagePlane {
         (u, v)
     }
 
+    /// The row and column where a point `(u, v)` lies, in pixels from the upper left corner.
+    pub fn pixel(&self, [u, v]: [f64; 2]) -> (f64, f64) {
+        (self.axis_row - v / self.dv, self.axis_column - u / self.du)
+    }
+
+    /// The part of the plane that a pixel covers.
+    pub fn cell(&self, row: usize, column: usize) -> Cell {
+        let (u, v) = self.center(row, column);
+        let (du, dv) = (self.du, self.dv);
+        Cell { u, v, du, dv }
+    }
+
+    /// The same plane with every pixel cut into `parts` x `parts`.
+    pub fn divided(&self, parts: usize) -> Self {
+        Self {
+            rows: self.rows * parts,
+            columns: self.columns * parts,
+            du: self.du / parts as f64,
+            dv: self.dv / parts as f64,
+            axis_column: self.axis_column * parts as f64,
+            axis_row: self.axis_row * parts as f64,
+        }
+    }
+
     /// Unit direction through the centre of a pixel.
     pub fn direction(&self, row: usize, column: usize) -> DVec3 {
         let (u, v) = self.center(row, column);
         DVec3::new(1.0, u, v).normalize()
-    }
-
-    /// Solid angle of a pixel [sr], du dv / w^3.
-    pub fn solid_angle(&self, row: usize, column: usize) -> f64 {
-        let (u, v) = self.center(row, column);
-        self.du * self.dv / (1.0 + u * u + v * v).powf(1.5)
     }
 
     /// The tile of a number from 0 to [`Self::num_tiles`], row by row.
@@ -127,6 +192,26 @@ impl ImagePlane {
     pub fn num_tiles(&self) -> usize {
         self.rows.div_ceil(TILE) * self.columns.div_ceil(TILE)
     }
+}
+
+/// A number that is near for places that are near: the bits of row and column in turns (Morton's order).
+pub fn morton(row: u32, column: u32) -> u64 {
+    spread(row) << 1 | spread(column)
+}
+
+/// The bits of a number, with a zero between each two.
+fn spread(number: u32) -> u64 {
+    let mut bits = u64::from(number);
+    for (shift, mask) in [
+        (16, 0x0000_ffff_0000_ffff),
+        (8, 0x00ff_00ff_00ff_00ff),
+        (4, 0x0f0f_0f0f_0f0f_0f0f),
+        (2, 0x3333_3333_3333_3333),
+        (1, 0x5555_5555_5555_5555),
+    ] {
+        bits = (bits | bits << shift) & mask;
+    }
+    bits
 }
 
 #[cfg(test)]
@@ -152,7 +237,16 @@ mod tests {
             ..PLANE
         };
         assert_eq!(cut.direction(2, 4), PLANE.direction(13, 7));
-        assert!((cut.solid_angle(2, 4) - PLANE.solid_angle(13, 7)).abs() < 1e-18);
+        assert!((cut.cell(2, 4).solid_angle() - PLANE.cell(13, 7).solid_angle()).abs() < 1e-18);
+    }
+
+    #[test]
+    fn mortons_order_visits_squares_one_after_the_other() {
+        let order: Vec<u64> = [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2)]
+            .map(|(row, column)| morton(row, column))
+            .to_vec();
+        assert_eq!(order, [0, 1, 2, 3, 4]);
+        assert_eq!(morton(u32::MAX, u32::MAX), u64::MAX);
     }
 
     #[test]
@@ -169,11 +263,47 @@ mod tests {
     }
 
     #[test]
+    fn cells_of_a_divided_plane_fill_the_pixels_they_come_from() {
+        let fine = PLANE.divided(4);
+        let (mut u, mut v, mut angle) = (0.0, 0.0, 0.0);
+        for (row, column) in (0..4).flat_map(|i| (0..4).map(move |j| (4 * 13 + i, 4 * 7 + j))) {
+            let cell = fine.cell(row, column);
+            u += cell.u / 16.0;
+            v += cell.v / 16.0;
+            angle += cell.solid_angle();
+        }
+        let whole = PLANE.cell(13, 7);
+        assert!((u - whole.u).abs() < 1e-15 && (v - whole.v).abs() < 1e-15);
+        assert!((angle / whole.solid_angle() - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn edges_of_a_cell_lie_in_the_plane_it_shows_and_reach_as_far_as_its_rays() {
+        let cell = Cell {
+            u: 0.3,
+            v: -0.2,
+            du: 1e-6,
+            dv: 2e-6,
+        };
+        let normal = DVec3::new(-0.8, 0.36, 0.48);
+        let at = |u: f64, v: f64| {
+            // Where the ray meets the plane through the point 2 m along the cell's.
+            let d = DVec3::new(1.0, u, v);
+            d * (2.0 * normal.dot(cell.direction()) / normal.dot(d))
+        };
+        let [along_u, along_v] = cell.edges(2.0, normal);
+        assert!(normal.dot(along_u).abs() < 1e-20 && normal.dot(along_v).abs() < 1e-20);
+        let (half_u, half_v) = (0.5 * cell.du, 0.5 * cell.dv);
+        assert!((at(cell.u + half_u, cell.v) - at(cell.u - half_u, cell.v) - along_u).length() < 1e-14);
+        assert!((at(cell.u, cell.v + half_v) - at(cell.u, cell.v - half_v) - along_v).length() < 1e-14);
+    }
+
+    #[test]
     fn solid_angles_add_up_to_that_of_the_pyramid() {
         // Rectangle seen from its foot point: 4 asin(a b / sqrt((1 + a^2)(1 + b^2))).
         let fine = ImagePlane::centered(400, 400, 0.6, 0.4);
         let sum: f64 = (0..400)
-            .flat_map(|i| (0..400).map(move |j| fine.solid_angle(i, j)))
+            .flat_map(|i| (0..400).map(move |j| fine.cell(i, j).solid_angle()))
             .sum();
         let (a, b) = (0.6_f64, 0.4_f64);
         let exact = 4.0 * (a * b / ((1.0 + a * a) * (1.0 + b * b)).sqrt()).asin();

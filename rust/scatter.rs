@@ -12,16 +12,19 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use crate::adaptive::Leaf;
 use crate::antenna::{Array, Sight};
+use crate::diffuse::Speckle;
 use crate::error::{Error, Result, fits_memory};
 use crate::facet::Facet;
 use crate::hash::mix;
 use crate::material::{Material, Response};
 use crate::motion::Pose;
 use crate::polarization::Seen;
-use crate::rays::ImagePlane;
+use crate::rays::{Cell, ImagePlane};
+use crate::samples::Samples;
 use crate::shown::Shown;
-use crate::trace::{Hits, NO_BODY, Snapshot};
+use crate::trace::{Found, Hits, NO_BODY, Snapshot};
 
 /// Speed of light in vacuum [m/s].
 pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
@@ -33,11 +36,17 @@ const MIN_COSINE: f64 = 1e-6;
 /// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
 const SPECKLE_CELL: f64 = 0.3e-3;
 
+/// The phase turns at the end of a cell at least at this part of the rate that it turns at in its centre, else at that.
+const LEAST_TURN: f64 = 0.5;
+
+/// Cell of points that belong to none.
+pub const NO_CELL: u32 = u32::MAX;
+
 /// Where the cubes begin, in edges: apart from the planes through the body's origin, where rounding would toss
 /// points of a plate between two cubes.
 const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_776);
 
-/// How a pixel stands for the patch it covers.
+/// How a cell stands for the patch it covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// One point, no phase variation over the patch and no random phase: the coherent sum over pixels of Stetco
@@ -50,9 +59,11 @@ pub enum Sampling {
 /// Material points with what their amplitude needs besides the geometry.
 pub struct Scatterers {
     array: Array,
-    /// Number of the pixel that shows it, row by row.
-    pixel: Vec<u32>,
+    /// Number of the cell that shows it: of the pixel, row by row, or in the order of the leaves of a quadtree.
+    cell: Vec<u32>,
     body: Vec<u32>,
+    /// By which power of the frequency its field falls.
+    order: Vec<u8>,
     /// Vertices of the facet that it stays with, where the body deforms.
     facet: Vec<Option<[u32; 3]>>,
     /// In body coordinates [m], or those of the facet.
@@ -152,11 +163,7 @@ impl Surfels<'_> {
     /// Refuses images that cannot be, and bodies that are not there.
     fn check(&self) -> Result<()> {
         self.plane.check()?;
-        fits_memory(
-            "scatterers",
-            &[self.plane.rows, self.plane.columns],
-            size_of::<Scatterer>(),
-        )?;
+        fits_memory("scatterers", &[self.plane.rows, self.plane.columns], POINT_SIZE)?;
         let is_beyond = |body: &&i32| usize::try_from(**body).is_ok_and(|body| body >= self.num_bodies);
         match self.body.iter().find(is_beyond) {
             Some(body) => Err(Error::value("body", format!("numbers below {}", self.num_bodies), body)),
@@ -171,36 +178,72 @@ impl Surfels<'_> {
             return None;
         }
         Some(Patch {
-            pixel,
+            index: pixel,
             body: u32::try_from(self.body[pixel]).ok()?,
-            direction: self
-                .plane
-                .direction(pixel / self.plane.columns, pixel % self.plane.columns),
+            cell: self.plane.cell(pixel / self.plane.columns, pixel % self.plane.columns),
             distance,
             normal,
         })
     }
 }
 
-/// What one pixel shows.
+/// What one cell shows.
+#[derive(Clone, Copy)]
 struct Patch {
-    pixel: usize,
+    /// Number of the cell.
+    index: usize,
     body: u32,
-    /// Unit direction of the ray.
-    direction: DVec3,
+    cell: Cell,
     /// Distance to the curved surface that the facet stands for [m].
     distance: f64,
     /// Unit normal towards the incident side, sensor frame.
     normal: DVec3,
 }
 
-/// The vertices of the triangle that a pixel hit and their weights there, if it hit anything.
-pub fn place_on_mesh(snapshot: &Snapshot, hits: &Hits, pixel: usize) -> Option<([u32; 3], [f64; 3])> {
-    let body = hits.body.get(pixel).copied().filter(|body| *body != NO_BODY)?;
-    let (plane, triangle) = (&hits.plane, hits.triangle[pixel]);
-    let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
-    let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, u, v));
-    Some((snapshot.surface(body).vertices_of(triangle), weights))
+impl Patch {
+    const NOTHING: Self = Self {
+        index: 0,
+        body: NO_BODY,
+        cell: Cell {
+            u: 0.0,
+            v: 0.0,
+            du: 0.0,
+            dv: 0.0,
+        },
+        distance: 0.0,
+        normal: DVec3::ZERO,
+    };
+
+    /// The same about the point of the plane that is so many widths of the cell away; none where the plane is seen at too small
+    /// an angle for that.
+    fn about(&self, sides: [f64; 2]) -> Option<Self> {
+        let cell = self.cell.about(sides);
+        let distance = self.distance * self.normal.dot(self.cell.direction()) / self.normal.dot(cell.direction());
+        let is_near = distance > 0.5 * self.distance && distance < 2.0 * self.distance;
+        is_near.then_some(Self {
+            cell,
+            distance,
+            ..*self
+        })
+    }
+
+    /// The point in its middle [m].
+    fn point(&self) -> DVec3 {
+        self.distance * self.cell.direction()
+    }
+
+    /// Of surface behind the cell [m^2], if that faces the sensor.
+    fn area(&self) -> Option<f64> {
+        let cosine = -self.normal.dot(self.cell.direction());
+        let area = self.distance * self.distance * self.cell.solid_angle() / cosine;
+        (cosine >= MIN_COSINE && self.distance > 0.0).then_some(area)
+    }
+}
+
+/// The vertices of the triangle that the ray of a cell hit and their weights there.
+pub fn place_on_mesh(snapshot: &Snapshot, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
+    let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
+    (snapshot.surface(body).vertices_of(triangle), weights)
 }
 
 /// What the hit of one pixel shows.
@@ -208,9 +251,9 @@ fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
     let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
     (body != NO_BODY).then(|| Patch {
-        pixel,
+        index: pixel,
         body,
-        direction: hits.plane.direction(row, column),
+        cell: hits.plane.cell(row, column),
         distance: shown.distance[pixel],
         normal: shown.normal[pixel],
     })
@@ -227,20 +270,52 @@ impl Scatterers {
         sampling: Sampling,
         seed: u64,
     ) -> Self {
-        Self::gather(&hits.plane, array, sampling, |weigh, pixel| {
-            let patch = patch(hits, shown, pixel)?;
-            let surface = snapshot.surface(patch.body);
-            let speckle = mix(seed ^ surface.fingerprint());
-            let material = &materials[patch.body as usize];
-            let triangle = hits.triangle[pixel];
-            let carrier = surface.is_deformed().then(|| Carrier {
-                vertices: surface.vertices_of(triangle),
-                facet: Facet::new(surface.corners(triangle)),
-                rest: Facet::new(surface.rest_corners(triangle)),
-            });
-            weigh.scatterer(&patch, material, snapshot.pose(patch.body), carrier.as_ref(), speckle)
+        Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
+            if let Some(patch) = patch(hits, shown, pixel) {
+                let ground = Ground::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                weigh.patch(&patch, &ground, &materials[patch.body as usize], points);
+            }
         })
         .with_vertices(|body| snapshot.surface(body).vertices().len())
+    }
+
+    /// Material points of samples: those of the leaves, which belong to the cell of their leaf's number, and the diffuse ones,
+    /// which belong to [`NO_CELL`].
+    pub fn of_samples(snapshot: &Snapshot, samples: &Samples, materials: &[Material], array: Array) -> Self {
+        let weigh = Weigh {
+            array: &array,
+            sampling: Sampling::Footprint,
+        };
+        let mut points = gather(samples.leaves.len(), |index, points| {
+            let leaf = &samples.leaves[index];
+            let Found {
+                body,
+                triangle,
+                distance,
+                normal,
+                ..
+            } = leaf.found;
+            let patch = Patch {
+                index,
+                body,
+                cell: leaf.cell,
+                distance,
+                normal,
+            };
+            let ground = Ground::of_mesh(snapshot, body, triangle, 0);
+            weigh.leaf(&patch, leaf, &ground, &materials[body as usize], points);
+        });
+        for (body, speckle) in samples.speckles.iter().enumerate() {
+            let Some(speckle) = speckle else { continue };
+            points.append(gather(speckle.normal.len(), |point, points| {
+                if speckle.normal[point] != DVec3::ZERO {
+                    weigh.diffuse_point(snapshot, body as u32, speckle, point, &materials[body], points);
+                }
+            }));
+        }
+        points
+            .with_array(array)
+            .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
     /// With the numbers of vertices of the bodies that deform.
@@ -256,65 +331,62 @@ impl Scatterers {
     /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
     pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
         surfels.check()?;
-        Ok(Self::gather(&surfels.plane, array, sampling, |weigh, pixel| {
-            let patch = surfels.patch(pixel)?;
-            let material = Material::Constant(Response {
-                reflection: surfels.reflection[pixel],
-                albedo: surfels.albedo[pixel],
-            });
-            let speckle = mix(seed ^ u64::from(patch.body));
-            weigh.scatterer(&patch, &material, &Pose::IDENTITY, None, speckle)
+        let num_pixels = surfels.plane.num_pixels();
+        Ok(Self::gather(num_pixels, array, sampling, |weigh, pixel, points| {
+            if let Some(patch) = surfels.patch(pixel) {
+                let material = Material::Constant(Response {
+                    reflection: surfels.reflection[pixel],
+                    albedo: surfels.albedo[pixel],
+                });
+                let ground = Ground {
+                    pose: &Pose::IDENTITY,
+                    carrier: None,
+                    speckle: mix(seed ^ u64::from(patch.body)),
+                };
+                weigh.patch(&patch, &ground, &material, points);
+            }
         }))
     }
 
-    /// Those of some bodies, in the same order.
-    pub fn select(&self, is_wanted: impl Fn(u32) -> bool) -> Self {
+    /// Those that belong to some bodies and whose field falls with some power of the frequency, in the same order.
+    pub fn select(&self, is_wanted: impl Fn(u32, u8) -> bool) -> Self {
         let channels = self.array.num_channels();
-        let rows: Vec<usize> = (0..self.len()).filter(|i| is_wanted(self.body[*i])).collect();
+        let rows = 0..self.len();
+        let rows: Vec<usize> = rows.filter(|i| is_wanted(self.body[*i], self.order[*i])).collect();
         let weights = rows
             .iter()
             .flat_map(|i| &self.weights[channels * i..channels * (i + 1)]);
-        Self {
+        let chosen = Self {
             array: self.array.clone(),
-            pixel: rows.iter().map(|i| self.pixel[*i]).collect(),
+            cell: rows.iter().map(|i| self.cell[*i]).collect(),
             body: rows.iter().map(|i| self.body[*i]).collect(),
+            order: rows.iter().map(|i| self.order[*i]).collect(),
             facet: rows.iter().map(|i| self.facet[*i]).collect(),
             position: rows.iter().map(|i| self.position[*i]).collect(),
             normal: rows.iter().map(|i| self.normal[*i]).collect(),
-            deforming: self.deforming.iter().copied().filter(|d| is_wanted(d.0)).collect(),
+            deforming: Vec::new(),
             weights: weights.copied().collect(),
-        }
+        };
+        let number = |body| self.deforming.iter().find(|d| d.0 == body).map_or(0, |d| d.1);
+        chosen.with_vertices(number)
     }
 
-    /// The material points of the pixels that have one.
+    /// The material points of all cells of an image.
     fn gather(
-        plane: &ImagePlane,
+        num_cells: usize,
         array: Array,
         sampling: Sampling,
-        scatterer: impl Fn(&Weigh, usize) -> Option<Scatterer> + Sync,
+        add: impl Fn(&Weigh, usize, &mut Points) + Sync,
     ) -> Self {
         let weigh = Weigh {
-            plane,
             array: &array,
             sampling,
         };
-        let mut scatterers: Vec<Scatterer> = (0..plane.num_pixels())
-            .into_par_iter()
-            .filter_map(|pixel| scatterer(&weigh, pixel))
-            .collect();
+        let mut points = gather(num_cells, |cell, points| add(&weigh, cell, points));
         if sampling == Sampling::Footprint {
-            share_speckle(&mut scatterers);
+            points.share_speckle(array.num_channels());
         }
-        Self {
-            pixel: scatterers.iter().map(|s| s.pixel).collect(),
-            body: scatterers.iter().map(|s| s.body).collect(),
-            facet: scatterers.iter().map(|s| s.facet).collect(),
-            position: scatterers.iter().map(|s| s.position).collect(),
-            normal: scatterers.iter().map(|s| s.normal).collect(),
-            deforming: Vec::new(),
-            weights: scatterers.into_iter().flat_map(|s| s.weights).collect(),
-            array,
-        }
+        points.with_array(array)
     }
 
     /// Number of material points.
@@ -332,9 +404,14 @@ impl Scatterers {
         &self.body
     }
 
-    /// Pixel of every material point, in image order.
-    pub fn pixels(&self) -> &[u32] {
-        &self.pixel
+    /// For every material point, by which power of the frequency its field falls.
+    pub fn orders(&self) -> &[u8] {
+        &self.order
+    }
+
+    /// Cell of every material point; see [`Scatterers`].
+    pub fn cells(&self) -> &[u32] {
+        &self.cell
     }
 
     /// Bodies that deform and have material points here, in increasing order, and their numbers of vertices.
@@ -459,34 +536,155 @@ fn delay(t: &Sight, r: &Sight) -> f64 {
     (t.distance + r.distance) / SPEED_OF_LIGHT
 }
 
-/// One material point; see [`Scatterers`].
-struct Scatterer {
-    pixel: u32,
-    body: u32,
-    facet: Option<[u32; 3]>,
-    position: DVec3,
-    normal: DVec3,
-    /// Per channel.
-    weights: Vec<Weight>,
-    /// Area of the patch [m^2].
-    area: f64,
-    /// Number of the cell whose diffuse phase it has.
-    cell: u64,
+/// The material points of a number of things, block by block in parallel.
+fn gather(number: usize, add: impl Fn(usize, &mut Points) + Sync) -> Points {
+    const BLOCK: usize = 1024;
+    let blocks: Vec<Points> = (0..number.div_ceil(BLOCK))
+        .into_par_iter()
+        .map(|block| {
+            let mut points = Points::default();
+            for thing in block * BLOCK..number.min((block + 1) * BLOCK) {
+                add(thing, &mut points);
+            }
+            points
+        })
+        .collect();
+    let mut points = Points::default();
+    for block in blocks {
+        points.append(block);
+    }
+    points
 }
 
-/// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cell is that of its
-/// area, however many pixels it was sampled with.
-fn share_speckle(scatterers: &mut [Scatterer]) {
-    let is_diffuse = |s: &Scatterer| s.weights.iter().any(|w| w.diffuse != Complex64::ZERO);
-    let mut areas: HashMap<u64, f64> = HashMap::new();
-    for scatterer in scatterers.iter().filter(|s| is_diffuse(s)) {
-        *areas.entry(scatterer.cell).or_default() += scatterer.area;
-    }
-    for scatterer in scatterers.iter_mut().filter(|s| is_diffuse(s)) {
-        let share = (scatterer.area / areas[&scatterer.cell]).sqrt();
-        for weight in &mut scatterer.weights {
-            weight.diffuse *= share;
+/// Memory of a material point, without its weights [bytes].
+const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, DVec3, DVec3, f64, u64)>();
+
+/// Material points as they are found; see [`Scatterers`].
+#[derive(Default)]
+struct Points {
+    cell: Vec<u32>,
+    body: Vec<u32>,
+    order: Vec<u8>,
+    facet: Vec<Option<[u32; 3]>>,
+    position: Vec<DVec3>,
+    normal: Vec<DVec3>,
+    /// `(point, channel)`.
+    weights: Vec<Weight>,
+    /// Area of the patch [m^2].
+    area: Vec<f64>,
+    /// Number of the cube whose diffuse phase it has.
+    cube: Vec<u64>,
+}
+
+impl Points {
+    /// One more, unless it sends nothing back.
+    fn push(&mut self, patch: &Patch, ground: &Ground, place: (DVec3, u64), area: f64, order: u8, num_channels: usize) {
+        // Weights are there already.
+        let first = self.weights.len() - num_channels;
+        if self.weights[first..].iter().all(Weight::is_silent) {
+            self.weights.truncate(first);
+            return;
         }
+        self.cell.push(patch.index as u32);
+        self.body.push(patch.body);
+        self.order.push(order);
+        self.facet.push(ground.carrier.as_ref().map(|carrier| carrier.vertices));
+        self.position.push(place.0);
+        self.normal.push(ground.normal(patch.normal));
+        self.area.push(area);
+        self.cube.push(place.1);
+    }
+
+    fn with_array(self, array: Array) -> Scatterers {
+        Scatterers {
+            cell: self.cell,
+            body: self.body,
+            order: self.order,
+            facet: self.facet,
+            position: self.position,
+            normal: self.normal,
+            deforming: Vec::new(),
+            weights: self.weights,
+            array,
+        }
+    }
+
+    fn append(&mut self, mut other: Self) {
+        self.cell.append(&mut other.cell);
+        self.body.append(&mut other.body);
+        self.order.append(&mut other.order);
+        self.facet.append(&mut other.facet);
+        self.position.append(&mut other.position);
+        self.normal.append(&mut other.normal);
+        self.weights.append(&mut other.weights);
+        self.area.append(&mut other.area);
+        self.cube.append(&mut other.cube);
+    }
+
+    /// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cube is that of its
+    /// area, however many cells it was sampled with.
+    fn share_speckle(&mut self, num_channels: usize) {
+        let is_diffuse = |weights: &[Weight]| weights.iter().any(|w| w.diffuse != Complex64::ZERO);
+        let mut areas: HashMap<u64, f64> = HashMap::new();
+        for (point, weights) in self.weights.chunks(num_channels.max(1)).enumerate() {
+            if is_diffuse(weights) {
+                *areas.entry(self.cube[point]).or_default() += self.area[point];
+            }
+        }
+        for (point, weights) in self.weights.chunks_mut(num_channels.max(1)).enumerate() {
+            if is_diffuse(weights) {
+                let share = (self.area[point] / areas[&self.cube[point]]).sqrt();
+                for weight in weights {
+                    weight.diffuse *= share;
+                }
+            }
+        }
+    }
+}
+
+/// What material points stay with.
+struct Ground<'a> {
+    pose: &'a Pose,
+    /// Where the body deforms.
+    carrier: Option<Carrier>,
+    /// Number that diffuse phases begin with.
+    speckle: u64,
+}
+
+impl<'a> Ground<'a> {
+    /// A triangle of a body.
+    fn of_mesh(snapshot: &'a Snapshot, body: u32, triangle: u32, seed: u64) -> Self {
+        let surface = snapshot.surface(body);
+        let carrier = surface.is_deformed().then(|| Carrier {
+            vertices: surface.vertices_of(triangle),
+            facet: Facet::new(surface.corners(triangle)),
+            rest: Facet::new(surface.rest_corners(triangle)),
+        });
+        Self {
+            pose: snapshot.pose(body),
+            carrier,
+            speckle: mix(seed ^ surface.fingerprint()),
+        }
+    }
+
+    /// A point of the sensor frame, on the body or on its facet where the body deforms.
+    fn position(&self, point: DVec3) -> DVec3 {
+        let position = self.pose.point_to_body(point);
+        self.carrier
+            .as_ref()
+            .map_or(position, |c| c.facet.coordinates(position))
+    }
+
+    /// A unit normal of the sensor frame likewise.
+    fn normal(&self, normal: DVec3) -> DVec3 {
+        let normal = self.pose.direction_to_body(normal);
+        self.carrier.as_ref().map_or(normal, |c| c.facet.slopes(normal))
+    }
+
+    /// Number of the cube of the surface, as it was before it was deformed, at a position on it.
+    fn cube(&self, position: DVec3) -> u64 {
+        let on_surface = self.carrier.as_ref().map_or(position, |c| c.rest.point(position));
+        speckle_cube(self.speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN)
     }
 }
 
@@ -500,7 +698,6 @@ struct Carrier {
 }
 
 struct Weigh<'a> {
-    plane: &'a ImagePlane,
     array: &'a Array,
     sampling: Sampling,
 }
@@ -515,82 +712,140 @@ impl Weigh<'_> {
         material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
     }
 
-    /// The material point of one patch, if it sends anything back.
-    fn scatterer(
-        &self,
-        patch: &Patch,
-        material: &Material,
-        pose: &Pose,
-        carrier: Option<&Carrier>,
-        speckle: u64,
-    ) -> Option<Scatterer> {
-        let &Patch {
-            pixel,
-            body,
-            direction,
-            distance,
-            normal,
-        } = patch;
-        let cos = -normal.dot(direction);
-        if cos < MIN_COSINE || distance <= 0.0 {
-            return None;
-        }
-        let wavelength = SPEED_OF_LIGHT / self.array.frequency;
-
-        // The patch of surface behind the pixel.
-        let solid_angle = self
-            .plane
-            .solid_angle(pixel / self.plane.columns, pixel % self.plane.columns);
-        let area = distance * distance * solid_angle / cos;
-
-        // The place on the body, or on its facet where the body deforms.
-        let point = distance * direction;
-        let (mut position, mut normal_to_body) = (pose.point_to_body(point), pose.direction_to_body(normal));
-        let mut on_surface = position;
-        if let Some(Carrier { facet, rest, .. }) = carrier {
-            (position, normal_to_body) = (facet.coordinates(position), facet.slopes(normal_to_body));
-            on_surface = rest.point(position);
-        }
-
-        // The diffuse phase belongs to the surface, which is told by where it was before it was deformed.
-        let cell = speckle_cell(speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN);
+    /// The material point of a patch: what its material sends back by every channel, mirror-like and diffuse.
+    fn patch(&self, patch: &Patch, ground: &Ground, material: &Material, points: &mut Points) {
+        let Some(area) = patch.area() else { return };
+        let point = patch.point();
+        let position = ground.position(point);
+        let cube = ground.cube(position);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
-            Sampling::Footprint => TAU * speckle_turns(cell),
+            Sampling::Footprint => TAU * speckle_turns(cube),
+        };
+        let phasor = Complex64::cis(phase);
+        let [along_u, along_v] = patch.cell.edges(patch.distance, patch.normal);
+        for channel in 0..self.array.num_channels() {
+            let [t, r] = self.array.directions(channel, point);
+            let response = self.response(material, patch.normal, t, r);
+            let mut mirror = mirror(&response, area);
+            if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
+                let bisector = self.bisector(t, r);
+                mirror *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
+            }
+            let diffuse = phasor * self.diffuse(&response, area);
+            points.weights.push(Weight { mirror, diffuse });
+        }
+        points.push(patch, ground, (position, cube), area, 0, self.array.num_channels());
+    }
+
+    /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
+    fn leaf(&self, patch: &Patch, leaf: &Leaf, ground: &Ground, material: &Material, points: &mut Points) {
+        let Some(area) = patch.area() else { return };
+        let num_channels = self.array.num_channels();
+        let point = patch.point();
+        let edges = patch.cell.edges(patch.distance, patch.normal);
+        let of_channel = |channel: usize| {
+            let [t, r] = self.array.directions(channel, point);
+            let bisector = self.bisector(t, r);
+            (
+                self.response(material, patch.normal, t, r),
+                edges.map(|edge| bisector.dot(edge)),
+            )
         };
 
-        // What the material sends back, mirror-like and diffuse, by every channel.
-        let edges = footprint(self.plane, pixel, direction, distance, normal);
-        let phasor = Complex64::cis(phase);
-        let weights: Vec<Weight> = (0..self.array.num_channels())
-            .map(|channel| {
-                let [t, r] = self.array.directions(channel, point);
-                let Response { reflection, albedo } = self.response(material, normal, t, r);
-                let mut mirror = Complex64::new(0.0, 1.0 / (8.0 * PI)) * reflection * area;
-                if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
-                    let bisector = 0.5 * (TAU / wavelength) * (t + r);
-                    mirror *= taper(bisector.dot(edges.0)) * taper(bisector.dot(edges.1));
+        // What is mirror-like, by centre, ends or corners.
+        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
+        for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
+            let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
+            let sides = [0, 1].map(|axis| side(axis).map_or(0.0, |side| f64::from(side) - 0.5));
+            let there = patch.about(sides).unwrap_or(*patch);
+            let area = there.area().unwrap_or(area);
+            let edges_there = there.cell.edges(there.distance, there.normal);
+            // Only at glancing angles the end is not in the plane.
+            let is_there = there.cell != patch.cell || sides == [0.0; 2];
+            let end = if is_there {
+                there.point()
+            } else {
+                point + sides[0] * edges[0] + sides[1] * edges[1]
+            };
+            for channel in 0..num_channels {
+                let (response, slopes) = of_channel(channel);
+                let mut mirror = mirror(&response, area);
+                let [t, r] = self.array.directions(channel, end);
+                let slopes_there = edges_there.map(|edge| self.bisector(t, r).dot(edge));
+                for axis in 0..2 {
+                    let (x, x_there) = (slopes[axis], slopes_there[axis]);
+                    mirror *= if sides[axis] == 0.0 {
+                        Complex64::from(if leaf.is_linear { sinc(x) } else { taper(x) })
+                    } else {
+                        // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
+                        let x = if x_there / x > LEAST_TURN { x_there } else { x };
+                        Complex64::new(0.0, sides[axis] / x)
+                    };
                 }
-                let magnitude = wavelength / (4.0 * PI) * (albedo * area / PI).sqrt();
-                Weight {
-                    mirror,
-                    diffuse: phasor * magnitude,
-                }
-            })
-            .collect();
-
-        let is_silent = weights.iter().all(Weight::is_silent);
-        (!is_silent).then_some(Scatterer {
-            pixel: pixel as u32,
-            body,
-            facet: carrier.map(|carrier| carrier.vertices),
-            position,
-            normal: normal_to_body,
-            weights,
-            area,
-            cell,
-        })
+                let diffuse = Complex64::ZERO;
+                points.weights.push(Weight { mirror, diffuse });
+            }
+            points.push(
+                patch,
+                ground,
+                (ground.position(end), 0),
+                0.0,
+                axes.len() as u8,
+                num_channels,
+            );
+        }
     }
+
+    /// A diffuse point of a surface.
+    fn diffuse_point(
+        &self,
+        snapshot: &Snapshot,
+        body: u32,
+        speckle: &Speckle,
+        point: usize,
+        material: &Material,
+        points: &mut Points,
+    ) {
+        let Speckle {
+            points: spread, normal, ..
+        } = speckle;
+        let ground = Ground::of_mesh(snapshot, body, spread.triangle[point], 0);
+        let position = spread.position(snapshot.surface(body), point);
+        let place = ground.pose.point(position);
+        let phasor = Complex64::cis(TAU * spread.turns[point]);
+        for channel in 0..self.array.num_channels() {
+            let [t, r] = self.array.directions(channel, place);
+            let response = self.response(material, normal[point], t, r);
+            points.weights.push(Weight {
+                mirror: Complex64::ZERO,
+                diffuse: phasor * self.diffuse(&response, spread.area),
+            });
+        }
+        let patch = Patch {
+            index: NO_CELL as usize,
+            body,
+            normal: normal[point],
+            ..Patch::NOTHING
+        };
+        let num_channels = self.array.num_channels();
+        points.push(&patch, &ground, (ground.position(place), 0), 0.0, 0, num_channels);
+    }
+
+    /// What the phase turns by per length, half of it [rad/m].
+    fn bisector(&self, t: DVec3, r: DVec3) -> DVec3 {
+        0.5 * (TAU * self.array.frequency / SPEED_OF_LIGHT) * (t + r)
+    }
+
+    /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
+    fn diffuse(&self, response: &Response, area: f64) -> f64 {
+        SPEED_OF_LIGHT / self.array.frequency / (4.0 * PI) * (response.albedo * area / PI).sqrt()
+    }
+}
+
+/// `(j / 4 pi) Gamma dA / 2`.
+fn mirror(response: &Response, area: f64) -> Complex64 {
+    Complex64::new(0.0, 1.0 / (8.0 * PI)) * response.reflection * area
 }
 
 /// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
@@ -625,41 +880,32 @@ pub fn reflectance<'a>(
         .collect()
 }
 
-/// The two edges of a pixel's patch on the tangent plane, dx/du du and dx/dv dv [m].
-fn footprint(plane: &ImagePlane, pixel: usize, d: DVec3, distance: f64, normal: DVec3) -> (DVec3, DVec3) {
-    let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
-    let w = (1.0 + u * u + v * v).sqrt();
-    let edge = |axis: DVec3, coordinate: f64, width: f64| {
-        let turn = (axis - d * (coordinate / w)) / w; // dd/du of d = (1, u, v) / w
-        let stretch = -distance * normal.dot(turn) / normal.dot(d); // dR/du on the tangent plane
-        (stretch * d + distance * turn) * width
-    };
-    (edge(DVec3::Y, u, plane.du), edge(DVec3::Z, v, plane.dv))
-}
-
 /// Mean of exp(-2jx s) over s in [-1/2, 1/2], tapered to zero at x = pi so that aliases of steep patches vanish.
 fn taper(x: f64) -> f64 {
     let x = x.abs();
     if x >= PI {
-        return 0.0;
-    }
-    let sinc = if x < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x };
-    if x <= FRAC_PI_2 {
-        sinc
+        0.0
+    } else if x <= FRAC_PI_2 {
+        sinc(x)
     } else {
-        sinc * (x - FRAC_PI_2).cos()
+        sinc(x) * (x - FRAC_PI_2).cos()
     }
 }
 
-/// A random number that belongs to a cell of the surface: the same in every chirp, frame and pixel.
-fn speckle_cell(speckle: u64, cell: DVec3) -> u64 {
-    let cell = cell.floor().to_array().map(|x| x as i64 as u64);
-    cell.into_iter().fold(speckle, |state, word| mix(state ^ word))
+/// sin(x) / x.
+fn sinc(x: f64) -> f64 {
+    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
 }
 
-/// The phase of a cell in turns: uniform in [0, 1).
-fn speckle_turns(cell: u64) -> f64 {
-    (cell >> 11) as f64 / (1_u64 << 53) as f64
+/// A random number that belongs to a cube of the surface: the same in every chirp, frame and cell.
+fn speckle_cube(speckle: u64, cube: DVec3) -> u64 {
+    let cube = cube.floor().to_array().map(|x| x as i64 as u64);
+    cube.into_iter().fold(speckle, |state, word| mix(state ^ word))
+}
+
+/// The phase of a cube in turns: uniform in [0, 1).
+fn speckle_turns(cube: u64) -> f64 {
+    (cube >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 #[cfg(test)]
@@ -677,7 +923,7 @@ mod tests {
     #[test]
     fn speckle_phases_are_uniform_and_uncorrelated_between_neighbours() {
         let turns: Vec<f64> = (0..20_000)
-            .map(|i| speckle_turns(speckle_cell(3, DVec3::new(f64::from(i) + 0.5, -2.5, 0.5))))
+            .map(|i| speckle_turns(speckle_cube(3, DVec3::new(f64::from(i) + 0.5, -2.5, 0.5))))
             .collect();
         let mean = |values: &mut dyn Iterator<Item = Complex64>| values.sum::<Complex64>().norm() / 20_000.0;
         // Sums of n random phasors have rms sqrt(n): four sigma of 1 / sqrt(20000).

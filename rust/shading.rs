@@ -223,7 +223,7 @@ fn smooth_groups(vertices: &[DVec3], triangles: &[[u32; 3]], area_normals: &[DVe
 }
 
 /// Number of the distinct position of every vertex, counted in order of appearance. Bit-equal is equal, and -0 is 0.
-fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
+pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
     let mut numbers = HashMap::new();
     vertices
         .iter()
@@ -287,13 +287,13 @@ fn next_corner(corner: usize) -> usize {
 }
 
 /// Joins the groups of two corners (union-find); the root of a group is its lowest corner.
-fn join(parents: &mut [u32], a: usize, b: usize) {
+pub fn join(parents: &mut [u32], a: usize, b: usize) {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[a.max(b)] = a.min(b) as u32;
 }
 
 /// The lowest corner of a group. Halves the path to it on the way.
-fn root(parents: &mut [u32], mut corner: usize) -> usize {
+pub fn root(parents: &mut [u32], mut corner: usize) -> usize {
     while parents[corner] as usize != corner {
         parents[corner] = parents[parents[corner] as usize];
         corner = parents[corner] as usize;

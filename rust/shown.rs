@@ -92,8 +92,7 @@ impl ShadeBand<'_> {
                 let (ray, pixel) = (Fan::ray(row, column), row * columns + tile.column + column);
                 self.cosine[pixel] = shade.cosine[ray];
                 self.distance[pixel] = shade.distance[ray];
-                let [x, y, z] = &shade.normal;
-                self.normal[pixel] = DVec3::new(x[ray], y[ray], z[ray]);
+                self.normal[pixel] = shade.normal_of(ray);
             }
         }
     }
@@ -132,7 +131,8 @@ impl Seen {
 pub struct Shade {
     /// Cosine of incidence.
     pub cosine: [f64; MOST_RAYS],
-    distance: [f64; MOST_RAYS],
+    /// Distance to the surface that the facets stand for [m].
+    pub distance: [f64; MOST_RAYS],
     /// In the sensor frame, axis by axis.
     normal: [[f64; MOST_RAYS]; 3],
 }
@@ -144,6 +144,12 @@ impl Shade {
         distance: [f64::INFINITY; MOST_RAYS],
         normal: [[0.0; MOST_RAYS]; 3],
     };
+
+    /// Unit normal that a ray sees, in the sensor frame.
+    pub fn normal_of(&self, ray: usize) -> DVec3 {
+        let [x, y, z] = &self.normal;
+        DVec3::new(x[ray], y[ray], z[ray])
+    }
 
     /// As [`crate::shading::shade`] does, for all rays that meet one triangle; distances and normals where `ALL` are wanted.
     #[inline(always)]

@@ -11,6 +11,7 @@ use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
 use crate::hash::mix;
 use crate::leaf::{Leaf, Table};
+use crate::parts::Parts;
 use crate::shading::{Groups, Shading};
 use crate::simd::{Isa, Kernel, Level, prefetch};
 use crate::walk::{Single, Visit};
@@ -53,6 +54,8 @@ pub struct Surface {
     shading: Shading,
     bounds: Bounds,
     middle: DVec3,
+    /// Boxes round its connected parts; where they were asked for.
+    part_bounds: OnceLock<Vec<Bounds>>,
 }
 
 /// What stays when a surface is deformed.
@@ -66,6 +69,8 @@ struct Mesh {
     mode: ShadingMode,
     /// Corners that share a normal; for surfaces that were deformed.
     groups: OnceLock<Groups>,
+    /// Which triangles hang together, where that was asked for.
+    parts: OnceLock<Parts>,
     fingerprint: u64,
 }
 
@@ -134,6 +139,7 @@ impl Surface {
             kept,
             mode,
             groups: OnceLock::new(),
+            parts: OnceLock::new(),
             fingerprint,
         };
         Ok(Self::build(Arc::new(mesh), rest, shading, report))
@@ -155,6 +161,7 @@ impl Surface {
             shading,
             bounds: fitted.bounds.moved(middle),
             middle,
+            part_bounds: OnceLock::new(),
             vertices,
             mesh,
         }
@@ -201,6 +208,7 @@ impl Surface {
             shading,
             bounds: fitted.bounds.moved(middle),
             middle,
+            part_bounds: OnceLock::new(),
             vertices,
             mesh,
         })
@@ -212,6 +220,11 @@ impl Surface {
         size_of_val(mesh.triangles.as_slice())
             + mesh.kept.as_ref().map_or(0, |kept| size_of_val(kept.as_slice()))
             + mesh.groups.get().map_or(0, Groups::memory)
+            + mesh.parts.get().map_or(0, Parts::memory)
+            + self
+                .part_bounds
+                .get()
+                .map_or(0, |bounds| size_of_val(bounds.as_slice()))
             + self.tree.memory()
             + size_of_val(self.leaves.as_slice())
             + self.shading.memory()
@@ -246,6 +259,15 @@ impl Surface {
     /// Box round all triangles.
     pub fn bounds(&self) -> Bounds {
         self.bounds
+    }
+
+    /// Boxes round its connected parts; of very many only those of the largest.
+    pub fn parts(&self) -> &[Bounds] {
+        let mesh = &self.mesh;
+        self.part_bounds.get_or_init(|| {
+            let parts = mesh.parts.get_or_init(|| Parts::new(&mesh.rest, &mesh.triangles));
+            parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
+        })
     }
 
     /// Corners of a triangle.

@@ -13,8 +13,10 @@ use crate::surface::{Nearest, Surface, above};
 use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
 
+mod batch;
 mod image;
 
+pub use batch::{Found, Known};
 pub use image::{Beam, Cast, Counts, Hits, Walks};
 
 /// Body number of a ray that hit nothing.

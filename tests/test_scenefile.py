@@ -381,7 +381,10 @@ FAULTS = {
         BALL + "material = { albdo = 0.1 }",
         "body[0] 'ball': material: unknown key 'albdo', did you mean 'albedo'?",
     ),
-    "choice": ('[run]\nsampling = "points"', "run: sampling: expected 'footprint' or 'point', got 'points'"),
+    "choice": (
+        '[run]\nsampling = "points"',
+        "run: sampling: expected 'adaptive', 'footprint' or 'point', got 'points'",
+    ),
     "attachment": (
         BALL + '[sensor]\nattached_to = "bal"',
         "sensor: attached_to: unknown 'bal', did you mean 'ball'?",

@@ -59,7 +59,7 @@ def test_only_tiles_that_the_moving_body_touches_are_cast_again() -> None:
         assert frame.stats["tiles_reused"] >= 256 - 2 * 16 - frame.stats["tiles_skipped"]
         assert expected.stats["rays_cast"] == 128 * 128
         image = sim.depth_image(time)
-        assert sim._previous[True].counts[2] > 200
+        assert sim._previous_image.counts[2] > 200
         for name in ("distance", "cos_incidence", "body", "normals"):
             np.testing.assert_array_equal(getattr(image, name), getattr(fresh.depth_image(time), name))
 

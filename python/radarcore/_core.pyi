@@ -10,6 +10,7 @@ __all__ = [
     "Hits",
     "Material",
     "Report",
+    "Samples",
     "Scatterers",
     "Scene",
     "Surface",
@@ -225,6 +226,36 @@ class Scene:
         over azimuth and elevation and the least gain of interest there and back relative to the peak, and `skip_empty`
         say which tiles of the image are left out. `with_cosines`: `cos_incidence` will be wanted.
         """
+    def sample(
+        self,
+        poses: NDArray[np.float64],
+        materials: Sequence[Material],
+        *,
+        rows: int,
+        columns: int,
+        half_width: float,
+        half_height: float,
+        tx: NDArray[np.float64],
+        rx: NDArray[np.float64],
+        pattern: tuple[float, float, float],
+        power: float,
+        frequency: float,
+        polarization: tuple[float, float, float] | None = None,
+        rcs_floor: float,
+        budget: int | None = None,
+        end_points: bool,
+        seed: int,
+        previous: Samples | None = None,
+        beam: tuple[float, float, float] | None = None,
+        skip_empty: bool = True,
+        threads: int | None = None,
+    ) -> Samples:
+        """Cast rays where they are needed, with the bodies at `poses` (body, 3, 4), body to sensor.
+
+        Through a base grid of cells, which are split until they leave open less than `rcs_floor` asks for, or `budget`
+        rays are cast. `end_points`: cells whose phase turns fast stand for their ends. What was sampled of the same
+        scene before is taken over where no body has moved; `beam` and `skip_empty` as in `cast`.
+        """
 
 @final
 class Hits:
@@ -258,6 +289,8 @@ class Hits:
         """Number of the body, (rows, columns); -1 where nothing was hit."""
     def place_on_mesh(self, pixel: int) -> tuple[list[int], list[float]]:
         """The three vertices of the triangle that a pixel (row by row) hit, and their weights there."""
+    def direction(self, pixel: int) -> list[float]:
+        """Unit direction of the ray of a pixel (row by row) in the sensor frame."""
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
     def scatterers(
@@ -277,18 +310,55 @@ class Hits:
         """Material points of all hits that send anything back; `materials` has one per body."""
 
 @final
+class Samples:
+    """Cells of the image plane, fine where they need to be, what their rays hit, and points of rough surfaces."""
+
+    def __len__(self) -> int: ...
+    @property
+    def counts(self) -> tuple[int, int, int, int]:
+        """Rays that were cast, bundles of them that were skipped and taken over, cells that could have been split."""
+    def cells(self) -> NDArray[np.float64]:
+        """Centre (u, v) and widths of the cells that hit something, (cell, 4)."""
+    def body(self) -> NDArray[np.int32]:
+        """Number of the body that every cell hit, (cell,)."""
+    def distance(self) -> NDArray[np.float64]:
+        """Distance along the ray [m], (cell,)."""
+    def direction(self, cell: int) -> list[float]:
+        """Unit direction of the ray of a cell in the sensor frame."""
+    def place_on_mesh(self, cell: int) -> tuple[list[int], list[float]]:
+        """The three vertices of the triangle that a cell hit, and their weights there."""
+    def scatterers(
+        self,
+        materials: Sequence[Material],
+        *,
+        tx: NDArray[np.float64],
+        rx: NDArray[np.float64],
+        pattern: tuple[float, float, float],
+        power: float,
+        frequency: float,
+        polarization: tuple[float, float, float] | None = None,
+        threads: int | None = None,
+    ) -> Scatterers:
+        """Material points of cells and surfaces that send anything back; `materials` has one per body."""
+
+@final
 class Scatterers:
     """Material points; delays and amplitudes follow from where their bodies, or their vertices, are."""
 
     def __len__(self) -> int: ...
     def body(self) -> NDArray[np.uint32]:
         """Number of the body of every material point, (scatterer,)."""
-    def pixel(self) -> NDArray[np.uint32]:
-        """Number of the pixel of every material point, row by row, (scatterer,)."""
+    def cell(self) -> NDArray[np.uint32]:
+        """Number of the cell of every material point, of the pixel or of the cell of samples, (scatterer,).
+
+        Diffuse points of samples belong to 2**32 - 1.
+        """
     def deforming(self) -> NDArray[np.uint32]:
         """Numbers of the bodies that deform and have material points here, increasing."""
-    def select(self, wanted: NDArray[np.bool_]) -> Scatterers:
-        """The material points of the bodies for which `wanted` (body,) is true, in the same order."""
+    def order(self) -> NDArray[np.uint8]:
+        """By which power of the frequency the field of every material point falls, (scatterer,)."""
+    def select(self, wanted: NDArray[np.bool_], order: int) -> Scatterers:
+        """The material points of an order of the bodies for which `wanted` (body,) is true, in the same order."""
     def paths(
         self,
         poses: NDArray[np.float64],

@@ -270,7 +270,7 @@ class _Motion:
 
         def radial(times: NDArray[np.float64], part: slice) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
             delay, amplitude = follow(rest, part)
-            rate = 2.0 / SPEED_OF_LIGHT * image.range_rate.flat[scatterers.pixel()[part]]
+            rate = 2.0 / SPEED_OF_LIGHT * image.range_rate.flat[scatterers.cell()[part]]
             moved = delay + rate * (times - at)[:, None, None]
             return moved, np.broadcast_to(amplitude, moved.shape).copy()
 

@@ -44,11 +44,14 @@ class Course:
         Delays and amplitudes never change.
     follow : callable
         Takes times [s] and a slice of the paths, see `Follow`.
+    order : int
+        By which power of the frequency amplitudes fall; `follow` has those at the centre of the band.
     """
 
     num_paths: int
     is_static: bool
     follow: Follow
+    order: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +142,7 @@ def synthesise(
             continue
         nodes = follow_nodes(course, waveform, start, tolerance)
         for samples, longest, report in _sum_pieces(course, nodes.times, radar, tolerance, method, threads):
+            samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
             cube = samples if not plans else cube + samples
             farthest = max(farthest, longest)
             rows += report.rows
@@ -156,6 +160,13 @@ def synthesise(
         "plan": "\n".join(plans) or "no paths",
     }
     return Synthesis(cube, farthest, worst, stats)
+
+
+def _over_frequency(waveform: Waveform, order: int) -> NDArray[np.float64]:
+    """What fields that fall with a power of the frequency are over those at the centre of the band, (sample,)."""
+    frequency = waveform.start_frequency + waveform.slope * waveform.sample_times
+    weights: NDArray[np.float64] = (waveform.center_frequency / frequency) ** order
+    return weights
 
 
 def _sum_pieces(

@@ -24,8 +24,17 @@ from radarcore.scene import Placement, Scene
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""
 
-SAMPLINGS = ("footprint", "point")
-"""How a pixel stands for the patch it covers."""
+SAMPLINGS = ("adaptive", "footprint", "point")
+"""Where rays are cast, and how what they hit stands for what is round it."""
+
+_CELLS_PER_DEGREE = 64.0 / 60.0
+"""Of the base grid of adaptive sampling."""
+
+_NO_CELL = 2**32 - 1
+"""Cell of material points that belong to none: those of diffuse surfaces."""
+
+_IMAGE_SIDE = 256
+"""Pixels of images, unless something else is asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +51,16 @@ class Paths:
         Amplitude without the phase of propagation [sqrt(W)].
     body : (channel, path) int32
         Number of the body in the scene.
+    order : (channel, path) uint8
+        By which power of the frequency amplitudes fall; `amplitude` is that at the centre of the band. Edges have 1 or
+        2, everything else 0.
     """
 
     delay: NDArray[np.float64]
     delay_rate: NDArray[np.float64]
     amplitude: NDArray[np.complex128]
     body: NDArray[np.int32]
+    order: NDArray[np.uint8]
 
 
 class Simulator:
@@ -59,18 +72,29 @@ class Simulator:
     radar : Radar
     radar_motion : Pose, Linear, Trajectory, Attached or function of time
         Sensor to world; default: the world's own frame, looking along +x.
-    resolution : int or (rows, columns)
-        Rays of the image.
+    resolution : int or (rows, columns), optional
+        Pixels of images, and rays of frames; with adaptive sampling the cells of the base grid. Default: 256 x 256
+        pixels, and 64 cells per 60 degrees.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle that is simulated [degrees], each below 180.
-    sampling : "footprint" or "point"
-        Footprint: the phase varies over the patch behind a pixel, which converges as pixels get smaller. Point: one
-        phasor per pixel as in Stetco et al., ICRA 2020, for comparison; it does not converge.
+    sampling : "footprint", "adaptive" or "point"
+        Footprint: the phase varies over the patch behind a pixel, which converges as pixels get smaller. Adaptive:
+        cells of the image plane are split where what is seen through them matters and is not yet known, and diffuse
+        surfaces are points that stay on them. Point: one phasor per pixel as in Stetco et al., ICRA 2020, for
+        comparison; it does not converge.
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
         the samples are in double precision.
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
+    rcs_floor : float
+        Smallest cross-section of interest [m^2]: cells of adaptive sampling are split until what each leaves open is
+        40 dB below the echo of such a target on boresight at the same distance, or they have been halved six times.
+    ray_budget : int, optional
+        Most rays of adaptive sampling; the cells that leave the most open are split first.
+    end_points : bool
+        With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
+        the whole band and which neighbours cancel; otherwise for their centre, tapered as pixels are.
     gain_floor_db : float
         Directions in which the antennas' gain, there and back, is this far below their peak [dB] are not cast for
         frames and paths; infinite: none is left out. Depth images are always whole.
@@ -86,11 +110,14 @@ class Simulator:
         radar: Radar,
         *,
         radar_motion: AnyMotion | None = None,
-        resolution: int | tuple[int, int] = 256,
+        resolution: int | tuple[int, int] | None = None,
         field_of_view_deg: tuple[float, float] = (60.0, 60.0),
         sampling: str = "footprint",
         tolerance: float = 1e-4,
         method: str = "auto",
+        rcs_floor: float = 1e-5,
+        ray_budget: int | None = None,
+        end_points: bool = True,
         gain_floor_db: float = 80.0,
         seed: int = 0,
         threads: int | None = None,
@@ -102,19 +129,32 @@ class Simulator:
         self.scene = scene
         self.radar = radar
         self.radar_motion: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
-        self.resolution = _resolution(resolution)
         self.field_of_view_deg = _field_of_view(field_of_view_deg)
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
+        self.resolution = None if resolution is None else _resolution(resolution)
+        self.rcs_floor = check.positive("rcs_floor", rcs_floor, "m^2")
+        self.ray_budget = None if ray_budget is None else self._ray_budget(ray_budget)
+        self.end_points = bool(end_points)
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
         self.gain_floor_db = _gain_floor(gain_floor_db)
-        self._previous: dict[bool, _core.Hits] = {}
+        self._previous_image: _core.Hits | None = None
+        self._previous_rays: _core.Hits | _core.Samples | None = None
         self._reuses_tiles = self._skips_empty_tiles = True
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
         self._has_warned_of_materials = self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
+
+    def _ray_budget(self, value: int) -> int:
+        """Enough for the base grid."""
+        (rows, columns), budget = self._num_cells, check.count("ray_budget", value)
+        if budget < rows * columns:
+            raise ValueError(
+                f"ray_budget: expected at least the {rows} x {columns} rays of the base grid, got {budget}"
+            )
+        return budget
 
     def with_radar(self, radar: Radar) -> Simulator:
         """The same with another radar in the place of this one's."""
@@ -127,6 +167,9 @@ class Simulator:
             sampling=self.sampling,
             tolerance=self.tolerance,
             method=self.method,
+            rcs_floor=self.rcs_floor,
+            ray_budget=self.ray_budget,
+            end_points=self.end_points,
             gain_floor_db=self.gain_floor_db,
             seed=self.seed,
             threads=self.threads,
@@ -136,7 +179,7 @@ class Simulator:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        return self._image(self._cast(at, is_image=True), at)
+        return self._image(self._cast_image(at), at)
 
     def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
         """Whether a body stands between the centre of the array and points at a time [s].
@@ -170,7 +213,7 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        scatterers = self._scatterers(self._cast(start + self._middle))
+        scatterers = self._scatterers(self._cast_rays(start + self._middle))
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
         rates = self.scene._place_rates(start, self.radar_motion, deforming)
@@ -185,7 +228,9 @@ class Simulator:
             threads=self.threads,
         )
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
-        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
+        orders = np.concatenate([scatterers.order(), np.zeros(len(self.scene._rcs), np.uint8)])
+        channels = (len(delay_rate), 1)
+        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), np.tile(orders, channels))
 
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
@@ -197,8 +242,8 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        hits = self._cast(start + self._middle)
-        scatterers = self._scatterers(hits)
+        rays = self._cast_rays(start + self._middle)
+        scatterers = self._scatterers(rays)
         synthesis = synthesise(
             self._courses(scatterers),
             self.radar,
@@ -212,19 +257,20 @@ class Simulator:
             self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=2)
         if not self._has_warned_of_range:
             self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=2)
-        body = hits.body()
+        body = rays.body().ravel()
         num_hit = int(np.count_nonzero(body >= 0))
-        rays_cast, tiles_skipped, tiles_reused = hits.counts
+        rays_cast, tiles_skipped, tiles_reused, *cells = rays.counts
         stats = {
             "rays_cast": rays_cast,
             "rays_hit": num_hit,
             "tiles_skipped": tiles_skipped,
             "tiles_reused": tiles_reused,
+            **({"cells_not_split": cells[0]} if cells else {}),
             "paths": len(scatterers) + len(self.scene._rcs),
-            "paths_skipped": num_hit - len(scatterers),
+            "paths_skipped": num_hit - _num_cells_of(scatterers),
             **synthesis.stats,
         }
-        truth = self._truth(hits, body, start + self._middle)
+        truth = self._truth(rays, body, start + self._middle)
         return Frame(cube, start, self.radar, truth, stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
@@ -286,26 +332,79 @@ class Simulator:
         horizontal, vertical = np.deg2rad(self.field_of_view_deg)
         return float(np.tan(0.5 * horizontal)), float(np.tan(0.5 * vertical))
 
-    def _cast(self, time: float, *, is_image: bool = False) -> _core.Hits:
-        """Rays of the image with the bodies where they are at `time`; tiles where nothing has moved are kept."""
-        (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
+    @property
+    def _num_pixels(self) -> tuple[int, int]:
+        """Rows and columns of images, and of the rays of frames unless sampling is adaptive."""
+        return self.resolution or (_IMAGE_SIDE, _IMAGE_SIDE)
+
+    @property
+    def _num_cells(self) -> tuple[int, int]:
+        """Rows and columns of the base grid of adaptive sampling."""
+        columns, rows = (max(1, int(np.ceil(_CELLS_PER_DEGREE * angle - 1e-9))) for angle in self.field_of_view_deg)
+        return self.resolution or (rows, columns)
+
+    def _grid(self, shape: tuple[int, int]) -> dict[str, Any]:
+        """An image plane, as the core takes it."""
+        half_width, half_height = self._half_sizes
+        return {"rows": shape[0], "columns": shape[1], "half_width": half_width, "half_height": half_height}
+
+    @property
+    def _array(self) -> dict[str, Any]:
+        """The antennas, as the core takes them."""
+        return {
+            "tx": self.radar.tx - self.radar.array_center,
+            "rx": self.radar.rx - self.radar.array_center,
+            "pattern": self.radar.pattern.gaussian_parameters,
+            "power": self.radar.tx_power,
+            "frequency": self.radar.waveform.center_frequency,
+            "polarization": self.radar.polarization_vector,
+        }
+
+    @property
+    def _skips(self) -> dict[str, Any]:
+        """What of the rays of frames need not be cast."""
         beam = None
-        if not is_image and np.isfinite(self.gain_floor_db):
+        if np.isfinite(self.gain_floor_db):
             beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
-        hits = self.scene._core_at(time, self.threads).cast(
+        return {"beam": beam, "skip_empty": self._skips_empty_tiles}
+
+    def _cast_image(self, time: float) -> _core.Hits:
+        """Rays of the image with the bodies where they are at `time`; tiles where nothing has moved are kept."""
+        self._previous_image = self.scene._core_at(time, self.threads).cast(
             self._place(np.array([time])).poses[0],
-            rows=rows,
-            columns=columns,
-            half_width=half_width,
-            half_height=half_height,
-            previous=self._previous.get(is_image) if self._reuses_tiles else None,
-            beam=beam,
+            **self._grid(self._num_pixels),
+            previous=self._previous_image if self._reuses_tiles else None,
             skip_empty=self._skips_empty_tiles,
-            with_cosines=is_image,
+            with_cosines=True,
             threads=self.threads,
         )
-        self._previous[is_image] = hits
-        return hits
+        return self._previous_image
+
+    def _cast_rays(self, time: float) -> _core.Hits | _core.Samples:
+        """Rays of a frame likewise: of an image, or where they are needed."""
+        core, poses = self.scene._core_at(time, self.threads), self._place(np.array([time])).poses[0]
+        previous = self._previous_rays if self._reuses_tiles else None
+        if self.sampling == "adaptive":
+            assert not isinstance(previous, _core.Hits)
+            self._previous_rays = core.sample(
+                poses,
+                self._materials,
+                **self._grid(self._num_cells),
+                **self._array,
+                rcs_floor=self.rcs_floor,
+                budget=self.ray_budget,
+                end_points=self.end_points,
+                seed=self.seed,
+                previous=previous,
+                **self._skips,
+                threads=self.threads,
+            )
+        else:
+            assert not isinstance(previous, _core.Samples)
+            self._previous_rays = core.cast(
+                poses, **self._grid(self._num_pixels), previous=previous, **self._skips, threads=self.threads
+            )
+        return self._previous_rays
 
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:
         """The hits as arrays, bodies numbered as in the scene."""
@@ -337,16 +436,13 @@ class Simulator:
             threads=self.threads,
         )
 
-    def _scatterers(self, hits: _core.Hits) -> _core.Scatterers:
-        """Material points of the hits that send anything back."""
-        return hits.scatterers(
+    def _scatterers(self, rays: _core.Hits | _core.Samples) -> _core.Scatterers:
+        """Material points of what rays hit that send anything back."""
+        if isinstance(rays, _core.Samples):
+            return rays.scatterers(self._materials, **self._array, threads=self.threads)
+        return rays.scatterers(
             self._materials,
-            tx=self.radar.tx - self.radar.array_center,
-            rx=self.radar.rx - self.radar.array_center,
-            pattern=self.radar.pattern.gaussian_parameters,
-            power=self.radar.tx_power,
-            frequency=self.radar.waveform.center_frequency,
-            polarization=self.radar.polarization_vector,
+            **self._array,
             is_footprint=self.sampling == "footprint",
             seed=self.seed,
             threads=self.threads,
@@ -378,7 +474,8 @@ class Simulator:
     def _courses(self, scatterers: _core.Scatterers) -> list[Course]:
         """How the paths run through time: those of bodies that stand still need no more than one time."""
 
-        def course(chosen: _core.Scatterers, is_still: bool, has_points: bool) -> Course:
+        def course(wanted: NDArray[np.bool_], order: int, *, is_still: bool, has_points: bool) -> Course:
+            chosen = scatterers.select(wanted, order)
             deforming = chosen.deforming()
             return Course(
                 num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
@@ -386,38 +483,41 @@ class Simulator:
                 follow=lambda times, part: self._follow(
                     chosen, self._place(times, deforming), part, has_points=has_points
                 ),
+                order=order,
             )
 
-        if not is_static(self.radar_motion):
-            return [course(scatterers, False, has_points=True)]
-        are_still = self.scene._are_still
-        if self.scene.is_static or not are_still.any():
-            return [course(scatterers, self.scene.is_static, has_points=True)]
+        sensor_is_still = is_static(self.radar_motion)
+        are_still = self.scene._are_still & sensor_is_still
+        points_are_still = sensor_is_still and self.scene.is_static
+        orders = range(1 + int(scatterers.order().max(initial=0)))
         return [
-            course(scatterers.select(are_still), True, has_points=False),
-            course(scatterers.select(~are_still), False, has_points=True),
+            course(
+                are_still == is_still, order, is_still=is_still, has_points=points_are_still == is_still and order == 0
+            )
+            for is_still in (True, False)
+            for order in orders
         ]
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {name: value for name, value in self.__dict__.items() if name != "_materials"}
-        return {**kept, "_previous": {}}
+        return {**kept, "_previous_image": None, "_previous_rays": None}
 
-    def _truth(self, hits: _core.Hits, body: NDArray[np.int32], time: float) -> Truth:
-        """Range, velocity and direction at `time` of the nearest point of every body that pixels show."""
+    def _truth(self, rays: _core.Hits | _core.Samples, body: NDArray[np.int32], time: float) -> Truth:
+        """Range, velocity and direction at `time` of the nearest point of every body that rays hit."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
         place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
-        distance = hits.distance()
+        distance = rays.distance().ravel()
         for b, number in enumerate(self.scene._mesh_numbers):
-            pixels = np.flatnonzero(body == b)
-            if len(pixels) > 0:
-                nearest = int(pixels[distance.flat[pixels].argmin()])
+            those = np.flatnonzero(body == b)
+            if len(those) > 0:
+                nearest = int(those[distance[those].argmin()])
                 pose, rate = place.poses[0, b], rates.poses[0, b]
-                points[number] = distance.flat[nearest] * self._direction(nearest)
+                points[number] = distance[nearest] * np.array(rays.direction(nearest))
                 material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
                 velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
                 if self.scene._meshed[b][1].deformation is not None:
-                    corners, weights = hits.place_on_mesh(nearest)
+                    corners, weights = rays.place_on_mesh(nearest)
                     vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
                     velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
         points[self.scene._point_numbers] = place.points[0]
@@ -427,15 +527,6 @@ class Simulator:
         distance = np.linalg.norm(points, axis=1)
         velocity = (points * velocities).sum(axis=1) / np.maximum(distance, np.finfo(float).tiny)
         return Truth(self.scene.names, distance, velocity, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
-
-    def _direction(self, pixel: int) -> NDArray[np.float64]:
-        """Unit direction of a pixel, in sensor axes."""
-        (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
-        row, column = divmod(pixel, columns)
-        u = (0.5 * columns - (column + 0.5)) * 2.0 * half_width / columns
-        v = (0.5 * rows - (row + 0.5)) * 2.0 * half_height / rows
-        direction: NDArray[np.float64] = np.array([1.0, u, v]) / np.sqrt(1.0 + u * u + v * v)
-        return direction
 
     def _warn_of_materials(self, stacklevel: int) -> None:
         if not self._has_warned_of_materials:
@@ -458,13 +549,24 @@ class Simulator:
             "simulator": "radarcore",
             "version": _core.__version__,
             "bodies": list(self.scene.names),
-            "resolution": list(self.resolution),
+            "resolution": list(self._num_cells if self.sampling == "adaptive" else self._num_pixels),
             "field_of_view_deg": list(self.field_of_view_deg),
             "sampling": self.sampling,
+            **(
+                {"rcs_floor": self.rcs_floor, "ray_budget": self.ray_budget, "end_points": self.end_points}
+                if self.sampling == "adaptive"
+                else {}
+            ),
             "tolerance": self.tolerance,
             "gain_floor_db": self.gain_floor_db if np.isfinite(self.gain_floor_db) else None,
             "seed": self.seed,
         }
+
+
+def _num_cells_of(scatterers: _core.Scatterers) -> int:
+    """Cells that have a material point."""
+    cells = np.unique(scatterers.cell())
+    return len(cells) - int(len(cells) > 0 and cells[-1] == _NO_CELL)
 
 
 def _gain_floor(value: float) -> float:

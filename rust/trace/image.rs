@@ -44,7 +44,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    fn plus(self, other: Self) -> Self {
+    /// Both together.
+    pub fn plus(self, other: Self) -> Self {
         Self {
             rays: self.rays + other.rays,
             tiles_skipped: self.tiles_skipped + other.tiles_skipped,
@@ -184,7 +185,7 @@ impl Snapshot {
 
     /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
     /// where that is most of them.
-    fn moved(&self, before: &Self) -> Option<Tree> {
+    pub fn moved(&self, before: &Self) -> Option<Tree> {
         if self.surfaces.len() != before.surfaces.len() {
             return None;
         }
@@ -224,16 +225,7 @@ impl Kernel for CastBand<'_> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(mut self) -> Counts {
         let tiles = self.plane.columns.div_ceil(TILE);
-        let mut scratch = Scratch {
-            fan: Fan::EMPTY,
-            bundle: Bundle::EMPTY,
-            best: Best::EMPTY,
-            table: Table::EMPTY,
-            stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
-            distance: [0.0; MOST_RAYS],
-            shade: Shade::NOTHING,
-            num_leaves: vec![0; self.snapshot.num_bodies()],
-        };
+        let mut scratch = Scratch::new(self.snapshot.num_bodies());
         let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
@@ -329,7 +321,7 @@ impl CastBand<'_> {
 
 impl Beam {
     /// Whether some direction of an image may be out of the beam.
-    fn ends_within(&self, plane: &ImagePlane) -> bool {
+    pub fn ends_within(&self, plane: &ImagePlane) -> bool {
         let (last_row, last_column) = (plane.rows - 1, plane.columns - 1);
         let corners = [(0, 0), (0, last_column), (last_row, 0), (last_row, last_column)];
         let sides = corners.map(|(row, column)| plane.center(row, column));
@@ -339,14 +331,14 @@ impl Beam {
     }
 
     /// Whether all rays of a tile are out of the beam.
-    fn misses(&self, fan: &Fan) -> bool {
+    pub(super) fn misses(&self, fan: &Fan) -> bool {
         let [u, v] = fan.ranges();
         2.0 * self.pattern.least_decay(u, v) > -self.floor.ln()
     }
 }
 
 /// Whether rays may meet any box of a tree.
-struct Touch(bool);
+pub(super) struct Touch(pub bool);
 
 impl Visit for Touch {
     #[inline(always)]
@@ -375,23 +367,38 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
 }
 
 /// What the rays of a tile are and find, kept from tile to tile.
-struct Scratch {
-    fan: Fan,
+pub(super) struct Scratch {
+    pub fan: Fan,
     bundle: Bundle,
-    best: Best,
+    pub best: Best,
     table: Table,
-    stacks: [Vec<u64>; 2],
+    pub stacks: [Vec<u64>; 2],
     /// [m]
-    distance: [f64; MOST_RAYS],
-    shade: Shade,
+    pub distance: [f64; MOST_RAYS],
+    pub shade: Shade,
     /// For every body, how many leaves the last tiles looked at: a mean that halves the weight of the one before.
     num_leaves: Vec<usize>,
+}
+
+impl Scratch {
+    pub fn new(num_bodies: usize) -> Self {
+        Self {
+            fan: Fan::EMPTY,
+            bundle: Bundle::EMPTY,
+            best: Best::EMPTY,
+            table: Table::EMPTY,
+            stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
+            distance: [0.0; MOST_RAYS],
+            shade: Shade::NOTHING,
+            num_leaves: vec![0; num_bodies],
+        }
+    }
 }
 
 impl Snapshot {
     /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
     #[inline(always)]
-    fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
+    pub(super) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
         let fan = &scratch.fan;
         let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
@@ -419,7 +426,7 @@ impl Snapshot {
 
     /// Distances of the triangles that were found [m], infinite where there is none.
     #[inline(always)]
-    fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+    pub(super) fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         let lanes = I::F64::LANES;
         let mut height = [f64::INFINITY; MOST_RAYS];

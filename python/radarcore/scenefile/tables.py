@@ -296,9 +296,14 @@ class RunTable(Table):
     start: float = _key(0.0, "s", "time of the first frame")
     stop: float = _key(1.0, "s", "no frame starts at or after it")
     rate: float = _key(40.0, "Hz", "frames per second")
-    resolution: int | tuple[int, int] = _key(256, "", "rays across and down, or rows and columns")
+    resolution: int | tuple[int, int] | None = _key(
+        None, "", "rays across and down, or rows and columns; default: 256, and 64 per 60 degrees for adaptive sampling"
+    )
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
-    sampling: Literal["footprint", "point"] = _key("footprint", "", "how a ray stands for the patch it hits")
+    sampling: Literal["adaptive", "footprint", "point"] = _key("footprint", "", "where rays go and what they stand for")
+    rcs_floor: float = _key(1e-5, "m^2", "smallest cross-section of interest, for adaptive sampling")
+    ray_budget: int | None = _key(None, "", "most rays of adaptive sampling; default: as many as rcs_floor asks for")
+    end_points: bool = _key(True, "", "adaptive sampling: cells where the phase turns fast stand for their ends")
     tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
     seed: int = _key(0, "", "of noise and speckle")

@@ -1,0 +1,934 @@
+//! Adaptive sampling: a quadtree of cells of the image plane, fine where what is seen through a cell is not yet known.
+//!
+//! Every cell has a ray through its centre, and what that hits stands for the cell with a phase that varies linearly over it
+//! (README eq. (2) and its footprint). A cell is compared with its neighbours: where they differ by more than that allows, and
+//! the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are one batch of rays.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::antenna::Array;
+use crate::bvh::Tree;
+use crate::error::{Error, Result, fits_memory};
+use crate::material::Material;
+use crate::polarization::Seen;
+use crate::rays::{Cell, ImagePlane, morton};
+use crate::scatter::SPEED_OF_LIGHT;
+use crate::trace::{Beam, Cast, Counts, Found, Known, Snapshot};
+
+/// How often a cell of the base grid can be halved.
+pub const MAX_LEVEL: usize = 6;
+
+/// Cells are split until what each leaves open is this part of the field of the smallest cross-section of interest. Thousands of
+/// cells together then leave open a tenth to a third of it (spheres of 5 to 20 cm).
+const SHARE: f64 = 1e-2;
+
+/// Parts of meshes that are smaller than a cell get as many cells across.
+const CELLS_ACROSS: f64 = 2.0;
+
+/// Phase of a neighbour up to which it lies in the plane that a cell shows [rad].
+const PLANE: f64 = 0.02;
+
+/// Phase that is not explained up to which two cells show one smooth surface [rad].
+const SMOOTH: f64 = 0.5;
+
+/// Half of what the phase turns over a cell from which on it stands for its ends [rad].
+const STEEP: f64 = 1.0;
+
+/// With a budget, the part of what is left of it that goes to the most important cells before all are compared again.
+const ROUND: usize = 4;
+
+/// A number that is no node's.
+const NONE: u32 = u32::MAX;
+
+/// Most cells of the base grid, along either side: rows and columns of the finest are numbered in 32 bits.
+const MAX_SIDE: usize = 1 << 14;
+
+/// What cells are split for.
+#[derive(Clone, Copy, Debug)]
+pub struct Rule {
+    /// The coarsest cells.
+    pub base: ImagePlane,
+    /// Smallest cross-section of interest [m^2].
+    pub rcs_floor: f64,
+    /// Most rays to cast; without one, as many as the floor asks for.
+    pub budget: Option<usize>,
+    /// Whether cells whose phase turns fast stand for their ends; see [`Leaf`].
+    pub end_points: bool,
+}
+
+/// Cells of all levels, and what their rays hit.
+pub struct Quadtree {
+    planes: Vec<ImagePlane>,
+    /// First node of every cell of the base grid, row by row.
+    roots: Vec<u32>,
+    nodes: Vec<Node>,
+    /// What was done for them.
+    pub counts: Counts,
+    /// Cells that were not split, though they could have been: nothing was to be gained.
+    pub num_coarse: usize,
+    beam: Option<Beam>,
+    wavelength: f64,
+    end_points: bool,
+}
+
+/// What cancels the end of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Partner {
+    /// Nothing.
+    None,
+    /// What is beyond the border of what is seen.
+    Border,
+    /// The end of the cell of a number.
+    Cell(usize),
+}
+
+/// What two neighbours say of what is between them.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    /// Field per solid angle over what may be left open.
+    field: f64,
+    /// What of it may be something else than one smooth surface.
+    jump: f64,
+    /// What of it is left open.
+    residual: f64,
+    /// Whether they share an end that both leave out.
+    is_shared: bool,
+}
+
+/// How a cell stands for what is seen through it; see [`Leaf`].
+#[derive(Clone, Copy, Debug, Default)]
+struct Ends {
+    is_linear: bool,
+    has: [bool; 2],
+}
+
+/// Where a cell is on the grid of its level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    level: u8,
+    row: u32,
+    column: u32,
+}
+
+/// A cell.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    place: Place,
+    /// The first of its four parts, or [`NONE`].
+    parts: u32,
+    found: Found,
+    look: Look,
+    /// How much it leaves open, relative to what it may, once that is known.
+    open: f64,
+}
+
+/// A cell that was not split.
+///
+/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or so to
+/// either side along an axis, the integral over the cell is that of its two ends, at every frequency:
+/// `sin(x)/x exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
+#[derive(Clone, Copy, Debug)]
+pub struct Leaf {
+    /// Where it is.
+    pub cell: Cell,
+    /// What its ray hit.
+    pub found: Found,
+    /// Whether its phase is linear.
+    pub is_linear: bool,
+    /// The axes, u and v, of which it has ends.
+    pub has_ends: [bool; 2],
+    /// Which of its points no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both axes
+    /// have ends, or the centre.
+    pub kept: u8,
+}
+
+/// What a cell adds to the sum, and how it varies.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    /// Field reflected and received, relative to a conductor on boresight.
+    amplitude: f64,
+    /// Half of what the phase turns over the cell, along u and v [rad].
+    slope: [f64; 2],
+    /// The least of that over all channels, in the same sense.
+    least: [f64; 2],
+    /// Field per solid angle that may be left open here [sr].
+    tolerance: f64,
+}
+
+impl Node {
+    /// Whether it has no parts and can have some.
+    fn could_be_split(&self) -> bool {
+        self.parts == NONE && usize::from(self.place.level) < MAX_LEVEL
+    }
+}
+
+impl Look {
+    const NOTHING: Self = Self {
+        amplitude: 0.0,
+        slope: [0.0; 2],
+        least: [0.0; 2],
+        tolerance: f64::INFINITY,
+    };
+}
+
+/// A part of a mesh as the sensor sees it: a rectangle of the image plane that wants cells of a size.
+struct Target {
+    u: [f64; 2],
+    v: [f64; 2],
+    /// Widest cells.
+    width: [f64; 2],
+}
+
+/// Everything that cells are judged by.
+struct Judge<'a> {
+    snapshot: &'a Snapshot,
+    materials: &'a [Material],
+    array: &'a Array,
+    rule: &'a Rule,
+    wavelength: f64,
+}
+
+impl Quadtree {
+    /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.
+    pub fn grow(
+        snapshot: &Snapshot,
+        cast: &Cast,
+        materials: &[Material],
+        array: &Array,
+        rule: &Rule,
+        previous: Option<(&Self, &Tree)>,
+    ) -> Self {
+        let judge = Judge {
+            snapshot,
+            materials,
+            array,
+            rule,
+            wavelength: SPEED_OF_LIGHT / array.frequency,
+        };
+        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam == cast.beam);
+        let mut tree = Self {
+            planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
+            roots: vec![NONE; rule.base.num_pixels()],
+            nodes: Vec::new(),
+            counts: Counts::default(),
+            num_coarse: 0,
+            beam: cast.beam,
+            wavelength: judge.wavelength,
+            end_points: rule.end_points,
+        };
+        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&judge, cast, previous, &cells);
+
+        // The base grid.
+        let cells = rule.base_cells();
+        for (node, cell) in cells.iter().enumerate() {
+            tree.roots[cell.row as usize * rule.base.columns + cell.column as usize] = node as u32;
+        }
+        add(&mut tree, cells);
+
+        // Parts of meshes that it may have missed.
+        let targets = judge.targets();
+        for level in 0..MAX_LEVEL {
+            let split = tree.cells_on(&targets, level);
+            let cells = tree.split(&split);
+            add(&mut tree, cells);
+        }
+
+        // Cells that leave too much open, all of them or the most important first.
+        let mut changed: Vec<u32> = (0..tree.nodes.len() as u32).collect();
+        let mut open: Vec<u32> = Vec::new();
+        loop {
+            tree.measure(&changed);
+            open.extend(changed.iter().filter(|node| tree.is_open(**node)));
+            open.sort_unstable();
+            open.dedup();
+            open.retain(|node| tree.is_open(*node));
+            let split = match rule.budget {
+                None => std::mem::take(&mut open),
+                Some(budget) => tree.most_important(&open, budget),
+            };
+            if split.is_empty() {
+                tree.num_coarse = tree.nodes.iter().filter(|node| node.could_be_split()).count();
+                return tree;
+            }
+            let first = tree.nodes.len() as u32;
+            let cells = tree.split(&split);
+            add(&mut tree, cells);
+            // Neighbours of cells that were split may have lost what cancels their ends.
+            let sides = [(0, 0), (0, 1), (1, 0), (1, 1)];
+            let beside = |node: &u32| {
+                let node = &tree.nodes[*node as usize];
+                sides.map(|(axis, side)| tree.neighbour(node, axis, side))
+            };
+            changed = split
+                .iter()
+                .flat_map(beside)
+                .flatten()
+                .map(|node| node as u32)
+                .collect();
+            changed.extend(first..tree.nodes.len() as u32);
+            changed.sort_unstable();
+            changed.dedup();
+        }
+    }
+
+    /// Find out how much some cells leave open.
+    fn measure(&mut self, nodes: &[u32]) {
+        let left_open = |node: &u32| {
+            let node = &self.nodes[*node as usize];
+            if node.parts == NONE { self.left_open(node) } else { 0.0 }
+        };
+        let open: Vec<f64> = nodes.par_iter().map(left_open).collect();
+        for (node, open) in nodes.iter().zip(open) {
+            self.nodes[*node as usize].open = open;
+        }
+    }
+
+    /// Whether a cell leaves too much open and can be split.
+    fn is_open(&self, node: u32) -> bool {
+        let node = &self.nodes[node as usize];
+        node.open > 1.0 && node.could_be_split()
+    }
+
+    /// Cast the rays of new cells.
+    fn add(&mut self, judge: &Judge, cast: &Cast, previous: Option<(&Self, &Tree)>, cells: &[Place]) {
+        if cells.is_empty() {
+            return;
+        }
+        let points: Vec<[f64; 2]> = cells
+            .iter()
+            .map(|place| {
+                let Cell { u, v, .. } = cell(&self.planes, place);
+                [u, v]
+            })
+            .collect();
+        let known = previous.map(|(tree, moved)| Known {
+            moved,
+            found: |ray: usize| {
+                let node = tree.find(&cells[ray])?;
+                (tree.nodes[node].place == cells[ray]).then_some(tree.nodes[node].found)
+            },
+        });
+        let (found, counts) = judge.snapshot.cast_batch(&points, cast, known.as_ref());
+        self.counts = self.counts.plus(counts);
+        let planes = &self.planes;
+        let node = |(place, found): (&Place, Found)| {
+            let cell = cell(planes, place);
+            Node {
+                place: *place,
+                parts: NONE,
+                look: judge.look(&cell, &found),
+                found,
+                open: 0.0,
+            }
+        };
+        self.nodes.par_extend(cells.par_iter().zip_eq(found).map(node));
+    }
+
+    /// The places of the four parts of every cell; they will be the next nodes.
+    fn split(&mut self, nodes: &[u32]) -> Vec<Place> {
+        let mut cells = Vec::with_capacity(4 * nodes.len());
+        let mut next = self.nodes.len() as u32;
+        for node in nodes {
+            let node = &mut self.nodes[*node as usize];
+            node.parts = next;
+            next += 4;
+            for part in 0..4 {
+                cells.push(Place {
+                    level: node.place.level + 1,
+                    row: 2 * node.place.row + part / 2,
+                    column: 2 * node.place.column + part % 2,
+                });
+            }
+        }
+        cells
+    }
+
+    /// The node of a cell, or of the finest one round it.
+    fn find(&self, cell: &Place) -> Option<usize> {
+        let base = &self.planes[0];
+        let (row, column) = (cell.row >> cell.level, cell.column >> cell.level);
+        if row as usize >= base.rows || column as usize >= base.columns {
+            return None;
+        }
+        let mut node = self.roots[row as usize * base.columns + column as usize] as usize;
+        for level in (0..cell.level).rev() {
+            let parts = self.nodes[node].parts;
+            if parts == NONE {
+                break;
+            }
+            node = (parts + 2 * (cell.row >> level & 1) + (cell.column >> level & 1)) as usize;
+        }
+        Some(node)
+    }
+
+    /// Cells of a level, not split so far, on which targets want finer ones.
+    fn cells_on(&self, targets: &[Target], level: usize) -> Vec<u32> {
+        let plane = &self.planes[level];
+        // Rows and columns that a range of the plane covers.
+        let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
+            let first = (axis - high / width).floor().max(0.0) as usize;
+            let last = (axis - low / width).floor().min(number as f64 - 1.0);
+            if last < 0.0 { 0..0 } else { first..last as usize + 1 }
+        };
+        let mut nodes: Vec<u32> = Vec::new();
+        for target in targets {
+            if plane.du <= target.width[0] && plane.dv <= target.width[1] {
+                continue;
+            }
+            for row in range(target.v, plane.axis_row, plane.dv, plane.rows) {
+                for column in range(target.u, plane.axis_column, plane.du, plane.columns) {
+                    let cell = Place {
+                        level: level as u8,
+                        row: row as u32,
+                        column: column as u32,
+                    };
+                    let node = self.find(&cell).filter(|node| {
+                        let node = &self.nodes[*node];
+                        node.place == cell && node.parts == NONE
+                    });
+                    nodes.extend(node.map(|node| node as u32));
+                }
+            }
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// The cells that leave the most open, as many as a part of the budget pays for.
+    fn most_important(&self, open: &[u32], budget: usize) -> Vec<u32> {
+        let left = budget.saturating_sub(self.nodes.len()) / 4;
+        let mut chosen = open.to_vec();
+        let open = |node: &u32| self.nodes[*node as usize].open;
+        chosen.sort_by(|a, b| open(b).total_cmp(&open(a)).then(a.cmp(b)));
+        chosen.truncate(left.div_ceil(ROUND));
+        chosen.sort_unstable();
+        chosen
+    }
+
+    /// How much a cell leaves open, at most, relative to what it may.
+    fn left_open(&self, node: &Node) -> f64 {
+        if !node.found.is_seen {
+            return 0.0;
+        }
+        let pair = |axis: usize, side: usize| match self.neighbour(node, axis, side).map(|other| &self.nodes[other]) {
+            Some(other) if other.found.is_seen => self.compare(node, other, axis),
+            _ => self.at_border(node, axis),
+        };
+        let pairs = [[pair(0, 0), pair(0, 1)], [pair(1, 0), pair(1, 1)]];
+
+        // Nothing of a cell is left where neighbours cancel both ends.
+        let is_cancelled = pairs.each_ref().map(|sides| {
+            let are_shared = sides.iter().all(|pair| pair.is_shared);
+            node.found.is_hit() && are_shared
+        });
+        let mut most: f64 = 0.0;
+        for axis in 0..2 {
+            for pair in pairs[axis] {
+                let share = if is_cancelled[1 - axis] && !pair.is_shared {
+                    pair.jump
+                } else {
+                    pair.residual
+                };
+                most = most.max(pair.field * share.min(1.0));
+            }
+        }
+        most * self.cell(node).solid_angle()
+    }
+
+    /// A cell at the border of what is seen: surfaces go on there, and what they would add cancels its end.
+    fn at_border(&self, node: &Node, axis: usize) -> Pair {
+        Pair {
+            field: 0.0,
+            jump: 0.0,
+            residual: 0.0,
+            is_shared: self.steep(&node.look)[axis],
+        }
+    }
+
+    /// What a cell and a neighbour along an axis say of what is between them.
+    fn compare(&self, node: &Node, other: &Node, axis: usize) -> Pair {
+        // The other's slopes over a cell of this size, which is no larger.
+        let scale = 1.0 / f64::from(1_u32 << (node.place.level - other.place.level));
+        let slopes = [node.look.slope, other.look.slope.map(|slope| slope * scale)];
+
+        // Field per solid angle; a stationary point between the two is not seen by either.
+        let mut damped = [1.0; 2];
+        for axis in 0..2 {
+            let turns_round = slopes[0][axis] * slopes[1][axis] < 0.0;
+            for (slopes, damped) in slopes.iter().zip(&mut damped) {
+                *damped /= if turns_round { 1.0 } else { 1.0 + slopes[axis].abs() };
+            }
+        }
+        let of = |look: &Look, damped: f64| look.amplitude * damped / look.tolerance;
+        let field = of(&node.look, damped[0]).max(of(&other.look, damped[1]));
+        if !(node.found.is_hit() && other.found.is_hit()) {
+            return Pair {
+                field,
+                jump: 1.0,
+                residual: 1.0,
+                is_shared: false,
+            };
+        }
+
+        // Phase at the neighbour that neither the mean of both slopes nor the planes explain, over a cell of this size.
+        let (here, there) = (self.cell(node), self.cell(other));
+        let offset = [(there.u - here.u) / here.du, (there.v - here.v) / here.dv];
+        let square = offset[0] * offset[0] + offset[1] * offset[1];
+        let wavenumber = 2.0 * TAU / self.wavelength;
+        let expected: f64 = (0..2).map(|i| (slopes[0][i] + slopes[1][i]) * offset[i]).sum();
+        let from_slopes = wavenumber * (other.found.distance - node.found.distance) - expected;
+        let between = other.found.distance * there.direction() - node.found.distance * here.direction();
+        let height = |found: &Found, cell: &Cell| found.normal.dot(between) / found.normal.dot(cell.direction());
+        let from_planes = wavenumber * height(&node.found, &here).abs().max(height(&other.found, &there).abs());
+        let jump = from_slopes.abs().min(from_planes) / square;
+
+        // What the slopes differ by. Where the cell has ends, that is so much less as these have slopes: of the cell, or in a
+        // plane their own. Amplitudes of one material only differ smoothly.
+        let is_plane = from_planes < PLANE;
+        let steep = self.steep(&node.look);
+        let bend = |axis: usize| {
+            let bend = (slopes[1][axis] - slopes[0][axis]).abs();
+            let slope = slopes[0][axis].abs().min(slopes[1][axis].abs());
+            match (steep[axis], is_plane) {
+                (false, _) => bend,
+                (true, false) => bend / slope.max(1.0),
+                (true, true) => 2.0 * bend / (slope * slope).max(2.0),
+            }
+        };
+        let (a, b) = (node.look.amplitude, other.look.amplitude);
+        let step = 0.5 * (a - b).abs() / a.max(b).max(f64::MIN_POSITIVE);
+        let is_one_body = node.found.body == other.found.body;
+        let jump = jump + if is_one_body { 0.0 } else { step };
+
+        let is_shared = is_one_body
+            && other.parts == NONE
+            && other.place.level == node.place.level
+            && steep[axis]
+            && steep == self.steep(&other.look)
+            && slopes[0][axis] * slopes[1][axis] > 0.0
+            && jump < SMOOTH;
+        let residual = if is_shared {
+            jump + if is_plane { 0.0 } else { 0.25 * bend(axis) }
+        } else {
+            let sag = if steep == [false; 2] {
+                0.0
+            } else {
+                0.25 * from_planes / square
+            };
+            let explained = if steep == [false; 2] {
+                from_slopes.abs() / square
+            } else {
+                jump
+            };
+            explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step
+        };
+        Pair {
+            field,
+            jump,
+            residual,
+            is_shared,
+        }
+    }
+
+    /// Along which axes a cell may have ends.
+    fn steep(&self, look: &Look) -> [bool; 2] {
+        look.least.map(|least| self.end_points && least > STEEP)
+    }
+
+    /// The cells that hit something and have no parts.
+    pub fn leaves(&self) -> Vec<Leaf> {
+        let ends: Vec<Ends> = self.nodes.par_iter().map(|node| self.ends(node)).collect();
+        let leaves = self.nodes.par_iter().enumerate();
+        leaves
+            .filter(|(_, node)| node.parts == NONE && node.found.is_hit())
+            .map(|(index, node)| Leaf {
+                cell: self.cell(node),
+                found: node.found,
+                is_linear: ends[index].is_linear,
+                has_ends: ends[index].has,
+                kept: self.kept(index, &ends),
+            })
+            .collect()
+    }
+
+    /// Of which axes a cell has ends.
+    fn ends(&self, node: &Node) -> Ends {
+        if node.parts != NONE || !node.found.is_hit() || node.open > 1.0 {
+            return Ends::default();
+        }
+        Ends {
+            is_linear: true,
+            has: self.steep(&node.look),
+        }
+    }
+
+    /// See [`Leaf::kept`].
+    fn kept(&self, index: usize, ends: &[Ends]) -> u8 {
+        let has_partner = |index, axis, side| self.partner(index, axis, side, ends) != Partner::None;
+        let mut kept = 0;
+        match ends[index].has {
+            [false, false] => kept = 1,
+            [true, true] => {
+                for corner in 0..4 {
+                    // A corner is shared with neighbours along both axes: those along u come first.
+                    let (u, v) = (corner & 1, corner >> 1);
+                    let along_v = || self.partner(index, 1, v, ends);
+                    let is_cancelled = has_partner(index, 0, u)
+                        || match along_v() {
+                            Partner::None => false,
+                            Partner::Border => true,
+                            Partner::Cell(other) => !has_partner(other, 0, u),
+                        };
+                    kept |= u8::from(!is_cancelled) << corner;
+                }
+            }
+            [is_along_u, _] => {
+                let axis = usize::from(!is_along_u);
+                for side in 0..2 {
+                    kept |= u8::from(!has_partner(index, axis, side)) << side;
+                }
+            }
+        }
+        kept
+    }
+
+    /// What cancels the end of a cell on one side.
+    fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
+        let node = &self.nodes[index];
+        match self.neighbour(node, axis, side) {
+            Some(other) if self.nodes[other].found.is_seen => {
+                let is_shared = ends[other].is_linear && self.compare(node, &self.nodes[other], axis).is_shared;
+                if is_shared { Partner::Cell(other) } else { Partner::None }
+            }
+            _ => Partner::Border,
+        }
+    }
+
+    /// The cell of the same level on one side, or the finest one round that.
+    fn neighbour(&self, node: &Node, axis: usize, side: usize) -> Option<usize> {
+        let Place { level, row, column } = node.place;
+        // u and v grow to the left and upwards.
+        let step = |x: u32| if side == 1 { x.checked_sub(1) } else { Some(x + 1) };
+        let (row, column) = match axis {
+            0 => (row, step(column)?),
+            _ => (step(row)?, column),
+        };
+        self.find(&Place { level, row, column })
+    }
+
+    fn cell(&self, node: &Node) -> Cell {
+        cell(&self.planes, &node.place)
+    }
+}
+
+/// The part of the image plane at a place.
+fn cell(planes: &[ImagePlane], place: &Place) -> Cell {
+    planes[place.level as usize].cell(place.row as usize, place.column as usize)
+}
+
+impl Rule {
+    /// Refuses what cannot be.
+    pub fn check(&self) -> Result<()> {
+        self.base.check()?;
+        let (rows, columns) = (self.base.rows, self.base.columns);
+        if rows.max(columns) > MAX_SIDE {
+            let expected = format!("at most {MAX_SIDE} cells along either side of the base grid");
+            return Err(Error::value("resolution", expected, format!("{rows} x {columns}")));
+        }
+        fits_memory("cells", &[rows, columns], size_of::<Node>())?;
+        if !(self.rcs_floor > 0.0 && self.rcs_floor.is_finite()) {
+            return Err(Error::value("rcs_floor", "a positive number [m^2]", self.rcs_floor));
+        }
+        match self.budget {
+            Some(budget) if budget < rows * columns => {
+                let expected = format!("at least {}, the cells of the base grid", rows * columns);
+                Err(Error::value("ray_budget", expected, budget))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Cells of the base grid, those near each other one after the other: in Morton's order.
+    fn base_cells(&self) -> Vec<Place> {
+        let (rows, columns) = (self.base.rows as u32, self.base.columns as u32);
+        let place = |row, column| Place { level: 0, row, column };
+        let mut cells: Vec<Place> = (0..rows).flat_map(|i| (0..columns).map(move |j| place(i, j))).collect();
+        cells.sort_unstable_by_key(|cell| morton(cell.row, cell.column));
+        cells
+    }
+
+    /// Field per solid angle that a target of the smallest cross-section of interest has at a distance [sr].
+    fn field(&self, distance: f64, wavelength: f64) -> f64 {
+        wavelength * (self.rcs_floor / (4.0 * PI)).sqrt() / (distance * distance)
+    }
+}
+
+impl Judge<'_> {
+    /// What a cell adds to the sum.
+    fn look(&self, cell: &Cell, found: &Found) -> Look {
+        let direction = cell.direction();
+        let cosine = -found.normal.dot(direction);
+        if !found.is_hit() || cosine <= 0.0 || found.distance <= 0.0 {
+            return Look::NOTHING;
+        }
+        let polarization = self.array.polarization;
+        let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, found.normal, direction, direction));
+        let response = self.materials[found.body as usize].response(cosine, self.wavelength, seen);
+        let wavenumber = TAU / self.wavelength;
+        let edges = cell.edges(found.distance, found.normal);
+        let slope = edges.map(|edge| wavenumber * edge.dot(direction));
+        let mut least = slope.map(f64::abs);
+        for channel in 0..self.array.num_channels() {
+            let [t, r] = self.array.directions(channel, found.distance * direction);
+            let bisector = 0.5 * wavenumber * (t + r);
+            for axis in 0..2 {
+                least[axis] = least[axis].min(bisector.dot(edges[axis]) * slope[axis].signum());
+            }
+        }
+        Look {
+            amplitude: response.reflection.norm() * self.array.relative_gain(direction),
+            slope,
+            least,
+            tolerance: SHARE * self.rule.field(found.distance, self.wavelength),
+        }
+    }
+
+    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the base grid.
+    fn targets(&self) -> Vec<Target> {
+        let bodies = 0..self.snapshot.num_bodies() as u32;
+        let parts = bodies.flat_map(|body| {
+            let pose = self.snapshot.pose(body);
+            let parts = self.snapshot.surface(body).parts();
+            parts
+                .iter()
+                .filter_map(move |part| self.target(&part.corners().map(|corner| pose.point(corner))))
+        });
+        let base = &self.rule.base;
+        let is_small = |target: &Target| target.width[0] < base.du || target.width[1] < base.dv;
+        parts.filter(is_small).collect()
+    }
+
+    /// A box in the sensor frame.
+    fn target(&self, corners: &[DVec3; 8]) -> Option<Target> {
+        // What reaches behind the sensor is near, and large.
+        if corners.iter().any(|corner| corner.x <= 0.0) {
+            return None;
+        }
+        let range = |axis: usize| {
+            let (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let ratios = corners.iter().map(|corner| corner[axis] / corner.x);
+            let (low, high) = ratios.fold((low, high), |(low, high), x| (low.min(x), high.max(x)));
+            [low, high]
+        };
+        let (u, v) = (range(1), range(2));
+        let distance = corners
+            .iter()
+            .map(|corner| corner.length())
+            .fold(f64::INFINITY, f64::min);
+        let is_bright = (u[1] - u[0]) * (v[1] - v[0]) >= self.rule.field(distance, self.wavelength);
+        let width = [u, v].map(|[low, high]| (high - low) / CELLS_ACROSS);
+        is_bright.then_some(Target { u, v, width })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use num_complex::Complex64;
+
+    use super::*;
+    use crate::antenna::Pattern;
+    use crate::material::Response;
+    use crate::motion::Pose;
+    use crate::surface::{ShadingMode, Surface};
+
+    fn plate(half: [f64; 2]) -> Arc<Surface> {
+        let corner = |y: f64, z: f64| DVec3::new(0.0, y * half[0], z * half[1]);
+        let vertices = [
+            corner(-1.0, -1.0),
+            corner(1.0, -1.0),
+            corner(1.0, 1.0),
+            corner(-1.0, 1.0),
+        ];
+        Arc::new(Surface::new(&vertices, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat).unwrap())
+    }
+
+    fn at(x: f64, y: f64, z: f64, yaw: f64) -> Pose {
+        Pose {
+            rotation: glam::DMat3::from_rotation_z(yaw),
+            translation: DVec3::new(x, y, z),
+        }
+    }
+
+    fn array() -> Array {
+        Array {
+            tx: vec![DVec3::ZERO],
+            rx: vec![DVec3::ZERO],
+            pattern: Pattern {
+                peak: 1.0,
+                azimuth: 0.0,
+                elevation: 0.0,
+            },
+            power: 1.0,
+            frequency: 60e9,
+            polarization: None,
+        }
+    }
+
+    const BASE: ImagePlane = ImagePlane::centered(33, 40, 0.5, 0.6);
+    const RULE: Rule = Rule {
+        base: BASE,
+        rcs_floor: 1e-6,
+        budget: None,
+        end_points: true,
+    };
+
+    fn grow(scene: &Snapshot, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
+        let conductor = Material::Constant(Response {
+            reflection: Complex64::from(-1.0),
+            albedo: 0.0,
+        });
+        let materials = vec![conductor; scene.num_bodies()];
+        Quadtree::grow(scene, &Cast::default(), &materials, &array(), rule, previous)
+    }
+
+    /// A wall and two plates, of which one is shifted.
+    fn scene(shift: f64) -> Snapshot {
+        scene_of(&[plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])], shift)
+    }
+
+    fn scene_of(surfaces: &[Arc<Surface>], shift: f64) -> Snapshot {
+        let poses = vec![
+            at(3.0, 0.0, 0.0, 0.6),
+            at(1.5, -0.4, 0.2, 0.1),
+            at(1.2, 0.3 + shift, -0.1, -0.2),
+        ];
+        Snapshot::new(surfaces.to_vec(), poses)
+    }
+
+    #[test]
+    fn cells_that_were_not_split_cover_the_image_once() {
+        let tree = grow(&scene(0.0), &RULE, None);
+        let finest = 1_usize << MAX_LEVEL;
+        let (rows, columns) = (BASE.rows * finest, BASE.columns * finest);
+        let mut covered = vec![false; rows * columns];
+        for node in tree.nodes.iter().filter(|node| node.parts == NONE) {
+            let side = finest >> node.place.level;
+            let (row, column) = (node.place.row as usize * side, node.place.column as usize * side);
+            for row in row..row + side {
+                let cells = &mut covered[row * columns + column..row * columns + column + side];
+                assert!(cells.iter().all(|cell| !cell));
+                cells.fill(true);
+            }
+        }
+        assert!(covered.into_iter().all(|cell| cell));
+    }
+
+    #[test]
+    fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
+        let alike = |a: &Quadtree, b: &Quadtree| {
+            assert_eq!(a.nodes.len(), b.nodes.len());
+            for (a, b) in a.nodes.iter().zip(&b.nodes) {
+                assert_eq!((a.place, a.parts, a.found, a.open), (b.place, b.parts, b.found, b.open));
+            }
+        };
+        let surfaces = [plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])];
+        let (before, now) = (scene_of(&surfaces, 0.0), scene_of(&surfaces, 0.01));
+        let fresh = grow(&now, &RULE, None);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        alike(&fresh, &pool.install(|| grow(&now, &RULE, None)));
+
+        let old = grow(&before, &RULE, None);
+        let moved = now.moved(&before).unwrap();
+        let again = grow(&now, &RULE, Some((&old, &moved)));
+        alike(&fresh, &again);
+        assert!(again.counts.tiles_reused > 100 && 3 * again.counts.rays < fresh.counts.rays);
+    }
+
+    #[test]
+    fn a_small_target_between_the_rays_of_the_base_grid_is_found() {
+        // 6 mm at 2 m, where cells are 60 mm wide.
+        let (y, z) = (2.0 * 4.0 * BASE.du, 2.0 * 3.0 * BASE.dv + 0.5 * 2.0 * BASE.dv);
+        let scene = Snapshot::new(vec![plate([3e-3, 3e-3])], vec![at(2.0, y, z, 0.0)]);
+        let leaves = grow(&scene, &RULE, None).leaves();
+        let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
+        assert!((area / 36e-6 - 1.0).abs() < 0.3, "{area}");
+        // One that is less than asked for is not looked for.
+        let dim = Rule {
+            rcs_floor: 10.0,
+            ..RULE
+        };
+        assert!(grow(&scene, &dim, None).leaves().is_empty());
+    }
+
+    #[test]
+    fn a_budget_is_kept_and_spent_on_what_matters_most() {
+        let whole = grow(&scene(0.0), &RULE, None);
+        let needed = whole.nodes.len();
+        let mut last = f64::INFINITY;
+        for budget in [needed / 8, needed / 2, 2 * needed] {
+            let rule = Rule {
+                budget: Some(budget),
+                ..RULE
+            };
+            let tree = grow(&scene(0.0), &rule, None);
+            assert!(tree.nodes.len() <= budget);
+            assert!(tree.nodes.len() + 3 >= budget.min(needed / 2));
+            let leaves = tree.nodes.iter().filter(|node| node.could_be_split());
+            let open = leaves.map(|node| node.open).fold(0.0, f64::max);
+            assert!(open < last);
+            last = open;
+        }
+        assert!(last <= 1.0);
+    }
+
+    #[test]
+    fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
+        let wall = Snapshot::new(vec![plate([9.0, 9.0])], vec![at(3.0, 0.0, 0.0, 0.9)]);
+        let tree = grow(&wall, &RULE, None);
+        assert_eq!(tree.nodes.len(), BASE.num_pixels());
+        assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
+        // Without ends every cell has to be fine enough for its centre to stand for it.
+        let centres = Rule {
+            end_points: false,
+            ..RULE
+        };
+        assert!(grow(&wall, &centres, None).nodes.len() > 10 * BASE.num_pixels());
+    }
+
+    #[test]
+    fn ends_of_all_cells_add_up_to_those_that_are_kept() {
+        // The field of a plate by all ends of its linear cells, and by those that no neighbour cancels.
+        let scene = scene(0.0);
+        let tree = grow(&scene, &RULE, None);
+        let (mut all, mut kept, mut size) = (Complex64::ZERO, Complex64::ZERO, 0.0);
+        for leaf in tree.leaves().iter().filter(|leaf| leaf.has_ends == [true, false]) {
+            let cell = leaf.cell;
+            let edges = cell.edges(leaf.found.distance, leaf.found.normal);
+            let wavenumber = TAU * 60e9 / SPEED_OF_LIGHT;
+            for side in 0..2_u8 {
+                let there = cell.about([f64::from(side) - 0.5, 0.0]);
+                let distance = leaf.found.distance * leaf.found.normal.dot(cell.direction())
+                    / leaf.found.normal.dot(there.direction());
+                let slope = wavenumber * there.edges(distance, leaf.found.normal)[0].dot(there.direction());
+                let across = wavenumber * edges[1].dot(cell.direction());
+                let end = Complex64::cis(-2.0 * wavenumber * distance)
+                    * (f64::from(side) - 0.5)
+                    * (there.solid_angle() / slope * across.sin() / across);
+                all += end;
+                size += end.norm();
+                if leaf.kept >> side & 1 == 1 {
+                    kept += end;
+                }
+            }
+        }
+        let tolerance = SHARE * RULE.field(2.0, SPEED_OF_LIGHT / 60e9);
+        assert!((all - kept).norm() < 30.0 * tolerance, "{all} {kept} {tolerance}");
+        assert!(size > 1000.0 * tolerance, "{size} {tolerance}");
+    }
+}
