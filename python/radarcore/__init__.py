@@ -6,7 +6,7 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 
 from radarcore import models, plot, sensor, shapes
 from radarcore._core import __version__
-from radarcore.antenna import GaussianPattern, IsotropicPattern
+from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.camera import Camera
@@ -59,6 +59,7 @@ __all__ = [
     "Simulation",
     "Simulator",
     "Spectrogram",
+    "TabulatedPattern",
     "Trajectory",
     "Truth",
     "Waveform",

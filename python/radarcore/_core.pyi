@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Antennas",
     "Hits",
     "Material",
+    "Pattern",
     "Report",
     "Scatterers",
     "Scene",
@@ -77,12 +79,7 @@ def image_scatterers(
     num_bodies: int,
     focal_length: tuple[float, float],
     principal_point: tuple[float, float],
-    tx: NDArray[np.float64],
-    rx: NDArray[np.float64],
-    pattern: tuple[float, float, float],
-    power: float,
-    frequency: float,
-    polarization: tuple[float, float, float] | None = None,
+    antennas: Antennas,
     is_footprint: bool,
     seed: int,
     threads: int | None = None,
@@ -90,8 +87,7 @@ def image_scatterers(
     """Material points of the surface elements (rows, columns) of an image; the bodies' frames are the sensor frame.
 
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
-    unit vectors towards the sensor; focal lengths and principal point are in pixels. `polarization`: unit vector along
-    the field of the antennas.
+    unit vectors towards the sensor; focal lengths and principal point are in pixels.
     """
 
 @final
@@ -188,6 +184,36 @@ class Material:
         """
 
 @final
+class Pattern:
+    """Power gain of an antenna over directions."""
+
+    @staticmethod
+    def gaussian(peak: float, azimuth: float, elevation: float) -> Pattern:
+        """``peak exp(-azimuth az^2 - elevation el^2)``, the exponents [1/rad^2]; zero: isotropic."""
+    @staticmethod
+    def table(azimuth: NDArray[np.float64], elevation: NDArray[np.float64], gain_db: NDArray[np.float64]) -> Pattern:
+        """Gains [dB] (azimuth, elevation) at increasing angles [rad], bilinear between them, nothing outside."""
+    def gain(self, azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Power gains at angles (n,) [rad], azimuths within half a turn."""
+
+@final
+class Antennas:
+    """Antennas of the sensor."""
+
+    def __new__(
+        cls,
+        *,
+        tx: NDArray[np.float64],
+        rx: NDArray[np.float64],
+        tx_patterns: Sequence[Pattern],
+        rx_patterns: Sequence[Pattern],
+        power: float,
+        frequency: float,
+        polarization: tuple[float, float, float] | None = None,
+    ) -> Antennas:
+        """At (n, 3) [m] in the sensor frame, with a pattern each; `polarization`: unit vector along their field."""
+
+@final
 class Scene:
     """Surfaces."""
 
@@ -214,16 +240,16 @@ class Scene:
         half_width: float,
         half_height: float,
         previous: Hits | None = None,
-        beam: tuple[float, float, float] | None = None,
+        beam: tuple[Antennas, float] | None = None,
         skip_empty: bool = True,
         with_cosines: bool = False,
         threads: int | None = None,
     ) -> Hits:
         """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
 
-        `previous` hits of the same scene are taken over where no body has moved. `beam`, the exponents of the pattern
-        over azimuth and elevation and the least gain of interest there and back relative to the peak, and `skip_empty`
-        say which tiles of the image are left out. `with_cosines`: `cos_incidence` will be wanted.
+        `previous` hits of the same scene are taken over where no body has moved. `beam`, antennas and the least
+        gain of interest of a pair there and back relative to their peaks, and `skip_empty` say which tiles of the image
+        are left out. `with_cosines`: `cos_incidence` will be wanted.
         """
 
 @final
@@ -264,12 +290,7 @@ class Hits:
         self,
         materials: Sequence[Material],
         *,
-        tx: NDArray[np.float64],
-        rx: NDArray[np.float64],
-        pattern: tuple[float, float, float],
-        power: float,
-        frequency: float,
-        polarization: tuple[float, float, float] | None = None,
+        antennas: Antennas,
         is_footprint: bool,
         seed: int,
         threads: int | None = None,

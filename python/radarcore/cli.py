@@ -205,6 +205,7 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
     return {
         "transmitters": len(radar.tx),
         "receivers": len(radar.rx),
+        **_pattern_facts(radar),
         "samples": "real" if radar.is_real else "I/Q",
         "start frequency [Hz]": wf.start_frequency,
         "slope [Hz/s]": wf.slope,
@@ -218,6 +219,13 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "velocity bin [m/s]": wf.velocity_resolution,
         "largest velocity [m/s]": wf.max_velocity,
     }
+
+
+def _pattern_facts(radar: Radar) -> dict[str, str]:
+    """The pattern of all antennas, or those of one after the other."""
+    every = [("transmitter", radar.tx_patterns), ("receiver", radar.rx_patterns)]
+    facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
+    return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(radar.tx_patterns[0])}
 
 
 def _fact_text(value: Any) -> str:

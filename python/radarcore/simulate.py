@@ -72,8 +72,8 @@ class Simulator:
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
     gain_floor_db : float
-        Directions in which the antennas' gain, there and back, is this far below their peak [dB] are not cast for
-        frames and paths; infinite: none is left out. Depth images are always whole.
+        Directions in which the gain of every pair of antennas, there and back, is this far below their peaks [dB] are
+        not cast for frames and paths; infinite: none is left out. Depth images are always whole.
     seed : int
         Changes speckle and noise, nothing else.
     threads : int, optional
@@ -291,7 +291,7 @@ class Simulator:
         (rows, columns), (half_width, half_height) = self.resolution, self._half_sizes
         beam = None
         if not is_image and np.isfinite(self.gain_floor_db):
-            beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
+            beam = (self.radar._core, 10.0 ** (-0.1 * self.gain_floor_db))
         hits = self.scene._core_at(time, self.threads).cast(
             self._place(np.array([time])).poses[0],
             rows=rows,
@@ -341,12 +341,7 @@ class Simulator:
         """Material points of the hits that send anything back."""
         return hits.scatterers(
             self._materials,
-            tx=self.radar.tx - self.radar.array_center,
-            rx=self.radar.rx - self.radar.array_center,
-            pattern=self.radar.pattern.gaussian_parameters,
-            power=self.radar.tx_power,
-            frequency=self.radar.waveform.center_frequency,
-            polarization=self.radar.polarization_vector,
+            antennas=self.radar._core,
             is_footprint=self.sampling == "footprint",
             seed=self.seed,
             threads=self.threads,
