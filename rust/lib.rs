@@ -9,7 +9,8 @@
 //! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
 //! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `scatter` makes paths of what they show
 //! (`material` and `polarization`: what comes back of a wave; `antenna` and `pattern`: what is sent and received of it), which
-//! stays with its `facet` where a body deforms. `near` tells how near bodies are, for directions that no antenna sees.
+//! stays with its `facet` where a body deforms. `near` tells how near bodies are, for directions that no antenna sees;
+//! `quality` what a mesh is good for, with `echo`.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
@@ -34,6 +35,7 @@ pub mod bvh;
 pub mod chirp;
 pub mod delay;
 pub mod direct;
+pub mod echo;
 pub mod error;
 pub mod expansion;
 pub mod facet;
@@ -53,6 +55,7 @@ pub mod plan;
 pub mod polarization;
 #[cfg(feature = "python")]
 mod python;
+pub mod quality;
 pub mod rays;
 pub mod residual;
 pub mod scatter;

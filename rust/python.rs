@@ -522,6 +522,37 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
+    /// What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface, at a
+    /// wavelength [m]: numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area
+    /// and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets.
+    #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
+    fn quality(
+        &self,
+        py: Python<'_>,
+        crease_angle: f64,
+        wavelength: f64,
+        threads: Option<usize>,
+    ) -> PyResult<([usize; 6], [f64; 6])> {
+        let q = compute(py, threads, || Ok(self.0.quality(crease_angle, wavelength)))?;
+        let counts = [
+            q.num_parts,
+            q.num_open_edges,
+            q.num_nonmanifold_edges,
+            q.num_inconsistent_edges,
+            q.num_duplicates,
+            q.num_thin,
+        ];
+        let measures = [
+            q.area,
+            q.smooth_area,
+            q.largest_sagitta,
+            q.mean_sagitta,
+            q.largest_difference,
+            q.rms_difference,
+        ];
+        Ok((counts, measures))
+    }
+
     /// Memory of triangles, tree and shading, and of the vertices [bytes].
     #[getter]
     fn memory(&self) -> (usize, usize) {

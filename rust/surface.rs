@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::hash::mix;
 use crate::leaf::{Leaf, Table};
 use crate::near;
+use crate::quality::Quality;
 use crate::shading::{Groups, Shading};
 use crate::simd::{Isa, Kernel, Level, prefetch};
 use crate::walk::{Single, Visit};
@@ -205,6 +206,11 @@ impl Surface {
             vertices,
             mesh,
         })
+    }
+
+    /// What the mesh is good for; see [`Quality::new`].
+    pub fn quality(&self, crease_angle: f64, wavelength: f64) -> Quality {
+        Quality::new(&self.vertices, &self.mesh.triangles, crease_angle, wavelength)
     }
 
     /// Memory of triangles, tree and shading [bytes], without that of the vertices.

@@ -438,6 +438,7 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
         (lambda: _core.Material(), TypeError),
         (lambda: surface(crease_angle="45"), TypeError),
+        (lambda: SURFACE.quality(crease_angle=None, wavelength=5e-3), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
         (lambda: _core.Scatterers(), TypeError),
@@ -500,6 +501,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         cast(poses, beam=(antennas(**wild_antennas), floor))
         cast(beam=(antennas(tx_patterns=[_core.Pattern.gaussian(value, value, value)]), floor))
     table().gain(np.full(2, value), np.full(2, -value))
+    SURFACE.quality(crease_angle=value, wavelength=value)
     for name in ("distance", "normals", "reflection", "albedo"):
         wild = np.full_like(SURFELS[name], value)
         surfels(**{name: wild}).paths(POSES[None], POINTS, RCS)
@@ -538,6 +540,7 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
                 hits = scene([body]).cast(POSES, **IMAGE)
                 assert np.isin(hits.body(), (-1, 0)).all()
                 hits.scatterers([MATERIAL], **ANTENNAS)
+                body.quality(crease_angle=0.8, wavelength=scale)
 
 
 def test_threads_do_not_change_a_bit() -> None:

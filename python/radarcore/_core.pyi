@@ -152,6 +152,16 @@ class Surface:
         such a surface stay with their facets, see `Scatterers.deforming`.
         """
 
+    def quality(
+        self, *, crease_angle: float, wavelength: float, threads: int | None = None
+    ) -> tuple[list[int], list[float]]:
+        """What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface.
+
+        Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area and
+        smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets at the
+        wavelength [m], relative to the rms echo.
+        """
+
     @property
     def memory(self) -> tuple[int, int]:
         """Memory of triangles, tree and shading, and of the vertices [bytes]."""
