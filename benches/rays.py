@@ -46,6 +46,14 @@ PAIRS = {
         )
         for number in (10, 50, 200)
     },
+    **{
+        f"{side} x {side} pixels of a room of {size}, walks chosen": (
+            f"walks/room_{size}_{side}/chosen",
+            "8 x 8 rays on every walk",
+            f"walks/room_{size}_{side}/together",
+        )
+        for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
+    },
     "new poses of 50 bodies": ("motion/50_bodies", "image of them", "trace/motion/50_bodies/1_thread"),
     "image by a tree refitted after a twist": (
         "trace/twisted/refitted/1_thread",

@@ -1,7 +1,8 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
+//! `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
+//! cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
 
 mod common;
 
@@ -14,11 +15,15 @@ use radarcore::motion::Pose;
 use radarcore::rays::ImagePlane;
 use radarcore::simd::Level;
 use radarcore::surface::{ShadingMode, Surface};
-use radarcore::trace::Snapshot;
+use radarcore::trace::{Cast, Snapshot, Walks};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
-    let side = common::sizes([256], 8)[0];
+    square(common::sizes([256], 8)[0])
+}
+
+/// The same of other sizes.
+fn square(side: usize) -> ImagePlane {
     let half = 30_f64.to_radians().tan();
     ImagePlane::centered(side, side, half, half)
 }
@@ -107,6 +112,41 @@ fn two_levels(criterion: &mut Criterion) {
     }
 }
 
+/// Triangles from larger than tiles to far smaller, in all directions and in some.
+fn walks(criterion: &mut Criterion) {
+    let ahead = Pose {
+        translation: DVec3::new(2.0, 0.0, 0.0),
+        ..Pose::IDENTITY
+    };
+    let pool = common::pool(1);
+    let mut group = criterion.benchmark_group("walks");
+    for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
+        let room = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        let sphere = Snapshot::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
+        for (name, snapshot) in [("room", room), ("sphere", sphere)] {
+            for side in common::sizes([128, 256, 512], 8) {
+                let plane = square(side);
+                group.throughput(Throughput::Elements(plane.num_pixels() as u64));
+                for (way, walks) in [
+                    ("chosen", Walks::Chosen),
+                    ("together", Walks::Together),
+                    ("apart", Walks::Apart),
+                ] {
+                    let cast = Cast {
+                        walks,
+                        ..Cast::default()
+                    };
+                    let id = BenchmarkId::new(format!("{name}_{}_{side}", common::size_id(size)), way);
+                    group.bench_function(id, |bencher| {
+                        bencher.iter(|| pool.install(|| snapshot.cast_image_with(&plane, &cast).unwrap()));
+                    });
+                }
+            }
+        }
+    }
+    group.finish();
+}
+
 /// What moving 50 bodies of 10 k triangles costs before they are cast.
 fn motion(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([10_000], 100)[0]));
@@ -163,6 +203,7 @@ fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
+    walks(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
     hidden(&mut criterion);

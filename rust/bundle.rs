@@ -233,21 +233,15 @@ impl Bundle {
         self.length = length as f32 * (1.0 + UNIT);
     }
 
-    /// Smallest and largest directions.
+    /// Smallest and largest directions of a packet, or of all.
     #[inline(always)]
-    fn slabs(&self) -> Slabs {
-        let (center, half) = (&self.center[PACKETS], &self.half[PACKETS]);
+    fn slabs(&self, packet: usize) -> Slabs {
+        let (center, half) = (&self.center[packet], &self.half[packet]);
         let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
             (low[axis], high[axis]) = (center[axis] - half[axis], center[axis] + half[axis]);
         }
         Slabs::new(&self.origin, self.reach, &low, &high)
-    }
-
-    /// Visit all leaves whose boxes some ray may meet before `far`, near ones first.
-    #[inline(always)]
-    pub fn walk<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
-        walk::<I>(&self.slabs(), tree, far, stack, visitor);
     }
 }
 
@@ -307,7 +301,31 @@ impl Best {
     }
 }
 
-impl<E: Exact> Search<'_, E> {
+impl<E: Exact, const P: usize> Search<'_, E, P> {
+    /// Number of the box round all directions; see [`Bundle::center`].
+    #[inline(always)]
+    fn all(&self) -> usize {
+        const { assert!(P == PACKETS || P == 1) };
+        if P == PACKETS { PACKETS } else { self.from }
+    }
+
+    /// Distance beyond which nothing is wanted.
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        let mut farthest = self.best.farthest[self.from];
+        for packet in self.from + 1..self.from + P {
+            farthest = farthest.max(self.best.farthest[packet]);
+        }
+        farthest
+    }
+
+    /// Visit all leaves whose boxes some ray may meet, near ones first.
+    #[inline(always)]
+    pub fn walk<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
+        let (slabs, far) = (self.bundle.slabs(self.all()), self.farthest());
+        walk::<I>(&slabs, tree, far, stack, self);
+    }
+
     /// Whether some ray meets the box of a child before what it has met so far.
     #[inline(always)]
     fn some_ray_meets<I: Isa>(&self, node: &Node, place: usize) -> bool {
@@ -322,7 +340,7 @@ impl<E: Exact> Search<'_, E> {
                 splat(node.max[axis][place] - bundle.origin[axis] + pad),
             ];
         }
-        for packet in 0..PACKETS {
+        for packet in self.from..self.from + P {
             let first = packet * PACKET;
             let (mut entry, mut exit) = (splat(0.0), I::F32::load(&self.best.far[first..]));
             for axis in 0..3 {
@@ -375,10 +393,12 @@ pub trait Exact {
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }
 
-/// Looks for the nearest triangles of one body.
-pub struct Search<'a, E> {
+/// Looks for the nearest triangles of one body, for all packets of a bundle together or for one: `P` of them.
+pub struct Search<'a, E, const P: usize> {
     /// The rays.
     pub bundle: &'a Bundle,
+    /// The first packet.
+    pub from: usize,
     /// The triangles of every leaf.
     pub leaves: &'a [Leaf],
     /// Bounds coordinates of the triangles.
@@ -395,9 +415,11 @@ pub struct Search<'a, E> {
     pub exact: &'a E,
     /// Of the leaf at hand.
     pub table: &'a mut Table,
+    /// How many leaves were looked at.
+    pub num_leaves: usize,
 }
 
-impl<E: Exact> Visit for Search<'_, E> {
+impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
     #[inline(always)]
     fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool {
         if self.is_fine && !self.some_ray_meets::<I>(node, place) {
@@ -409,21 +431,25 @@ impl<E: Exact> Visit for Search<'_, E> {
 
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32 {
+        self.num_leaves += 1;
         let (bundle, leaf) = (self.bundle, &self.leaves[leaf]);
         let planes = leaf.planes::<I>(&bundle.origin, self.reach + bundle.reach, bundle.length);
-        let all = planes.may_meet(&bundle.center[PACKETS], &bundle.half[PACKETS]) & ((1 << count) - 1);
+        let all = planes.may_meet(&bundle.center[self.all()], &bundle.half[self.all()]) & ((1 << count) - 1);
         if all == 0 {
-            return self.best.farthest();
+            return self.farthest();
         }
         planes.store(self.table);
         let table = &*self.table;
-        for packet in 0..PACKETS {
+        for packet in self.from..self.from + P {
             if near > self.best.farthest[packet] {
                 continue;
             }
-            let mut triangles = all & planes.may_meet(&bundle.center[packet], &bundle.half[packet]);
-            if triangles == 0 {
-                continue;
+            let mut triangles = all;
+            if P > 1 {
+                triangles &= planes.may_meet(&bundle.center[packet], &bundle.half[packet]);
+                if triangles == 0 {
+                    continue;
+                }
             }
             let first = packet * PACKET;
             let mut directions = [<I::F32 as Vector>::splat(0.0); 3];
@@ -478,6 +504,6 @@ impl<E: Exact> Visit for Search<'_, E> {
                 self.best.farthest[packet] = I::F32::load(&self.best.far[first..]).largest();
             }
         }
-        self.best.farthest()
+        self.farthest()
     }
 }

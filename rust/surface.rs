@@ -329,20 +329,21 @@ impl Surface {
         self.middle
     }
 
-    /// Look for triangles that are nearer than those that rays have met so far; see [`Search`].
+    /// Look for triangles that are nearer than those that `P` packets of a bundle, from one on, have met so far; see
+    /// [`Search`]. Returns how many leaves were looked at.
     #[inline(always)]
-    pub fn search<I: Isa, E: Exact>(
+    pub fn search<I: Isa, E: Exact, const P: usize>(
         &self,
         body: u32,
-        bundle: &Bundle,
+        (bundle, from): (&Bundle, usize),
         start: f32,
         best: &mut Best,
         exact: &E,
         (table, stack): (&mut Table, &mut Vec<u64>),
-    ) {
-        let far = best.farthest();
-        let mut search = Search {
+    ) -> usize {
+        let mut search = Search::<E, P> {
             bundle,
+            from,
             leaves: &self.leaves,
             reach: self.reach,
             body,
@@ -351,8 +352,10 @@ impl Surface {
             best,
             exact,
             table,
+            num_leaves: 0,
         };
-        bundle.walk::<I>(&self.tree, far, stack, &mut search);
+        search.walk::<I>(&self.tree, stack);
+        search.num_leaves
     }
 }
 

@@ -17,7 +17,7 @@ mod beam;
 mod image;
 
 pub use beam::Beam;
-pub use image::{Cast, Counts, Hits};
+pub use image::{Cast, Counts, Hits, Walks};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
@@ -295,11 +295,20 @@ mod tests {
 
     const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 
-    /// Every pixel as [`Snapshot::cast`] sees it, whatever the instruction set.
+    /// Every pixel as [`Snapshot::cast`] sees it, whatever the instruction set, on one walk per tile and on four.
     fn check(scene: &Snapshot, plane: &ImagePlane) -> usize {
         let mut count = 0;
         for level in Level::available() {
-            let hits = scene.cast_image_at(plane, level).unwrap();
+            let [hits, apart] = [Walks::Together, Walks::Apart].map(|walks| {
+                let cast = Cast {
+                    level,
+                    walks,
+                    ..Cast::default()
+                };
+                scene.cast_image_with(plane, &cast).unwrap()
+            });
+            assert_eq!(hits.distance, apart.distance);
+            assert_eq!((&hits.body, &hits.triangle), (&apart.body, &apart.triangle));
             for pixel in 0..plane.num_pixels() {
                 let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
                 let direction = DVec3::new(1.0, u, v);

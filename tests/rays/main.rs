@@ -13,7 +13,7 @@ use radarcore::bvh::Ray;
 use radarcore::motion::Pose;
 use radarcore::rays::ImagePlane;
 use radarcore::simd::Level;
-use radarcore::trace::Snapshot;
+use radarcore::trace::{Cast, Snapshot, Walks};
 use rayon::prelude::*;
 
 /// Where rays of images start [m].
@@ -44,8 +44,19 @@ impl Scene {
     fn cast(&self, plane: &ImagePlane, mut judge: impl FnMut(Level, &Ray, usize, Answer) -> Result<(), String>) {
         let rays = rays(plane);
         for level in Level::available() {
-            let hits = self.snapshot.cast_image_at(plane, level).unwrap();
+            let [hits, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
+                let cast = Cast {
+                    level,
+                    walks,
+                    ..Cast::default()
+                };
+                self.snapshot.cast_image_with(plane, &cast).unwrap()
+            });
             assert_eq!(hits.distance.len(), rays.len());
+            for other in [together, apart] {
+                assert_eq!(hits.distance, other.distance);
+                assert_eq!((&hits.body, &hits.triangle), (&other.body, &other.triangle));
+            }
             for (pixel, ray) in rays.iter().enumerate() {
                 let answer = Answer {
                     distance: hits.distance[pixel],
