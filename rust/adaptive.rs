@@ -208,14 +208,14 @@ impl Quadtree {
             rule,
             wavelength: SPEED_OF_LIGHT / array.frequency,
         };
-        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam == cast.beam);
+        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam.as_ref() == cast.beam);
         let mut tree = Self {
             planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
             roots: vec![NONE; rule.base.num_pixels()],
             nodes: Vec::new(),
             counts: Counts::default(),
             num_coarse: 0,
-            beam: cast.beam,
+            beam: cast.beam.cloned(),
             wavelength: judge.wavelength,
             end_points: rule.end_points,
         };
@@ -690,7 +690,7 @@ impl Judge<'_> {
             }
         }
         Look {
-            amplitude: response.reflection.norm() * self.array.relative_gain(direction),
+            amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
             least,
             tolerance: SHARE * self.rule.field(found.distance, self.wavelength),
@@ -742,9 +742,9 @@ mod tests {
     use num_complex::Complex64;
 
     use super::*;
-    use crate::antenna::Pattern;
     use crate::material::Response;
     use crate::motion::Pose;
+    use crate::pattern::Pattern;
     use crate::surface::{ShadingMode, Surface};
 
     fn plate(half: [f64; 2]) -> Arc<Surface> {
@@ -765,15 +765,18 @@ mod tests {
         }
     }
 
+    const ISOTROPIC: Pattern = Pattern::Gaussian {
+        peak: 1.0,
+        azimuth: 0.0,
+        elevation: 0.0,
+    };
+
     fn array() -> Array {
         Array {
             tx: vec![DVec3::ZERO],
             rx: vec![DVec3::ZERO],
-            pattern: Pattern {
-                peak: 1.0,
-                azimuth: 0.0,
-                elevation: 0.0,
-            },
+            tx_patterns: vec![ISOTROPIC],
+            rx_patterns: vec![ISOTROPIC],
             power: 1.0,
             frequency: 60e9,
             polarization: None,

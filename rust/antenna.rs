@@ -1,36 +1,9 @@
-//! Antennas of the sensor: where they are, what they weigh directions with.
+//! Antennas of the sensor: where they are, what they see of a point.
 
 use glam::DVec3;
 
-/// Gaussian beam `peak exp(-azimuth az^2 - elevation el^2)`; zero exponents: isotropic.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pattern {
-    /// Power gain on boresight.
-    pub peak: f64,
-    /// Exponent over azimuth [1/rad^2].
-    pub azimuth: f64,
-    /// Exponent over elevation [1/rad^2].
-    pub elevation: f64,
-}
-
-impl Pattern {
-    /// Power gain towards a direction of the sensor frame (any length).
-    pub fn gain(&self, d: DVec3) -> f64 {
-        if self.azimuth == 0.0 && self.elevation == 0.0 {
-            return self.peak;
-        }
-        let (az, el) = (d.y.atan2(d.x), d.z.atan2(d.x.hypot(d.y)));
-        self.peak * (-self.azimuth * az * az - self.elevation * el * el).exp()
-    }
-
-    /// At most ln(peak / gain) of directions `(1, u, v)` within ranges.
-    pub fn least_decay(&self, u: [f64; 2], v: [f64; 2]) -> f64 {
-        let least = |[low, high]: [f64; 2]| low.max(-high).max(0.0);
-        let most = u[0].abs().max(u[1].abs());
-        let (az, el) = (least(u).atan(), least(v).atan2(1.0_f64.hypot(most)));
-        self.azimuth * az * az + self.elevation * el * el
-    }
-}
+use crate::error::{Error, Result};
+use crate::pattern::Pattern;
 
 /// Transmitters and receivers; channel = tx * `num_rx` + rx.
 #[derive(Clone, Debug)]
@@ -39,8 +12,10 @@ pub struct Array {
     pub tx: Vec<DVec3>,
     /// Receive antennas in the sensor frame [m].
     pub rx: Vec<DVec3>,
-    /// Pattern of every element.
-    pub pattern: Pattern,
+    /// Patterns of the transmit antennas.
+    pub tx_patterns: Vec<Pattern>,
+    /// Patterns of the receive antennas.
+    pub rx_patterns: Vec<Pattern>,
     /// Power of one transmitter [W].
     pub power: f64,
     /// Centre of the sampled band [Hz].
@@ -61,9 +36,27 @@ pub struct Sight {
 }
 
 impl Array {
-    /// Field that is sent to a direction and received from there, relative to the peak.
-    pub fn relative_gain(&self, direction: DVec3) -> f64 {
-        self.pattern.gain(direction) / self.pattern.peak
+    /// Field that is sent to a direction `(1, u, v)` and received from there, relative to the peaks; of the best pair.
+    pub fn relative_gain(&self, u: f64, v: f64) -> f64 {
+        let least = |patterns: &[Pattern]| {
+            let decays = patterns.iter().map(|pattern| pattern.decay([u; 2], [v; 2])[0]);
+            decays.fold(f64::INFINITY, f64::min)
+        };
+        (-0.5 * (least(&self.tx_patterns) + least(&self.rx_patterns))).exp()
+    }
+
+    /// Refuses other numbers of patterns than of antennas.
+    pub fn check(&self) -> Result<()> {
+        for (name, antennas, patterns) in [
+            ("tx_patterns", &self.tx, &self.tx_patterns),
+            ("rx_patterns", &self.rx, &self.rx_patterns),
+        ] {
+            if antennas.len() != patterns.len() {
+                let expected = format!("{}, one per antenna", antennas.len());
+                return Err(Error::value(name, expected, patterns.len()));
+            }
+        }
+        Ok(())
     }
 
     /// Number of TX-RX pairs.
@@ -81,18 +74,19 @@ impl Array {
 
     /// What transmitter and receiver of a channel see of a point of the sensor frame.
     pub fn pair(&self, channel: usize, point: DVec3) -> (Sight, Sight) {
-        let sight = |antenna: DVec3| {
+        let sight = |antenna: DVec3, pattern: &Pattern| {
             let offset = point - antenna;
             let distance = offset.length();
             Sight {
                 distance,
                 direction: offset / distance,
-                gain: self.pattern.gain(offset),
+                gain: pattern.gain(offset),
             }
         };
+        let (tx, rx) = (channel / self.rx.len(), channel % self.rx.len());
         (
-            sight(self.tx[channel / self.rx.len()]),
-            sight(self.rx[channel % self.rx.len()]),
+            sight(self.tx[tx], &self.tx_patterns[tx]),
+            sight(self.rx[rx], &self.rx_patterns[rx]),
         )
     }
 }

@@ -7,9 +7,12 @@
 //!
 //! Images: `rays` (pixels and tiles), `trace` (bodies at their places and images of them), `surface` (triangles of one body),
 //! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
-//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for); `samples`: what a
-//! frame takes of a scene, `adaptive` cells (`parts`: what these must not miss) and `diffuse` points. `scatter` makes paths of what they show
-//! (`material` and `polarization`: what comes back of a wave), which stays with its `facet` where a body deforms.
+//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `samples`:
+//! what a frame takes of a scene, `adaptive` cells (`parts`: what these must not miss) and `diffuse` points. `scatter` makes
+//! paths of what they show
+//! (`material` and `polarization`: what comes back of a wave; `antenna` and `pattern`: what is sent and received of it), which
+//! stays with its `facet` where a body deforms. `near` tells how near bodies are, for directions that no antenna sees;
+//! `quality` what a mesh is good for, with `echo`.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
@@ -36,6 +39,7 @@ pub mod chirp;
 pub mod delay;
 pub mod diffuse;
 pub mod direct;
+pub mod echo;
 pub mod error;
 pub mod expansion;
 pub mod facet;
@@ -48,12 +52,15 @@ pub mod material;
 pub mod mesh;
 pub mod modes;
 pub mod motion;
+pub mod near;
 pub mod parallel;
 pub mod parts;
+pub mod pattern;
 pub mod plan;
 pub mod polarization;
 #[cfg(feature = "python")]
 mod python;
+pub mod quality;
 pub mod rays;
 pub mod residual;
 pub mod samples;

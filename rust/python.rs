@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 use rayon::ThreadPool;
 
 use crate::adaptive::{Leaf, Rule};
-use crate::antenna::{Array, Pattern};
+use crate::antenna::Array;
 use crate::beat;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
@@ -27,6 +27,7 @@ use crate::error::{Error, Result};
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
+use crate::pattern;
 use crate::plan::{Method, Step};
 use crate::polarization::Seen;
 use crate::rays::ImagePlane;
@@ -49,6 +50,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;
     module.add_class::<Material>()?;
+    module.add_class::<Pattern>()?;
+    module.add_class::<Antennas>()?;
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
     module.add_class::<Samples>()?;
@@ -522,6 +525,37 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
+    /// What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface, at a
+    /// wavelength [m]: numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area
+    /// and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets.
+    #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
+    fn quality(
+        &self,
+        py: Python<'_>,
+        crease_angle: f64,
+        wavelength: f64,
+        threads: Option<usize>,
+    ) -> PyResult<([usize; 6], [f64; 6])> {
+        let q = compute(py, threads, || Ok(self.0.quality(crease_angle, wavelength)))?;
+        let counts = [
+            q.num_parts,
+            q.num_open_edges,
+            q.num_nonmanifold_edges,
+            q.num_inconsistent_edges,
+            q.num_duplicates,
+            q.num_thin,
+        ];
+        let measures = [
+            q.area,
+            q.smooth_area,
+            q.largest_sagitta,
+            q.mean_sagitta,
+            q.largest_difference,
+            q.rms_difference,
+        ];
+        Ok((counts, measures))
+    }
+
     /// Memory of triangles, tree and shading, and of the vertices [bytes].
     #[getter]
     fn memory(&self) -> (usize, usize) {
@@ -596,6 +630,83 @@ fn materials(materials: &[PyRef<'_, Material>], num_bodies: usize) -> Result<Vec
     Ok(materials.iter().map(|material| material.0).collect())
 }
 
+/// Power gain of an antenna over directions.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Pattern(pattern::Pattern);
+
+#[pymethods]
+impl Pattern {
+    /// `peak exp(-azimuth az^2 - elevation el^2)`, the exponents [1/rad^2]; zero: isotropic.
+    #[staticmethod]
+    fn gaussian(peak: f64, azimuth: f64, elevation: f64) -> Self {
+        Self(pattern::Pattern::Gaussian {
+            peak,
+            azimuth,
+            elevation,
+        })
+    }
+
+    /// Gains [dB] (azimuth, elevation) at increasing angles [rad], bilinear between them, nothing outside.
+    #[staticmethod]
+    fn table(
+        azimuth: PyReadonlyArray1<'_, f64>,
+        elevation: PyReadonlyArray1<'_, f64>,
+        gain_db: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let azimuth = numbers("azimuth", &azimuth, [None])?;
+        let elevation = numbers("elevation", &elevation, [None])?;
+        let gain_db = numbers("gain_db", &gain_db, [Some(azimuth.len()), Some(elevation.len())])?;
+        let table = pattern::Table::new(azimuth, elevation, gain_db)?;
+        Ok(Self(pattern::Pattern::Table(Arc::new(table))))
+    }
+
+    /// Power gains at angles (n,) [rad], azimuths within half a turn.
+    fn gain<'py>(
+        &self,
+        py: Python<'py>,
+        azimuth: PyReadonlyArray1<'_, f64>,
+        elevation: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let azimuth = numbers("azimuth", &azimuth, [None])?;
+        let elevation = numbers("elevation", &elevation, [Some(azimuth.len())])?;
+        let pairs = azimuth.iter().zip(elevation);
+        Ok(PyArray1::from_iter(py, pairs.map(|(az, el)| self.0.gain_at(*az, *el))))
+    }
+}
+
+/// Antennas of the sensor.
+#[pyclass(frozen, module = "radarcore._core")]
+struct Antennas(Array);
+
+#[pymethods]
+impl Antennas {
+    /// At rows (x, y, z) of the sensor frame, with a pattern each; `polarization`: unit vector along their field.
+    #[new]
+    #[pyo3(signature = (*, tx, rx, tx_patterns, rx_patterns, power, frequency, polarization=None))]
+    fn new(
+        tx: PyReadonlyArray2<'_, f64>,
+        rx: PyReadonlyArray2<'_, f64>,
+        tx_patterns: Vec<PyRef<'_, Pattern>>,
+        rx_patterns: Vec<PyRef<'_, Pattern>>,
+        power: f64,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+    ) -> PyResult<Self> {
+        let patterns = |given: Vec<PyRef<'_, Pattern>>| given.iter().map(|pattern| pattern.0.clone()).collect();
+        let array = Array {
+            tx: points(numbers("tx", &tx, [None, Some(3)])?),
+            rx: points(numbers("rx", &rx, [None, Some(3)])?),
+            tx_patterns: patterns(tx_patterns),
+            rx_patterns: patterns(rx_patterns),
+            power,
+            frequency,
+            polarization: polarization.map(DVec3::from_array),
+        };
+        array.check()?;
+        Ok(Self(array))
+    }
+}
+
 /// Surfaces.
 #[pyclass(frozen, module = "radarcore._core")]
 struct Scene {
@@ -629,8 +740,8 @@ impl Scene {
     }
 
     /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor. `previous` hits of the same scene
-    /// are taken over where no body has moved. `beam`, the exponents of the pattern over azimuth and elevation and the least
-    /// gain of interest there and back relative to the peak, and `skip_empty` say which tiles of the image are left out.
+    /// are taken over where no body has moved. `beam`, antennas and their least gain of interest there and back relative to
+    /// the peaks, and `skip_empty` say which tiles of the image are left out.
     #[pyo3(signature = (
         poses, *, rows, columns, half_width, half_height, previous=None, beam=None, skip_empty=true, with_cosines=false,
         threads=None
@@ -644,15 +755,16 @@ impl Scene {
         half_width: f64,
         half_height: f64,
         previous: Option<PyRef<'_, Hits>>,
-        beam: Option<(f64, f64, f64)>,
+        beam: Option<(PyRef<'_, Antennas>, f64)>,
         skip_empty: bool,
         with_cosines: bool,
         threads: Option<usize>,
     ) -> PyResult<Hits> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane::centered(rows, columns, half_width, half_height);
+        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
         let cast = Cast {
-            beam: self::beam(beam),
+            beam: beam.as_ref(),
             skip_empty,
             with_cosines,
             previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
@@ -675,8 +787,8 @@ impl Scene {
     /// `end_points`: cells whose phase turns fast stand for their ends.
     /// What was sampled of the same scene before is taken over where no body has moved. `beam` and `skip_empty` as in `cast`.
     #[pyo3(signature = (
-        poses, materials, *, rows, columns, half_width, half_height, tx, rx, pattern, power, frequency, polarization=None,
-        rcs_floor, budget=None, end_points, seed, previous=None, beam=None, skip_empty=true, threads=None
+        poses, materials, *, rows, columns, half_width, half_height, antennas, rcs_floor, budget=None, end_points, seed,
+        previous=None, beam=None, skip_empty=true, threads=None
     ))]
     fn sample(
         &self,
@@ -687,55 +799,39 @@ impl Scene {
         columns: usize,
         half_width: f64,
         half_height: f64,
-        tx: PyReadonlyArray2<'_, f64>,
-        rx: PyReadonlyArray2<'_, f64>,
-        pattern: (f64, f64, f64),
-        power: f64,
-        frequency: f64,
-        polarization: Option<[f64; 3]>,
+        antennas: PyRef<'_, Antennas>,
         rcs_floor: f64,
         budget: Option<usize>,
         end_points: bool,
         seed: u64,
         previous: Option<PyRef<'_, Samples>>,
-        beam: Option<(f64, f64, f64)>,
+        beam: Option<(PyRef<'_, Antennas>, f64)>,
         skip_empty: bool,
         threads: Option<usize>,
     ) -> PyResult<Samples> {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let materials = self::materials(&materials, self.surfaces.len())?;
-        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+        let array = &antennas.0;
         let rule = Rule {
             base: ImagePlane::centered(rows, columns, half_width, half_height),
             rcs_floor,
             budget,
             end_points,
         };
+        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
         let cast = Cast {
-            beam: self::beam(beam),
+            beam: beam.as_ref(),
             skip_empty,
             ..Cast::default()
         };
         let before = previous.as_ref().map(|before| (&before.snapshot, &before.samples));
         let (snapshot, samples) = compute(py, threads, || {
             let snapshot = self.snapshot(&poses);
-            let samples = samples::Samples::new(&snapshot, &cast, &materials, &array, &rule, seed, before)?;
+            let samples = samples::Samples::new(&snapshot, &cast, &materials, array, &rule, seed, before)?;
             Ok((snapshot, samples))
         })?;
         Ok(Samples { snapshot, samples })
     }
-}
-
-/// Directions of interest from the exponents of a pattern and its floor.
-fn beam(beam: Option<(f64, f64, f64)>) -> Option<Beam> {
-    beam.map(|(azimuth, elevation, floor)| Beam {
-        pattern: Pattern {
-            peak: 1.0,
-            azimuth,
-            elevation,
-        },
-        floor,
-    })
 }
 
 /// Snapshots of a scene.
@@ -858,25 +954,18 @@ impl Hits {
     }
 
     /// Material points of all hits that send anything back; `materials` has one per body.
-    #[pyo3(signature = (
-        materials, *, tx, rx, pattern, power, frequency, polarization=None, is_footprint, seed, threads=None
-    ))]
+    #[pyo3(signature = (materials, *, antennas, is_footprint, seed, threads=None))]
     fn scatterers(
         &self,
         py: Python<'_>,
         materials: Vec<PyRef<'_, Material>>,
-        tx: PyReadonlyArray2<'_, f64>,
-        rx: PyReadonlyArray2<'_, f64>,
-        pattern: (f64, f64, f64),
-        power: f64,
-        frequency: f64,
-        polarization: Option<[f64; 3]>,
+        antennas: PyRef<'_, Antennas>,
         is_footprint: bool,
         seed: u64,
         threads: Option<usize>,
     ) -> PyResult<Scatterers> {
         let materials = self::materials(&materials, self.snapshot.num_bodies())?;
-        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+        let array = antennas.0.clone();
         let sampling = sampling(is_footprint);
         let scatterers = compute(py, threads, || {
             Ok(scatter::Scatterers::new(
@@ -964,21 +1053,16 @@ impl Samples {
     }
 
     /// Material points of all cells that send anything back; `materials` has one per body.
-    #[pyo3(signature = (materials, *, tx, rx, pattern, power, frequency, polarization=None, threads=None))]
+    #[pyo3(signature = (materials, *, antennas, threads=None))]
     fn scatterers(
         &self,
         py: Python<'_>,
         materials: Vec<PyRef<'_, Material>>,
-        tx: PyReadonlyArray2<'_, f64>,
-        rx: PyReadonlyArray2<'_, f64>,
-        pattern: (f64, f64, f64),
-        power: f64,
-        frequency: f64,
-        polarization: Option<[f64; 3]>,
+        antennas: PyRef<'_, Antennas>,
         threads: Option<usize>,
     ) -> PyResult<Scatterers> {
         let materials = self::materials(&materials, self.snapshot.num_bodies())?;
-        let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+        let array = antennas.0.clone();
         let scatterers = compute(py, threads, || {
             let (snapshot, samples) = (&self.snapshot, &self.samples);
             Ok(scatter::Scatterers::of_samples(snapshot, samples, &materials, array))
@@ -1000,8 +1084,8 @@ impl Samples {
 
 /// Material points of the surface elements of an image that send anything back; the bodies' frames are the sensor frame.
 #[pyfunction(signature = (
-    distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, tx, rx, pattern, power,
-    frequency, polarization=None, is_footprint, seed, threads=None
+    distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, antennas, is_footprint, seed,
+    threads=None
 ))]
 fn image_scatterers(
     py: Python<'_>,
@@ -1013,12 +1097,7 @@ fn image_scatterers(
     num_bodies: usize,
     focal_length: (f64, f64),
     principal_point: (f64, f64),
-    tx: PyReadonlyArray2<'_, f64>,
-    rx: PyReadonlyArray2<'_, f64>,
-    pattern: (f64, f64, f64),
-    power: f64,
-    frequency: f64,
-    polarization: Option<[f64; 3]>,
+    antennas: PyRef<'_, Antennas>,
     is_footprint: bool,
     seed: u64,
     threads: Option<usize>,
@@ -1044,34 +1123,11 @@ fn image_scatterers(
         body: numbers("body", &body, image)?,
         num_bodies,
     };
-    let array = array(&tx, &rx, pattern, power, frequency, polarization)?;
+    let array = antennas.0.clone();
     let scatterers = compute(py, threads, || {
         scatter::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
     })?;
     Ok(Scatterers { scatterers, num_bodies })
-}
-
-/// Antennas from rows (x, y, z), the parameters of a Gaussian beam and a unit vector.
-fn array(
-    tx: &PyReadonlyArray2<'_, f64>,
-    rx: &PyReadonlyArray2<'_, f64>,
-    (peak, azimuth, elevation): (f64, f64, f64),
-    power: f64,
-    frequency: f64,
-    polarization: Option<[f64; 3]>,
-) -> PyResult<Array> {
-    Ok(Array {
-        tx: points(numbers("tx", tx, [None, Some(3)])?),
-        rx: points(numbers("rx", rx, [None, Some(3)])?),
-        pattern: Pattern {
-            peak,
-            azimuth,
-            elevation,
-        },
-        power,
-        frequency,
-        polarization: polarization.map(DVec3::from_array),
-    })
 }
 
 fn sampling(is_footprint: bool) -> Sampling {

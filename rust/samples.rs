@@ -31,8 +31,9 @@ impl Samples {
         before: Option<(&Snapshot, &Self)>,
     ) -> Result<Self> {
         rule.check()?;
+        let beam = cast.beam.and_then(|beam| beam.before(snapshot, &rule.base));
         let cast = &Cast {
-            beam: cast.beam.filter(|beam| beam.ends_within(&rule.base)),
+            beam: beam.as_ref(),
             ..*cast
         };
         let moved = before.and_then(|(before, _)| snapshot.moved(before));

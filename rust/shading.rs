@@ -200,7 +200,10 @@ fn smooth_groups(vertices: &[DVec3], triangles: &[[u32; 3]], area_normals: &[DVe
 
     // Join the corners at both ends of every smooth edge.
     let mut parents: Vec<u32> = (0..3 * triangles.len() as u32).collect();
-    for_edges_of_two(triangles.len(), position, |first, second| {
+    for_edges(triangles.len(), position, |edge| {
+        let Some((first, second)) = two_sides(edge, position) else {
+            return;
+        };
         let (n1, n2) = (area_normals[first / 3], area_normals[second / 3]);
         if n1.dot(n2) > min_cosine * (n1.length() * n2.length()) {
             join(&mut parents, first, next_corner(second));
@@ -223,7 +226,7 @@ fn smooth_groups(vertices: &[DVec3], triangles: &[[u32; 3]], area_normals: &[DVe
 }
 
 /// Number of the distinct position of every vertex, counted in order of appearance. Bit-equal is equal, and -0 is 0.
-pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
+pub(crate) fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
     let mut numbers = HashMap::new();
     vertices
         .iter()
@@ -236,11 +239,16 @@ pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
         .collect()
 }
 
-/// Calls `visit` for every edge that exactly two triangles share and run through in opposite directions.
-///
-/// An edge is named by the corner at which it starts in its triangle; `visit` gets both names. `position` is the
+/// The two corners that an edge has if exactly two triangles share it and run through it in opposite directions.
+fn two_sides(edge: &[u32], position: impl Fn(usize) -> u32) -> Option<(usize, usize)> {
+    let &[first, second] = edge else { return None };
+    let (first, second) = (first as usize, second as usize);
+    (position(first) == position(next_corner(second))).then_some((first, second))
+}
+
+/// Calls `visit` for every edge with the corners at which it starts in its triangles, in increasing order. `position` is the
 /// number of a corner's vertex.
-fn for_edges_of_two(num_triangles: usize, position: impl Fn(usize) -> u32, mut visit: impl FnMut(usize, usize)) {
+pub(crate) fn for_edges(num_triangles: usize, position: impl Fn(usize) -> u32, mut visit: impl FnMut(&[u32])) {
     let ends = |corner: usize| (position(corner), position(next_corner(corner)));
     let low = |corner: usize| ends(corner).0.min(ends(corner).1) as usize;
     let high = |corner: usize| ends(corner).0.max(ends(corner).1);
@@ -272,28 +280,24 @@ fn for_edges_of_two(num_triangles: usize, position: impl Fn(usize) -> u32, mut v
         let bucket = &mut edges[bucket[0] as usize..bucket[1] as usize];
         bucket.sort_unstable_by_key(|&corner| (high(corner as usize), corner));
         for same in bucket.chunk_by(|&a, &b| high(a as usize) == high(b as usize)) {
-            if let &[first, second] = same
-                && ends(first as usize).0 == ends(second as usize).1
-            {
-                visit(first as usize, second as usize);
-            }
+            visit(same);
         }
     }
 }
 
 /// The corner after this one, round its triangle.
-fn next_corner(corner: usize) -> usize {
+pub(crate) fn next_corner(corner: usize) -> usize {
     if corner % 3 == 2 { corner - 2 } else { corner + 1 }
 }
 
-/// Joins the groups of two corners (union-find); the root of a group is its lowest corner.
-pub fn join(parents: &mut [u32], a: usize, b: usize) {
+/// Joins the groups of two corners, or triangles (union-find); the root of a group is its lowest one.
+pub(crate) fn join(parents: &mut [u32], a: usize, b: usize) {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[a.max(b)] = a.min(b) as u32;
 }
 
-/// The lowest corner of a group. Halves the path to it on the way.
-pub fn root(parents: &mut [u32], mut corner: usize) -> usize {
+/// The lowest member of a group. Halves the path to it on the way.
+pub(crate) fn root(parents: &mut [u32], mut corner: usize) -> usize {
     while parents[corner] as usize != corner {
         parents[corner] = parents[parents[corner] as usize];
         corner = parents[corner] as usize;
@@ -302,17 +306,17 @@ pub fn root(parents: &mut [u32], mut corner: usize) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     const CREASE: f64 = PI / 4.0;
     /// Rounding of stored normals: half a unit in the last place of every component.
     const STORED: f64 = f32::EPSILON as f64;
 
-    type Triangles = Vec<[u32; 3]>;
+    pub type Triangles = Vec<[u32; 3]>;
 
     /// Unit icosahedron, split in four `level` times; 20, 80, 320, 1280 triangles.
-    fn icosphere(level: usize) -> (Vec<DVec3>, Triangles) {
+    pub fn icosphere(level: usize) -> (Vec<DVec3>, Triangles) {
         let golden = f64::midpoint(1.0, 5.0_f64.sqrt());
         let mut vertices = Vec::new();
         for (a, b) in [(-1.0, -golden), (1.0, -golden), (-1.0, golden), (1.0, golden)] {

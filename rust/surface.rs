@@ -11,7 +11,9 @@ use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
 use crate::hash::mix;
 use crate::leaf::{Leaf, Table};
+use crate::near;
 use crate::parts::Parts;
+use crate::quality::Quality;
 use crate::shading::{Groups, Shading};
 use crate::simd::{Isa, Kernel, Level, prefetch};
 use crate::walk::{Single, Visit};
@@ -214,6 +216,11 @@ impl Surface {
         })
     }
 
+    /// What the mesh is good for; see [`Quality::new`].
+    pub fn quality(&self, crease_angle: f64, wavelength: f64) -> Quality {
+        Quality::new(&self.vertices, &self.mesh.triangles, crease_angle, wavelength)
+    }
+
     /// Memory of triangles, tree and shading [bytes], without that of the vertices.
     pub fn memory(&self) -> usize {
         let mesh = &self.mesh;
@@ -311,6 +318,16 @@ impl Surface {
                 is_any_enough: false,
             })
             .hit
+    }
+
+    /// Distance of a point from the nearest triangle that is not all behind the plane through the point across `forward`;
+    /// `limit` where that is farther.
+    pub fn distance_in_front(&self, point: DVec3, forward: DVec3, limit: f64) -> f64 {
+        let corners = |leaf: usize, count: usize| {
+            let triangles = self.leaves[leaf].triangles[..count].iter();
+            triangles.map(|triangle| self.mesh.relative(&self.vertices, *triangle as usize, self.middle))
+        };
+        near::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
     }
 
     /// Whether the ray meets any triangle before `far`; ends at the first that is found.

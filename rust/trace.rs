@@ -14,10 +14,12 @@ use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
 
 mod batch;
+mod beam;
 mod image;
 
 pub use batch::{Found, Known};
-pub use image::{Beam, Cast, Counts, Hits, Walks};
+pub use beam::Beam;
+pub use image::{Cast, Counts, Hits, Walks};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
@@ -143,6 +145,15 @@ impl Snapshot {
             is_hidden,
             ended_early: early.into_iter().filter(|early| *early).count(),
         }
+    }
+
+    /// Distance of the nearest triangle that is not all behind the sensor [m].
+    fn nearest_in_front(&self) -> f64 {
+        self.bodies.iter().fold(f64::INFINITY, |nearest, &body| {
+            let pose = &self.poses[body as usize];
+            let (origin, forward) = (pose.point_to_body(DVec3::ZERO), pose.direction_to_body(DVec3::X));
+            self.surface(body).distance_in_front(origin, forward, nearest)
+        })
     }
 
     /// Weights of the corners of a triangle where a ray `(1, u, v)` meets it; those of its middle if it does not.
@@ -272,7 +283,7 @@ mod tests {
     use crate::surface::ShadingMode;
     use glam::DMat3;
 
-    fn square(half: f64) -> Arc<Surface> {
+    pub fn square(half: f64) -> Arc<Surface> {
         let vertices = [[-half, -half], [half, -half], [half, half], [-half, half]].map(|[y, z]| DVec3::new(0.0, y, z));
         Arc::new(Surface::new(&vertices, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat).unwrap())
     }

@@ -46,16 +46,17 @@ def point_echo_reference(position: ArrayLike, rcs: float, radar: Radar) -> NDArr
     fast = wf.sample_times
     x, y, z = np.moveaxis(position, -1, 0)
     cube = np.zeros((radar.num_channels, wf.num_chirps, wf.num_samples), dtype=np.complex128)
-    for channel, (tx, rx) in enumerate(product(radar.tx, radar.rx)):
+    elements = product(zip(radar.tx, radar.tx_patterns, strict=True), zip(radar.rx, radar.rx_patterns, strict=True))
+    for channel, pair in enumerate(elements):
         (range_t, gain_t), (range_r, gain_r) = (
             (
                 np.linalg.norm(position - antenna, axis=-1),
-                radar.pattern.gain(
+                pattern.gain(
                     np.arctan2(y - antenna[1], x - antenna[0]),
                     np.arctan2(z - antenna[2], np.hypot(x - antenna[0], y - antenna[1])),
                 ),
             )
-            for antenna in (tx, rx)
+            for antenna, pattern in pair
         )
         power = radar.tx_power * gain_t * gain_r * wf.wavelength**2 * rcs / (4.0 * np.pi) ** 3
         tau = (range_t + range_r) / SPEED_OF_LIGHT

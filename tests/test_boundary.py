@@ -30,15 +30,15 @@ VERTICES = np.array([[0.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (-0.5, 0.5)]
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4]], np.uint32)
 POSES = np.array([[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]])
 IMAGE: dict[str, Any] = {"rows": 20, "columns": 30, "half_width": 0.5, "half_height": 0.5}
-ANTENNAS: dict[str, Any] = {
+ARRAY: dict[str, Any] = {
     "tx": np.zeros((1, 3)),
     "rx": np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]]),
-    "pattern": (2.0, 1.0, 1.5),
+    "tx_patterns": [_core.Pattern.gaussian(2.0, 1.0, 1.5)],
+    "rx_patterns": [_core.Pattern.table(np.array([-1.0, 1.0]), np.array([-1.0, 1.0]), np.zeros((2, 2)))] * 2,
     "power": 1.0,
     "frequency": 60e9,
-    "is_footprint": True,
-    "seed": 0,
 }
+ANTENNAS: dict[str, Any] = {"antennas": _core.Antennas(**ARRAY), "is_footprint": True, "seed": 0}
 POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
 
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
@@ -75,8 +75,20 @@ def cast(poses: Any = POSES, **changes: Any) -> Any:
     return SCENE.cast(poses, **(IMAGE | changes))
 
 
+def antennas(**changes: Any) -> Any:
+    return _core.Antennas(**(ARRAY | changes))
+
+
 def scatterers(materials: Any = (MATERIAL,), **changes: Any) -> Any:
-    return HITS.scatterers(list(materials), **(ANTENNAS | changes))
+    array = {name: changes.pop(name) for name in list(changes) if name in ARRAY or name == "polarization"}
+    return HITS.scatterers(list(materials), **(ANTENNAS | {"antennas": antennas(**array)} | changes))
+
+
+ANGLES, GAINS = np.array([0.0, 1.0]), np.zeros((2, 2))
+
+
+def table(azimuth: Any = ANGLES, elevation: Any = ANGLES, gain_db: Any = GAINS) -> Any:
+    return _core.Pattern.table(azimuth, elevation, gain_db)
 
 
 def reflectance(materials: Any = (MATERIAL,), **changes: Any) -> Any:
@@ -149,6 +161,7 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.cos_incidence(), "float64", (20, 30)),
         (reflectance(), "float64", (20, 30)),
         (reflectance([GLASS], polarization=(0.0, 0.0, 1.0)), "float64", (20, 30)),
+        (table().gain(np.zeros(3), np.ones(3)), "float64", (3,)),
         (response()[0], "complex128", (3,)),
         (response()[1], "float64", (3,)),
         (HITS.body(), "int32", (20, 30)),
@@ -181,11 +194,14 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "surface triangles": (lambda a: surface(triangles=a), TRIANGLES),
     "response cosine": (lambda a: response(a), COSINES),
     "cast poses": (lambda a: cast(a), POSES),
-    "scatterers tx": (lambda a: scatterers(tx=a), ANTENNAS["rx"]),
-    "scatterers rx": (lambda a: scatterers(rx=a), ANTENNAS["rx"]),
+    "antennas tx": (lambda a: antennas(tx=a, tx_patterns=ARRAY["rx_patterns"]), ARRAY["rx"]),
+    "antennas rx": (lambda a: antennas(rx=a), ARRAY["rx"]),
+    "table azimuth": (lambda a: table(azimuth=a), np.array([-0.5, 1.0])),
+    "table elevation": (lambda a: table(elevation=a), np.array([-0.5, 1.0])),
+    "table gain_db": (lambda a: table(gain_db=a), np.array([[0.0, 1.0], [2.0, 3.0]])),
+    "gain azimuth": (lambda a: table().gain(a, np.zeros(2)), np.array([0.1, 0.2])),
+    "gain elevation": (lambda a: table().gain(np.zeros(2), a), np.array([0.1, 0.2])),
     **{f"surfels {name}": (lambda a, name=name: surfels(**{name: a}), SURFELS[name]) for name in SURFELS},
-    "surfels tx": (lambda a: surfels(tx=a), ANTENNAS["rx"]),
-    "surfels rx": (lambda a: surfels(rx=a), ANTENNAS["rx"]),
     "paths poses": (lambda a: paths(poses=a), POSES[None]),
     "paths points": (lambda a: paths(points=a), POINTS),
     "paths rcs": (lambda a: paths(points=np.ones((1, 2, 3)), rcs=a), np.ones(2)),
@@ -294,8 +310,12 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
         (lambda: cast(np.zeros((0, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
         (lambda: cast(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
         (lambda: EMPTY.cast(POSES, **IMAGE), r"poses: expected shape \(0, 3, 4\), got \(1, 3, 4\)"),
-        (lambda: scatterers(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
-        (lambda: scatterers(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
+        (lambda: antennas(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
+        (lambda: antennas(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
+        (lambda: antennas(tx=np.zeros((2, 3))), "tx_patterns: expected 2, one per antenna, got 1"),
+        (lambda: antennas(rx_patterns=[]), "rx_patterns: expected 2, one per antenna, got 0"),
+        (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
+        (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
         (lambda: paths(np.zeros((1, 2, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 2, 3, 4\)"),
         (lambda: paths(np.zeros((2, 0, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(2, 0, 3, 4\)"),
         (lambda: paths(np.zeros((1, 1, 4, 3))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 1, 4, 3\)"),
@@ -327,6 +347,12 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
         (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
         (lambda: surfels(focal_length=(1.0, NAN)), "field_of_view: expected angles"),
         (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
+        (lambda: table(np.array([1.0, 0.0])), "azimuth: expected increasing angles .*, got 1 and then 0"),
+        (lambda: table(np.array([0.0, 4.0])), "azimuth: expected angles from -3.141593 to 3.141593 .*, got 4"),
+        (lambda: table(elevation=np.array([NAN, 1.0])), "elevation: expected angles from -1.57.*, got NaN"),
+        (lambda: table(gain_db=np.full((2, 2), -INF)), "gain_db: expected -1000 to 1000 dB, got -inf"),
+        (lambda: table(np.zeros(1), gain_db=np.zeros((1, 2))), "azimuth: expected at least two angles, got 1"),
+        (lambda: table(np.zeros(0), np.zeros(0), np.zeros((0, 0))), "azimuth: expected at least two angles, got 0"),
         (lambda: beat(np.full((2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
         (lambda: beat(amplitude=np.full((2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
         (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
@@ -395,8 +421,13 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: scatterers(seed=-1), OverflowError),
         (lambda: scatterers(seed=2**64), OverflowError),
         (lambda: scatterers(seed=1.0), TypeError),
-        (lambda: scatterers(pattern=(1.0, 0.0)), (TypeError, ValueError)),
-        (lambda: scatterers(pattern=None), TypeError),
+        (lambda: antennas(rx_patterns=[None, None]), TypeError),
+        (lambda: antennas(rx_patterns=None), TypeError),
+        (lambda: _core.Pattern(), TypeError),
+        (lambda: _core.Pattern.gaussian(1.0, 0.0), TypeError),
+        (lambda: HITS.scatterers([MATERIAL], antennas=None, is_footprint=True, seed=0), TypeError),
+        (lambda: cast(beam=ANTENNAS["antennas"]), TypeError),
+        (lambda: cast(beam=(None, 1e-8)), TypeError),
         (lambda: scene([None]), TypeError),
         (lambda: scene(["surface"]), TypeError),
         (lambda: _core.Scene(SURFACE), TypeError),
@@ -407,6 +438,7 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
         (lambda: _core.Material(), TypeError),
         (lambda: surface(crease_angle="45"), TypeError),
+        (lambda: SURFACE.quality(crease_angle=None, wavelength=5e-3), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
         (lambda: _core.Scatterers(), TypeError),
@@ -438,7 +470,7 @@ def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any
         (lambda: EMPTY_SCATTERERS.delay_rates(POSES[:0], POSES[:0], POINTS[0, :0], POINTS[0, :0]), (2, 0)),
         (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
         (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
-        (lambda: scatterers(tx=np.zeros((0, 3))).paths(POSES[None], POINTS, RCS)[1], None),
+        (lambda: scatterers(tx=np.zeros((0, 3)), tx_patterns=[]).paths(POSES[None], POINTS, RCS)[1], None),
         (lambda: scatterers(seed=HUGE).body(), (len(SCATTERERS),)),
         (lambda: paths(np.zeros((0, 1, 3, 4)), np.zeros((0, 1, 3)))[0], (0, 2, len(SCATTERERS) + 1)),
         (lambda: paths(points=np.zeros((1, 0, 3)), rcs=np.zeros(0))[0], (1, 2, len(SCATTERERS))),
@@ -456,14 +488,20 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     assert np.isin(hits.body(), (-1, 0)).all()
     for wild in (
         hits.scatterers([MATERIAL], **ANTENNAS),
-        hits.scatterers([GLASS], **ANTENNAS, polarization=(value,) * 3),
+        hits.scatterers([GLASS], **(ANTENNAS | {"antennas": antennas(polarization=(value,) * 3)})),
         scatterers(frequency=value),
         scatterers([GLASS], frequency=value),
         scatterers(power=value),
-        scatterers(pattern=(value,) * 3),
+        scatterers(tx_patterns=[_core.Pattern.gaussian(value, value, value)]),
     ):
         wild.paths(POSES[None], np.full((1, 1, 3), value), np.full(1, value))
-    hit_scatterers = scatterers(tx=np.full((1, 3), value), rx=np.full((2, 3), -value))
+    wild_antennas = {"tx": np.full((1, 3), value), "rx": np.full((2, 3), -value)}
+    hit_scatterers = scatterers(**wild_antennas)
+    for floor in (1e-8, value):
+        cast(poses, beam=(antennas(**wild_antennas), floor))
+        cast(beam=(antennas(tx_patterns=[_core.Pattern.gaussian(value, value, value)]), floor))
+    table().gain(np.full(2, value), np.full(2, -value))
+    SURFACE.quality(crease_angle=value, wavelength=value)
     for name in ("distance", "normals", "reflection", "albedo"):
         wild = np.full_like(SURFELS[name], value)
         surfels(**{name: wild}).paths(POSES[None], POINTS, RCS)
@@ -502,6 +540,7 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
                 hits = scene([body]).cast(POSES, **IMAGE)
                 assert np.isin(hits.body(), (-1, 0)).all()
                 hits.scatterers([MATERIAL], **ANTENNAS)
+                body.quality(crease_angle=0.8, wavelength=scale)
 
 
 def test_threads_do_not_change_a_bit() -> None:

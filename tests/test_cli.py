@@ -215,6 +215,7 @@ def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
     for one in facts:
         assert one["range bin [m]"] == waveform.range_resolution
         assert one["samples"] == "real"
+        assert one["antenna pattern"] == "Gaussian, 3.5 dBi, 65 x 40 degrees"
 
 
 def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:

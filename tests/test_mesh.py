@@ -163,6 +163,24 @@ def test_cube_of_quads_is_read_as_twelve_triangles_of_volume_one(tmp_path: Path)
         np.testing.assert_array_equal(mesh.bounds, [[0, 0, 0], [1, 1, 1]])
 
 
+def test_normals_in_a_file_are_ignored(tmp_path: Path) -> None:
+    ball = rc.shapes.sphere(0.1, subdivisions=2)
+    vertices = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in ball.vertices.tolist())
+    plain, wrong = (
+        "".join(f"f {a + 1}{normal} {b + 1}{normal} {c + 1}{normal}\n" for a, b, c in ball.triangles)
+        for normal in ("", "//1")
+    )
+    one = rc.load_mesh(written(tmp_path, vertices + plain))
+    other = rc.load_mesh(written(tmp_path, vertices + "vn 0 0 1\n" + wrong))
+    for body in (one, other):
+        np.testing.assert_array_equal(body.triangles, ball.triangles)
+    radar = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=1))
+    scenes = [rc.Scene([rc.Body(mesh, motion=rc.Pose([1.0, 0.0, 0.0]))]) for mesh in (one, other)]
+    images = [rc.Simulator(scene, radar).depth_image() for scene in scenes]
+    np.testing.assert_array_equal(images[0].normals, images[1].normals)
+    assert (images[0].body >= 0).sum() > 100
+
+
 def test_concave_polygon_keeps_its_area(tmp_path: Path) -> None:
     # An L of three unit squares: a fan from its first corner would cover 3 + 1 of them.
     mesh = rc.load_mesh(written(tmp_path, "v 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 0 0 0\nf 1 2 3 4 5 6\n"))

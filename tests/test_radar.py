@@ -142,6 +142,9 @@ RADARS = [
     rc.Radar(WAVEFORM, polarization="vertical"),
     rc.Radar(WAVEFORM, polarization="horizontal"),
     rc.Radar(WAVEFORM, polarization=[0.1, 0.0, np.sqrt(0.99)]),
+    rc.Radar(WAVEFORM, pattern=rc.TabulatedPattern([-1.0, 1.0], [-0.1, 0.1, 0.3], [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])),
+    rc.Radar(WAVEFORM, tx=TX, tx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
+    rc.Radar(WAVEFORM, tx=TX, rx=TX, rx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
 ]
 
 
@@ -152,12 +155,14 @@ def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
     assert hash(back) == hash(radar)
     np.testing.assert_array_equal(back.rx, radar.rx)
     assert (back.pattern, back.receiver, back.tx_power_dbm) == (radar.pattern, radar.receiver, radar.tx_power_dbm)
+    assert (back.tx_patterns, back.rx_patterns) == (radar.tx_patterns, radar.rx_patterns)
     assert back.polarization_vector == radar.polarization_vector
 
 
-def test_radar_of_a_file_from_before_polarization_has_none() -> None:
+def test_radar_of_a_file_from_before_polarization_and_patterns_of_elements_has_none() -> None:
     values = RADARS[1].to_dict()
-    del values["polarization"]
+    for name in ("polarization", "tx_patterns", "rx_patterns"):
+        del values[name]
     assert rc.Radar.from_dict(values) == RADARS[1]
 
 
@@ -202,6 +207,10 @@ NAN = float("nan")
         ({"tx": None}, (TypeError, ValueError), r"tx: expected (numbers of )?shape \(n, 3\)"),
         ({"tx": [[0.0, 0.0, 1j]]}, TypeError, r"tx: expected numbers of shape \(n, 3\), got list"),
         ({"pattern": "isotropic"}, TypeError, "pattern: expected .*IsotropicPattern.*got str"),
+        ({"tx_patterns": []}, ValueError, "tx_patterns: expected 1 patterns, one per element, got 0"),
+        ({"rx_patterns": [rc.IsotropicPattern()] * 2}, ValueError, "rx_patterns: expected 1 patterns.*, got 2"),
+        ({"rx_patterns": rc.IsotropicPattern()}, TypeError, "rx_patterns: expected a sequence.*, got IsotropicPattern"),
+        ({"tx_patterns": [3.0]}, TypeError, r"tx_patterns\[0\]: expected .*IsotropicPattern.*got float"),
         ({"receiver": "real"}, TypeError, "receiver: expected .*Receiver.*got str"),
         ({"waveform": None}, TypeError, "waveform: expected Waveform, got NoneType"),
         ({"tx_power_dbm": NAN}, ValueError, "tx_power_dbm: expected a finite number.*got nan"),
@@ -243,5 +252,7 @@ def test_what_is_no_pattern_is_refused_with_its_name(
 def test_description_of_another_pattern_is_refused() -> None:
     values = RADARS[0].to_dict()
     values["pattern"] = {"kind": "cosine"}
-    with pytest.raises(ValueError, match="pattern kind: expected one of 'isotropic', 'gaussian', got 'cosine'"):
+    with pytest.raises(
+        ValueError, match="pattern kind: expected one of 'isotropic', 'gaussian', 'tabulated', got 'cosine'"
+    ):
         rc.Radar.from_dict(values)

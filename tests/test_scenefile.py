@@ -320,6 +320,23 @@ def test_radar_has_all_its_keys(tmp_path: Path) -> None:
     assert load(tmp_path, "", radar=text).radar == expected
 
 
+def test_radar_has_patterns_from_tables_and_files(tmp_path: Path) -> None:
+    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n-9,0,1\n9,0,2\n-9,9,3\n9,9,4\n", "utf-8")
+    text = """
+    [radar]
+    preset = "bgt60tr13c"
+    pattern = { azimuth_deg = [-60, 0, 60], elevation_deg = [-30, 30], gain_db = [[0, 0], [10, 12], [0, 0.5]] }
+    tx_patterns = [{ path = "horn.csv" }]
+    """
+    radar = load(tmp_path, "", radar=text).radar
+    table = rc.TabulatedPattern.from_degrees([-60, 0, 60], [-30, 30], [[0, 0], [10, 12], [0, 0.5]])
+    horn = rc.TabulatedPattern.from_degrees([-9, 9], [0, 9], [[1, 3], [2, 4]])
+    assert (radar.pattern, radar.tx_patterns, radar.rx_patterns) == (table, (horn,), (table,) * 3)
+    preset = load(tmp_path, "", radar='[radar]\npreset = "bgt60tr13c"\nrx_patterns = [{}, { gain_db = 3 }, {}]').radar
+    assert preset.tx_patterns == (rc.bgt60tr13c().pattern,)
+    assert preset.rx_patterns == (rc.IsotropicPattern(), rc.IsotropicPattern(3.0), rc.IsotropicPattern())
+
+
 def test_preset_takes_other_values(tmp_path: Path) -> None:
     text = '[radar]\npreset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\ntx_power_dbm = 0\n'
     assert load(tmp_path, "", radar=text).radar == rc.bgt60tr13c(stop_frequency=60e9, num_chirps=8, tx_power_dbm=0.0)
@@ -597,6 +614,49 @@ RADAR_FAULTS = {
     "negative beam": (
         radar("pattern = { beamwidth_azimuth_deg = -30, beamwidth_elevation_deg = 3 }"),
         "radar: pattern.beamwidth_azimuth_deg: expected a positive number [degrees], got -30.0",
+    ),
+    "table without gains": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),
+        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got none",
+    ),
+    "gains without angles": (
+        radar("pattern = { gain_db = [[0, 1], [0, 1]], elevation_deg = [0, 1] }"),
+        "radar: pattern.azimuth_deg: expected a list, as all three keys of a table are, got none",
+    ),
+    "one gain": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = 3 }"),
+        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got 3.0",
+    ),
+    "table of radians": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 91], gain_db = [[0, 0], [0, 0]] }"),
+        "radar: pattern.elevation_deg: expected angles from -90 to 90 [degrees], got 91",
+    ),
+    "table of words": (
+        radar('pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, "x"]] }'),
+        "radar: pattern.gain_db[1][1]: expected a number [dBi], got 'x'",
+    ),
+    "word for a gain": (
+        radar('pattern = { gain_db = "x" }'),
+        "radar: pattern.gain_db: expected a number or a list [dBi], got 'x'",
+    ),
+    "table and widths": (
+        radar(
+            "pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, 0]], "
+            "beamwidth_azimuth_deg = 3 }"
+        ),
+        "radar: pattern.azimuth_deg: expected either a table or beam widths, got both",
+    ),
+    "file and gain": (
+        radar('pattern = { path = "horn.csv", gain_db = 3 }'),
+        "radar: pattern.path: expected it alone, got gain_db as well",
+    ),
+    "patterns": (
+        radar("tx_patterns = [{}, {}]"),
+        "radar: tx_patterns: expected 1 patterns, one per element, got 2",
+    ),
+    "one of the patterns": (
+        radar("tx_patterns = [{ beamwidth_azimuth_deg = 30 }]"),
+        "radar: tx_patterns[0].beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
     ),
     "receiver": (
         radar("receiver = { noise_figure = 3 }"),

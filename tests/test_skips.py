@@ -114,6 +114,69 @@ def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> 
     np.testing.assert_array_equal(image.body, rc.Simulator(wall, RADAR, resolution=128).depth_image().body)
 
 
+def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> None:
+    # Antennas 10 cm apart that look into different directions, at walls as near as that and farther off.
+    slopes = -np.abs(np.linspace(-120.0, 40.0, 9))[:, None] * np.ones(3)
+    table = rc.TabulatedPattern.from_degrees(np.linspace(-40.0, 40.0, 9), [-40.0, 0.0, 40.0], slopes)
+    narrow = rc.GaussianPattern(20.0, beamwidth_azimuth_deg=8.0, beamwidth_elevation_deg=10.0)
+    radar = rc.Radar(
+        RADAR.waveform,
+        tx=[[0.0, 0.05, 0.0], [0.0, -0.05, 0.0]],
+        rx=[[0.0, 0.05, 0.02], [0.01, -0.05, 0.0]],
+        tx_patterns=[narrow, table],
+        rx_patterns=[table, narrow],
+    )
+    shares = []
+    for distance in (0.1, 0.3, 2.0):
+        wall = rc.Body(rc.shapes.plate(8.0, 8.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([distance, 0, 0]))
+        whole, most = (
+            rc.Simulator(rc.Scene([wall]), radar, resolution=128, gain_floor_db=floor, method="direct")
+            for floor in (np.inf, 80.0)
+        )
+        expected, frame = whole.frame(), most.frame()
+        shares.append(frame.stats["rays_cast"] / expected.stats["rays_cast"])
+        # In every channel no path is missing that is well above the floor, and the rest adds up to little.
+        all_of_them, kept = np.abs(whole.paths().amplitude), np.abs(most.paths().amplitude)
+        for channel in range(4):
+            largest = all_of_them[channel].max()
+            assert (kept[channel] > 1e-3 * largest).sum() == (all_of_them[channel] > 1e-3 * largest).sum() > 0
+            error = np.abs(frame.cube[channel] - expected.cube[channel]).max()
+            assert error < 1e-4 * np.abs(expected.cube[channel]).max()
+    assert 1.0 >= shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.8
+
+
+def test_tiles_outside_of_a_table_are_not_cast() -> None:
+    table = rc.TabulatedPattern.from_degrees([-10.0, 10.0], [-30.0, 30.0], np.zeros((2, 2)))
+    radar = rc.Radar(RADAR.waveform, pattern=table)
+    wall = rc.Scene([rc.Body(rc.shapes.plate(8.0, 8.0), motion=rc.Pose([2.0, 0.0, 0.0]))])
+    some, whole = (
+        rc.Simulator(wall, radar, resolution=128, gain_floor_db=floor, method="direct").frame()
+        for floor in (80.0, np.inf)
+    )
+    np.testing.assert_array_equal(some.cube, whole.cube)
+    # tan 10 over tan 30 degrees: 39 of 128 columns, 5 or 6 of 16 tiles.
+    assert some.stats["rays_cast"] == 6 * 8 * 128
+    assert whole.stats["rays_cast"] == 128 * 128
+
+
+def test_tiles_are_taken_over_behind_a_beam_too() -> None:
+    # A ball comes nearer: the antennas beside the centre see more and more of the image at its distance.
+    beam = rc.GaussianPattern(20.0, beamwidth_azimuth_deg=12.0, beamwidth_elevation_deg=14.0)
+    radar = rc.Radar(RADAR.waveform, tx=[[0.0, 0.05, 0.0]], rx=[[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]], pattern=beam)
+    ball = rc.Linear(rc.Pose([2.5, 0.3, 0.0]), velocity=[-2.0, 0.0, 0.0])
+    scene = rc.Scene([*ten_bodies(0.0).bodies, rc.Body(rc.shapes.sphere(0.1), motion=ball)])
+    sim, fresh = (rc.Simulator(scene, radar, resolution=128) for _ in range(2))
+    fresh._reuses_tiles = False
+    reused = []
+    for time in np.arange(0.0, 1.15, 0.05):
+        frame = sim.frame(time)
+        np.testing.assert_array_equal(frame.cube, fresh.frame(time).cube)
+        reused.append(frame.stats["tiles_reused"] > 0)
+    # All but in the first, and where the distance of the nearest passes a power of two: 2, 1 and 0.5 m.
+    assert sum(reused) == len(reused) - 4
+
+
 @pytest.mark.parametrize("floor", [0.0, -3.0, np.nan, -np.inf, "low"])
 def test_gain_floor_is_a_positive_number_of_decibels(floor: Any) -> None:
     with pytest.raises((ValueError, TypeError), match="gain_floor_db"):

@@ -6,7 +6,7 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 
 from radarcore import models, plot, sensor, shapes
 from radarcore._core import __version__
-from radarcore.antenna import GaussianPattern, IsotropicPattern
+from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.camera import Camera
@@ -19,6 +19,7 @@ from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
 from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
+from radarcore.quality import MeshReport, mesh_report
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
@@ -44,6 +45,7 @@ __all__ = [
     "Linear",
     "Material",
     "Mesh",
+    "MeshReport",
     "Paths",
     "Peak",
     "Plan",
@@ -59,6 +61,7 @@ __all__ = [
     "Simulation",
     "Simulator",
     "Spectrogram",
+    "TabulatedPattern",
     "Trajectory",
     "Truth",
     "Waveform",
@@ -70,6 +73,7 @@ __all__ = [
     "load_meshes",
     "load_scene",
     "materials",
+    "mesh_report",
     "models",
     "open_sensor",
     "plan_beat_signal",

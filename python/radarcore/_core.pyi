@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Antennas",
     "Hits",
     "Material",
+    "Pattern",
     "Report",
     "Samples",
     "Scatterers",
@@ -78,12 +80,7 @@ def image_scatterers(
     num_bodies: int,
     focal_length: tuple[float, float],
     principal_point: tuple[float, float],
-    tx: NDArray[np.float64],
-    rx: NDArray[np.float64],
-    pattern: tuple[float, float, float],
-    power: float,
-    frequency: float,
-    polarization: tuple[float, float, float] | None = None,
+    antennas: Antennas,
     is_footprint: bool,
     seed: int,
     threads: int | None = None,
@@ -91,8 +88,7 @@ def image_scatterers(
     """Material points of the surface elements (rows, columns) of an image; the bodies' frames are the sensor frame.
 
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
-    unit vectors towards the sensor; focal lengths and principal point are in pixels. `polarization`: unit vector along
-    the field of the antennas.
+    unit vectors towards the sensor; focal lengths and principal point are in pixels.
     """
 
 @final
@@ -157,6 +153,16 @@ class Surface:
         such a surface stay with their facets, see `Scatterers.deforming`.
         """
 
+    def quality(
+        self, *, crease_angle: float, wavelength: float, threads: int | None = None
+    ) -> tuple[list[int], list[float]]:
+        """What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface.
+
+        Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area and
+        smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets at the
+        wavelength [m], relative to the rms echo.
+        """
+
     @property
     def memory(self) -> tuple[int, int]:
         """Memory of triangles, tree and shading, and of the vertices [bytes]."""
@@ -189,6 +195,36 @@ class Material:
         """
 
 @final
+class Pattern:
+    """Power gain of an antenna over directions."""
+
+    @staticmethod
+    def gaussian(peak: float, azimuth: float, elevation: float) -> Pattern:
+        """``peak exp(-azimuth az^2 - elevation el^2)``, the exponents [1/rad^2]; zero: isotropic."""
+    @staticmethod
+    def table(azimuth: NDArray[np.float64], elevation: NDArray[np.float64], gain_db: NDArray[np.float64]) -> Pattern:
+        """Gains [dB] (azimuth, elevation) at increasing angles [rad], bilinear between them, nothing outside."""
+    def gain(self, azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Power gains at angles (n,) [rad], azimuths within half a turn."""
+
+@final
+class Antennas:
+    """Antennas of the sensor."""
+
+    def __new__(
+        cls,
+        *,
+        tx: NDArray[np.float64],
+        rx: NDArray[np.float64],
+        tx_patterns: Sequence[Pattern],
+        rx_patterns: Sequence[Pattern],
+        power: float,
+        frequency: float,
+        polarization: tuple[float, float, float] | None = None,
+    ) -> Antennas:
+        """At (n, 3) [m] in the sensor frame, with a pattern each; `polarization`: unit vector along their field."""
+
+@final
 class Scene:
     """Surfaces."""
 
@@ -215,16 +251,16 @@ class Scene:
         half_width: float,
         half_height: float,
         previous: Hits | None = None,
-        beam: tuple[float, float, float] | None = None,
+        beam: tuple[Antennas, float] | None = None,
         skip_empty: bool = True,
         with_cosines: bool = False,
         threads: int | None = None,
     ) -> Hits:
         """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
 
-        `previous` hits of the same scene are taken over where no body has moved. `beam`, the exponents of the pattern
-        over azimuth and elevation and the least gain of interest there and back relative to the peak, and `skip_empty`
-        say which tiles of the image are left out. `with_cosines`: `cos_incidence` will be wanted.
+        `previous` hits of the same scene are taken over where no body has moved. `beam`, antennas and the least
+        gain of interest of a pair there and back relative to their peaks, and `skip_empty` say which tiles of the image
+        are left out. `with_cosines`: `cos_incidence` will be wanted.
         """
     def sample(
         self,
@@ -235,18 +271,13 @@ class Scene:
         columns: int,
         half_width: float,
         half_height: float,
-        tx: NDArray[np.float64],
-        rx: NDArray[np.float64],
-        pattern: tuple[float, float, float],
-        power: float,
-        frequency: float,
-        polarization: tuple[float, float, float] | None = None,
+        antennas: Antennas,
         rcs_floor: float,
         budget: int | None = None,
         end_points: bool,
         seed: int,
         previous: Samples | None = None,
-        beam: tuple[float, float, float] | None = None,
+        beam: tuple[Antennas, float] | None = None,
         skip_empty: bool = True,
         threads: int | None = None,
     ) -> Samples:
@@ -297,12 +328,7 @@ class Hits:
         self,
         materials: Sequence[Material],
         *,
-        tx: NDArray[np.float64],
-        rx: NDArray[np.float64],
-        pattern: tuple[float, float, float],
-        power: float,
-        frequency: float,
-        polarization: tuple[float, float, float] | None = None,
+        antennas: Antennas,
         is_footprint: bool,
         seed: int,
         threads: int | None = None,
@@ -331,12 +357,7 @@ class Samples:
         self,
         materials: Sequence[Material],
         *,
-        tx: NDArray[np.float64],
-        rx: NDArray[np.float64],
-        pattern: tuple[float, float, float],
-        power: float,
-        frequency: float,
-        polarization: tuple[float, float, float] | None = None,
+        antennas: Antennas,
         threads: int | None = None,
     ) -> Scatterers:
         """Material points of cells and surfaces that send anything back; `materials` has one per body."""

@@ -85,8 +85,9 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--frame", type=int, metavar="N", help="frame, from 0 (default: the middle one)")
     plot.set_defaults(run=_plot)
 
-    info = commands.add_parser("info", help="say what a recording or a scene file holds")
-    info.add_argument("source", type=Path, help="recording, or scene file (TOML)")
+    info = commands.add_parser("info", help="say what a recording or a scene file holds, or what a mesh is good for")
+    info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
+    info.add_argument("--scale", type=float, default=1.0, metavar="M", help="metres per unit of a mesh (default: 1)")
     info.add_argument("--json", action="store_true", help="print as JSON")
     info.set_defaults(run=_info)
 
@@ -147,6 +148,8 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
+    if options.source.suffix.lower() in _MESHES:
+        return _mesh_info(options)
     facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)
     if options.json:
         print(json.dumps(facts, indent=2))
@@ -154,6 +157,22 @@ def _info(options: argparse.Namespace) -> int:
         width = max(map(len, facts))
         for name, value in facts.items():
             print(f"{name:<{width}}  {_fact_text(value)}")
+    return 0
+
+
+_MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
+"""Ends of the names of meshes."""
+
+
+def _mesh_info(options: argparse.Namespace) -> int:
+    from radarcore.mesh import load_mesh
+    from radarcore.quality import mesh_report
+
+    report = mesh_report(load_mesh(options.source, scale=options.scale))
+    if options.json:
+        print(json.dumps({"mesh": str(options.source), **report.facts(), "verdicts": report.verdicts}, indent=2))
+    else:
+        print(report)
     return 0
 
 
@@ -205,6 +224,7 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
     return {
         "transmitters": len(radar.tx),
         "receivers": len(radar.rx),
+        **_pattern_facts(radar),
         "samples": "real" if radar.is_real else "I/Q",
         "start frequency [Hz]": wf.start_frequency,
         "slope [Hz/s]": wf.slope,
@@ -218,6 +238,13 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "velocity bin [m/s]": wf.velocity_resolution,
         "largest velocity [m/s]": wf.max_velocity,
     }
+
+
+def _pattern_facts(radar: Radar) -> dict[str, str]:
+    """The pattern of all antennas, or those of one after the other."""
+    every = [("transmitter", radar.tx_patterns), ("receiver", radar.rx_patterns)]
+    facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
+    return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(radar.tx_patterns[0])}
 
 
 def _fact_text(value: Any) -> str:

@@ -96,8 +96,8 @@ class Simulator:
         With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
         the whole band and which neighbours cancel; otherwise for their centre, tapered as pixels are.
     gain_floor_db : float
-        Directions in which the antennas' gain, there and back, is this far below their peak [dB] are not cast for
-        frames and paths; infinite: none is left out. Depth images are always whole.
+        Directions in which the gain of every pair of antennas, there and back, is this far below their peaks [dB] are
+        not cast for frames and paths; infinite: none is left out. Depth images are always whole.
     seed : int
         Changes speckle and noise, nothing else.
     threads : int, optional
@@ -349,23 +349,11 @@ class Simulator:
         return {"rows": shape[0], "columns": shape[1], "half_width": half_width, "half_height": half_height}
 
     @property
-    def _array(self) -> dict[str, Any]:
-        """The antennas, as the core takes them."""
-        return {
-            "tx": self.radar.tx - self.radar.array_center,
-            "rx": self.radar.rx - self.radar.array_center,
-            "pattern": self.radar.pattern.gaussian_parameters,
-            "power": self.radar.tx_power,
-            "frequency": self.radar.waveform.center_frequency,
-            "polarization": self.radar.polarization_vector,
-        }
-
-    @property
     def _skips(self) -> dict[str, Any]:
         """What of the rays of frames need not be cast."""
         beam = None
         if np.isfinite(self.gain_floor_db):
-            beam = (*self.radar.pattern.gaussian_parameters[1:], 10.0 ** (-0.1 * self.gain_floor_db))
+            beam = (self.radar._core, 10.0 ** (-0.1 * self.gain_floor_db))
         return {"beam": beam, "skip_empty": self._skips_empty_tiles}
 
     def _cast_image(self, time: float) -> _core.Hits:
@@ -390,7 +378,7 @@ class Simulator:
                 poses,
                 self._materials,
                 **self._grid(self._num_cells),
-                **self._array,
+                antennas=self.radar._core,
                 rcs_floor=self.rcs_floor,
                 budget=self.ray_budget,
                 end_points=self.end_points,
@@ -439,10 +427,10 @@ class Simulator:
     def _scatterers(self, rays: _core.Hits | _core.Samples) -> _core.Scatterers:
         """Material points of what rays hit that send anything back."""
         if isinstance(rays, _core.Samples):
-            return rays.scatterers(self._materials, **self._array, threads=self.threads)
+            return rays.scatterers(self._materials, antennas=self.radar._core, threads=self.threads)
         return rays.scatterers(
             self._materials,
-            **self._array,
+            antennas=self.radar._core,
             is_footprint=self.sampling == "footprint",
             seed=self.seed,
             threads=self.threads,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::beam::Beam;
 use super::{NEAREST, NO_BODY, Snapshot, bounds};
-use crate::antenna::Pattern;
 use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::bvh::{Bounds, Node, Tree};
 use crate::error::{Result, fits_memory};
@@ -54,15 +54,6 @@ impl Counts {
     }
 }
 
-/// Directions that antennas see: others are not cast.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beam {
-    /// Pattern of every antenna.
-    pub pattern: Pattern,
-    /// Least gain of interest, there and back, relative to the peak.
-    pub floor: f64,
-}
-
 /// How rays are cast; nothing of it changes what they hit, but for those out of the beam.
 #[derive(Clone, Copy)]
 pub struct Cast<'a> {
@@ -71,7 +62,7 @@ pub struct Cast<'a> {
     /// Whether tiles without bodies are left out.
     pub skip_empty: bool,
     /// Directions of interest.
-    pub beam: Option<Beam>,
+    pub beam: Option<&'a Beam>,
     /// Whether cosines of incidence are wanted as well.
     pub with_cosines: bool,
     /// How the rays of a tile search the tree of a body.
@@ -133,10 +124,7 @@ impl Snapshot {
             &[plane.rows, plane.columns],
             size_of::<f64>() + 2 * size_of::<u32>(),
         )?;
-        let cast = &Cast {
-            beam: cast.beam.filter(|beam| beam.ends_within(plane)),
-            ..*cast
-        };
+        let beam = cast.beam.and_then(|beam| beam.before(self, plane));
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,
@@ -145,11 +133,11 @@ impl Snapshot {
             triangle: vec![0; num_pixels],
             cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
             counts: Counts::default(),
-            beam: cast.beam,
+            beam: None,
         };
         let previous = cast.previous.and_then(|(snapshot, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
-            let is_alike = before.plane == *plane && before.beam == cast.beam && has_all;
+            let is_alike = before.plane == *plane && before.beam == beam && has_all;
             let moved = if is_alike { self.moved(snapshot) } else { None };
             moved.map(|moved| (before, moved))
         });
@@ -170,6 +158,7 @@ impl Snapshot {
                 cast.level.run(CastBand {
                     snapshot: self,
                     cast,
+                    beam: beam.as_ref(),
                     previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
                     index,
@@ -180,6 +169,7 @@ impl Snapshot {
                 })
             });
         hits.counts = counts.reduce(Counts::default, Counts::plus);
+        hits.beam = beam;
         Ok(hits)
     }
 
@@ -208,6 +198,7 @@ impl Snapshot {
 struct CastBand<'a> {
     snapshot: &'a Snapshot,
     cast: &'a Cast<'a>,
+    beam: Option<&'a Beam>,
     /// Hits of another time, and boxes where these may not be taken over.
     previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
@@ -230,7 +221,7 @@ impl Kernel for CastBand<'_> {
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
             scratch.fan.aim::<I>(self.plane, &tile);
-            if self.cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+            if self.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
@@ -316,24 +307,6 @@ impl CastBand<'_> {
                 }
             }
         }
-    }
-}
-
-impl Beam {
-    /// Whether some direction of an image may be out of the beam.
-    pub fn ends_within(&self, plane: &ImagePlane) -> bool {
-        let (last_row, last_column) = (plane.rows - 1, plane.columns - 1);
-        let corners = [(0, 0), (0, last_column), (last_row, 0), (last_row, last_column)];
-        let sides = corners.map(|(row, column)| plane.center(row, column));
-        let most = |x: [f64; 4]| x.into_iter().fold(0.0, |most: f64, x| most.max(x.abs())).atan();
-        let (az, el) = (most(sides.map(|s| s.0)), most(sides.map(|s| s.1)));
-        2.0 * (self.pattern.azimuth * az * az + self.pattern.elevation * el * el) > -self.floor.ln()
-    }
-
-    /// Whether all rays of a tile are out of the beam.
-    pub(super) fn misses(&self, fan: &Fan) -> bool {
-        let [u, v] = fan.ranges();
-        2.0 * self.pattern.least_decay(u, v) > -self.floor.ln()
     }
 }
 
@@ -565,9 +538,11 @@ impl Exact for ExactRays<'_> {
 mod tests {
     use glam::DVec3;
 
-    use super::super::tests::furnished;
+    use super::super::tests::{furnished, square};
     use super::*;
+    use crate::antenna::Array;
     use crate::motion::Pose;
+    use crate::pattern::{Pattern, Table};
     use crate::surface::{ShadingMode, Surface};
 
     #[test]
@@ -610,16 +585,9 @@ mod tests {
                 ..cast
             };
             assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
-            let everywhere = Beam {
-                pattern: Pattern {
-                    peak: 1.0,
-                    azimuth: 1.0,
-                    elevation: 1.0,
-                },
-                floor: 1e-8,
-            };
+            let everywhere = Beam::new(&array(&[DVec3::ZERO], &[gaussian(1.0, 1.0)]), 1e-8);
             let again = Cast {
-                beam: Some(everywhere),
+                beam: Some(&everywhere),
                 ..again
             };
             assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
@@ -693,33 +661,95 @@ mod tests {
         assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
     }
 
+    fn gaussian(azimuth: f64, elevation: f64) -> Pattern {
+        Pattern::Gaussian {
+            peak: 7.0,
+            azimuth,
+            elevation,
+        }
+    }
+
+    /// As many transmitters as receivers.
+    fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
+        Array {
+            tx: places.to_vec(),
+            rx: places.iter().rev().copied().collect(),
+            tx_patterns: patterns.to_vec(),
+            rx_patterns: patterns.to_vec(),
+            power: 1.0,
+            frequency: 60e9,
+            polarization: None,
+        }
+    }
+
+    /// How many pixels show something else behind a beam; of these, no pair of antennas sees what is there above the floor.
+    fn num_out_of_beam(scene: &Snapshot, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
+        let whole = scene.cast_image(plane).unwrap();
+        let beam = Beam::new(array, floor);
+        let cast = Cast {
+            beam: Some(&beam),
+            ..Cast::default()
+        };
+        let within = scene.cast_image_with(plane, &cast).unwrap();
+        let pixels = 0..plane.num_pixels();
+        let changed: Vec<usize> = pixels.filter(|i| within.distance[*i] != whole.distance[*i]).collect();
+        for pixel in &changed {
+            let point = whole.distance[*pixel] * plane.direction(pixel / plane.columns, pixel % plane.columns);
+            for channel in 0..array.num_channels() {
+                let (t, r) = array.pair(channel, point);
+                let most = peaks[channel / array.rx.len()] * peaks[channel % array.rx.len()];
+                assert!(t.gain * r.gain < floor * most, "{pixel} {channel}");
+            }
+        }
+        changed.len()
+    }
+
     #[test]
     fn directions_out_of_the_beam_are_not_cast() {
         let plane = ImagePlane::centered(64, 96, 1.0, 0.7);
         let (surfaces, poses) = furnished();
         let scene = Snapshot::new(surfaces, poses);
-        let whole = scene.cast_image(&plane).unwrap();
-        let pattern = Pattern {
-            peak: 7.0,
-            azimuth: 20.0,
-            elevation: 60.0,
-        };
-        let beam = Beam { pattern, floor: 1e-5 };
-        let cast = Cast {
-            beam: Some(beam),
-            ..Cast::default()
-        };
-        let within = scene.cast_image_with(&plane, &cast).unwrap();
-        let mut out = 0;
-        for pixel in 0..plane.num_pixels() {
-            let direction = plane.direction(pixel / plane.columns, pixel % plane.columns);
-            let gain = (pattern.gain(direction) / pattern.peak).powi(2);
-            if within.distance[pixel] != whole.distance[pixel] {
-                assert!(gain < beam.floor, "{pixel} {gain}");
-                out += 1;
-            }
+        let array = array(&[DVec3::ZERO], &[gaussian(20.0, 60.0)]);
+        assert!(num_out_of_beam(&scene, &plane, &array, &[7.0], 1e-5) > 500);
+    }
+
+    #[test]
+    fn what_one_pair_of_antennas_sees_from_beside_the_centre_is_cast() {
+        // Walls from a tenth of a metre on, antennas up to 10 cm apart that look into different directions.
+        let plane = ImagePlane::centered(96, 128, 1.5, 1.0);
+        let (mut surfaces, mut poses) = furnished();
+        surfaces[0] = square(20.0);
+        let angles: Vec<f64> = (-6..=6).map(|i| 0.1 * f64::from(i)).collect();
+        let gains: Vec<f64> = (0..169)
+            .map(|i| -8.0 * (f64::from(i / 13 - 9).abs() + 0.5 * f64::from(i % 13 - 6).abs()))
+            .collect();
+        let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
+        let places = [
+            DVec3::new(0.0, 0.05, 0.0),
+            DVec3::new(0.01, -0.05, 0.02),
+            DVec3::new(-0.02, 0.0, -0.05),
+        ];
+        let array = array(&places, &[gaussian(30.0, 60.0), table, gaussian(60.0, 60.0)]);
+        let mut num_out = Vec::new();
+        for (i, distance) in [0.1, 0.2, 0.5, 6.0].into_iter().enumerate() {
+            poses[0].translation.x = distance;
+            let scene = Snapshot::new(surfaces.clone(), poses.clone());
+            num_out.push(num_out_of_beam(&scene, &plane, &array, &[7.0, 1.0, 7.0], 1e-6));
+            assert!(
+                (scene.nearest_in_front() - distance.min(3.0)).abs() < 0.1 * distance,
+                "{i}"
+            );
         }
-        assert!(out > 500, "{out}");
-        assert!(within.counts.tiles_skipped > 20);
+        assert!(num_out[0] < num_out[3] && num_out[3] > 2000, "{num_out:?}");
+    }
+
+    #[test]
+    fn what_is_behind_the_sensor_does_not_widen_the_beam() {
+        let (surfaces, mut poses) = furnished();
+        poses[1].translation = DVec3::new(-0.01, 0.0, 0.0);
+        poses[1].rotation = glam::DMat3::IDENTITY;
+        let nearest = Snapshot::new(surfaces, poses).nearest_in_front();
+        assert!((2.8..3.1).contains(&nearest), "{nearest}");
+        assert_eq!(Snapshot::new(vec![], vec![]).nearest_in_front(), f64::INFINITY);
     }
 }

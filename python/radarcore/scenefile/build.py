@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import shapes
-from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern
+from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.body import Body, PointTarget
 from radarcore.library import materials, near_names
 from radarcore.material import Material
@@ -56,7 +56,7 @@ def simulation(table: SceneTable, file: Path) -> Simulation:
     """What the tables of a file describe."""
     with _located(f"{file}: "):
         with _located("radar: "):
-            radar = _radar(table.radar)
+            radar = _radar(table.radar, file.parent)
         parts, carriers = _Parts(file.parent, _materials(table.material)).build(table)
         with _located("sensor: "):
             motion = _sensor_motion(table.sensor, carriers)
@@ -326,7 +326,7 @@ _WAVEFORM_KEYS = (
 _LOWEST_FREQUENCY, _HIGHEST_FREQUENCY = 1e8, 3e12
 
 
-def _radar(table: RadarTable) -> Radar:
+def _radar(table: RadarTable, directory: Path) -> Radar:
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
     waveform = {name: given[name] for name in _WAVEFORM_KEYS if name in given}
     for name in ("start_frequency", "stop_frequency"):
@@ -337,7 +337,13 @@ def _radar(table: RadarTable) -> Radar:
     }
     if table.pattern is not None:
         with _located("pattern."):
-            others["pattern"] = _pattern(table.pattern)
+            others["pattern"] = _pattern(table.pattern, directory)
+    for name in ("tx_patterns", "rx_patterns"):
+        if name in given:
+            others[name] = []
+            for k, entry in enumerate(given[name]):
+                with _located(f"{name}[{k}]."):
+                    others[name].append(_pattern(entry, directory))
     if table.receiver is not None:
         with _located("receiver."):
             others["receiver"] = Receiver(**table.receiver.model_dump())
@@ -360,11 +366,27 @@ def _waveform(values: dict[str, Any]) -> Waveform:
     return Waveform(**values) if "slope" in values else Waveform.from_sweep(**values)
 
 
-def _pattern(table: PatternTable) -> Pattern:
-    azimuth, elevation = table.beamwidth_azimuth_deg, table.beamwidth_elevation_deg
-    if azimuth is None and elevation is None:
-        return IsotropicPattern(table.gain_db)
-    if azimuth is None or elevation is None:
-        missing = "beamwidth_azimuth_deg" if azimuth is None else "beamwidth_elevation_deg"
+def _pattern(table: PatternTable, directory: Path) -> Pattern:
+    given = table.model_fields_set
+    if "path" in given:
+        if other := given - {"path"}:
+            raise ValueError(f"path: expected it alone, got {' and '.join(sorted(other))} as well")
+        with _located("path: "):
+            return TabulatedPattern.load(directory / str(table.path))
+    azimuth, elevation = table.azimuth_deg, table.elevation_deg
+    widths = table.beamwidth_azimuth_deg, table.beamwidth_elevation_deg
+    if azimuth is not None or elevation is not None or isinstance(table.gain_db, list):
+        if azimuth is None or elevation is None or not isinstance(table.gain_db, list):
+            missing = "azimuth_deg" if azimuth is None else "elevation_deg" if elevation is None else "gain_db"
+            got = "none" if getattr(table, missing) is None else getattr(table, missing)
+            raise ValueError(f"{missing}: expected a list, as all three keys of a table are, got {got}")
+        if widths != (None, None):
+            raise ValueError("azimuth_deg: expected either a table or beam widths, got both")
+        return TabulatedPattern.from_degrees(azimuth, elevation, table.gain_db)
+    gain_db = 0.0 if table.gain_db is None else table.gain_db
+    if widths == (None, None):
+        return IsotropicPattern(gain_db)
+    if widths[0] is None or widths[1] is None:
+        missing = "beamwidth_azimuth_deg" if widths[0] is None else "beamwidth_elevation_deg"
         raise ValueError(f"{missing}: expected both beam widths or none [degrees], got one")
-    return GaussianPattern(table.gain_db, azimuth, elevation)
+    return GaussianPattern(gain_db, widths[0], widths[1])

@@ -201,6 +201,8 @@ def _key(location: Location) -> _Key:
 _TYPES = (
     "str",
     "int",
+    "float",
+    "list[list[float]]",
     "tuple[int, int]",
     "tuple[float, float]",
     "tuple[float, float, float]",

@@ -252,11 +252,18 @@ class ArmTable(PlacedTable):
 
 
 class PatternTable(Table):
-    """Antenna pattern; isotropic without the two beam widths."""
+    """Antenna pattern: isotropic, Gaussian with both beam widths, or a table, here or in a file."""
 
-    gain_db: float = _key(0.0, "dBi", "gain on boresight")
+    gain_db: float | list[list[float]] | None = _key(
+        None, "dBi", "gain on boresight, default: 0; or those of a table: a list per azimuth, a number per elevation"
+    )
     beamwidth_azimuth_deg: float | None = _key(None, "degrees", "full width at half power")
     beamwidth_elevation_deg: float | None = _key(None, "degrees", "full width at half power")
+    azimuth_deg: list[float] | None = _key(None, "degrees", "of a table, increasing, positive to the left")
+    elevation_deg: list[float] | None = _key(None, "degrees", "of a table, increasing, positive up")
+    path: str | None = _key(
+        None, "", "table in a CSV file, relative to the scene file: columns azimuth_deg, elevation_deg, gain_db"
+    )
 
 
 class ReceiverTable(Table):
@@ -284,6 +291,8 @@ class RadarTable(Table):
     rx: list[Vector] | None = _key(None, "m", "receive antennas in the sensor frame; default: origin, or the preset's")
     tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
     pattern: PatternTable | None = _key(None, "", "of every antenna; default: isotropic, or the preset's")
+    tx_patterns: list[PatternTable] | None = _key(None, "", "of every transmit antenna by itself; default: pattern")
+    rx_patterns: list[PatternTable] | None = _key(None, "", "of every receive antenna by itself; default: pattern")
     receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
         None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"

@@ -221,6 +221,8 @@ class ComLibBoard:
             tx=radar.tx,
             rx=radar.rx,
             pattern=radar.pattern,
+            tx_patterns=radar.tx_patterns,
+            rx_patterns=radar.rx_patterns,
             tx_power_dbm=radar.tx_power_dbm,
             receiver=Receiver(output="real", noise_figure_db=noise_figure_db),
         )
