@@ -28,6 +28,7 @@
 pub mod antenna;
 pub mod beat;
 pub mod block;
+pub mod bounce;
 pub mod bundle;
 pub mod bvh;
 pub mod chirp;

@@ -20,6 +20,7 @@ use rayon::ThreadPool;
 
 use crate::antenna::{Array, Pattern};
 use crate::beat;
+use crate::bounce::Limits;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
@@ -34,6 +35,10 @@ use crate::shown::Shown;
 use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
+
+mod bounces;
+
+use bounces::Bounces;
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -50,6 +55,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
     module.add_class::<Scatterers>()?;
+    module.add_class::<Bounces>()?;
     Ok(())
 }
 
@@ -818,6 +824,43 @@ impl Hits {
             num_bodies: self.snapshot.num_bodies(),
         })
     }
+
+    /// Routes of two to `max_bounces` reflections of all hits; `materials` has one per body. Tubes end where their power is
+    /// less than `floor` of what was launched.
+    #[pyo3(signature = (
+        materials, *, tx, rx, pattern, power, frequency, polarization=None, is_footprint, max_bounces, floor, threads=None
+    ))]
+    fn bounces(
+        &self,
+        py: Python<'_>,
+        materials: Vec<PyRef<'_, Material>>,
+        tx: PyReadonlyArray2<'_, f64>,
+        rx: PyReadonlyArray2<'_, f64>,
+        pattern: (f64, f64, f64),
+        power: f64,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+        is_footprint: bool,
+        max_bounces: usize,
+        floor: f64,
+        threads: Option<usize>,
+    ) -> PyResult<Bounces> {
+        let limits = Limits { max_bounces, floor };
+        Bounces::new(
+            py,
+            self,
+            materials,
+            tx,
+            rx,
+            pattern,
+            power,
+            frequency,
+            polarization,
+            is_footprint,
+            limits,
+            threads,
+        )
+    }
 }
 
 impl Hits {
@@ -979,7 +1022,9 @@ impl Scatterers {
         let rcs = numbers("rcs", &rcs, [None])?;
         let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
         let vertices = vertices.unwrap_or_default();
-        let vertices = self.vertices("vertices", &vertices, |n| [Some(num_nodes), Some(n), Some(3)])?;
+        let vertices = self::vertices("vertices", self.scatterers.deforming(), &vertices, |n| {
+            [Some(num_nodes), Some(n), Some(3)]
+        })?;
         let places = self.places(num_nodes, &poses, &points, rcs, &vertices);
         let num_paths = self.scatterers.len() + places.rcs.len();
         let last = last.unwrap_or(num_paths);
@@ -1018,8 +1063,9 @@ impl Scatterers {
         let points = self::points(numbers("points", &points, per_point)?);
         let (vertices, vertex_rates) = (vertices.unwrap_or_default(), vertex_rates.unwrap_or_default());
         let shape = |n| [Some(n), Some(3)];
-        let vertices = self.vertices("vertices", &vertices, shape)?;
-        let vertex_rates = self.vertices("vertex_rates", &vertex_rates, shape)?;
+        let bodies = self.scatterers.deforming();
+        let vertices = self::vertices("vertices", bodies, &vertices, shape)?;
+        let vertex_rates = self::vertices("vertex_rates", bodies, &vertex_rates, shape)?;
         let places = self.places(1, &poses, &points, &[], &vertices);
         let rates = self.places(1, &pose_rates, &point_rates, &[], &vertex_rates);
         let shape = [self.scatterers.num_channels(), self.scatterers.len() + points.len()];
@@ -1029,24 +1075,6 @@ impl Scatterers {
 }
 
 impl Scatterers {
-    /// One array for every body that deforms, of the shape that its number of vertices asks for.
-    fn vertices<'a, D: Dimension, const N: usize>(
-        &self,
-        name: &str,
-        arrays: &'a [PyReadonlyArray<'_, f64, D>],
-        shape: impl Fn(usize) -> [Option<usize>; N],
-    ) -> PyResult<Vec<&'a [[f64; 3]]>> {
-        let bodies = self.scatterers.deforming();
-        if arrays.len() != bodies.len() {
-            let expected = format!("{} arrays, one per body that deforms", bodies.len());
-            return Err(Error::value(name, expected, arrays.len()).into());
-        }
-        let arrays = arrays.iter().zip(bodies);
-        arrays
-            .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
-            .collect()
-    }
-
     fn places<'a>(
         &self,
         num_nodes: usize,
@@ -1064,6 +1092,23 @@ impl Scatterers {
             vertices,
         }
     }
+}
+
+/// One array for every body that deforms, of the shape that its number of vertices asks for.
+fn vertices<'a, D: Dimension, const N: usize>(
+    name: &str,
+    bodies: &[(u32, usize)],
+    arrays: &'a [PyReadonlyArray<'_, f64, D>],
+    shape: impl Fn(usize) -> [Option<usize>; N],
+) -> PyResult<Vec<&'a [[f64; 3]]>> {
+    if arrays.len() != bodies.len() {
+        let expected = format!("{} arrays, one per body that deforms", bodies.len());
+        return Err(Error::value(name, expected, arrays.len()).into());
+    }
+    let arrays = arrays.iter().zip(bodies);
+    arrays
+        .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
+        .collect()
 }
 
 /// The numbers of an array in C order; other layouts and lengths than expected (`None`: any) are refused.

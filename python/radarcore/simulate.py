@@ -27,6 +27,9 @@ _MAX_FRAMES = 10_000_000
 SAMPLINGS = ("footprint", "point")
 """How a pixel stands for the patch it covers."""
 
+MAX_BOUNCES = 64
+"""More reflections than any path has that is not lost in the noise."""
+
 
 @dataclass(frozen=True, eq=False)
 class Paths:
@@ -41,7 +44,7 @@ class Paths:
     amplitude : (channel, path) complex128
         Amplitude without the phase of propagation [sqrt(W)].
     body : (channel, path) int32
-        Number of the body in the scene.
+        Number of the body in the scene; of paths of several reflections that of the last.
     """
 
     delay: NDArray[np.float64]
@@ -74,6 +77,12 @@ class Simulator:
     gain_floor_db : float
         Directions in which the antennas' gain, there and back, is this far below their peak [dB] are not cast for
         frames and paths; infinite: none is left out. Depth images are always whole.
+    max_bounces : int
+        Most reflections of a path. From 2 on, rays go on from surface to surface, and from every one that a receiver
+        has in sight something comes back: corners, and images of bodies in walls.
+    bounce_floor_db : float
+        Rays do not go on where the power that surfaces have left of them is this far below what the antennas sent out
+        on boresight [dB]; infinite: all do.
     seed : int
         Changes speckle and noise, nothing else.
     threads : int, optional
@@ -92,6 +101,8 @@ class Simulator:
         tolerance: float = 1e-4,
         method: str = "auto",
         gain_floor_db: float = 80.0,
+        max_bounces: int = 1,
+        bounce_floor_db: float = 80.0,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
@@ -107,7 +118,9 @@ class Simulator:
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
-        self.gain_floor_db = _gain_floor(gain_floor_db)
+        self.gain_floor_db = _floor("gain_floor_db", gain_floor_db)
+        self.max_bounces = _max_bounces(max_bounces)
+        self.bounce_floor_db = _floor("bounce_floor_db", bounce_floor_db)
         self._previous: dict[bool, _core.Hits] = {}
         self._reuses_tiles = self._skips_empty_tiles = True
         self.seed = check.count("seed", seed, minimum=0)
@@ -128,6 +141,8 @@ class Simulator:
             tolerance=self.tolerance,
             method=self.method,
             gain_floor_db=self.gain_floor_db,
+            max_bounces=self.max_bounces,
+            bounce_floor_db=self.bounce_floor_db,
             seed=self.seed,
             threads=self.threads,
         )
@@ -170,7 +185,8 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        scatterers = self._scatterers(self._cast(start + self._middle))
+        hits = self._cast(start + self._middle)
+        scatterers = self._scatterers(hits)
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
         rates = self.scene._place_rates(start, self.radar_motion, deforming)
@@ -185,7 +201,9 @@ class Simulator:
             threads=self.threads,
         )
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
-        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
+        paths = Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
+        bounces = self._bounces(hits)
+        return paths if bounces is None else _joined(paths, self._bounce_paths(bounces, start))
 
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
@@ -198,9 +216,9 @@ class Simulator:
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
         hits = self._cast(start + self._middle)
-        scatterers = self._scatterers(hits)
+        scatterers, bounces = self._scatterers(hits), self._bounces(hits)
         synthesis = synthesise(
-            self._courses(scatterers),
+            self._courses(scatterers) + ([] if bounces is None else self._bounce_courses(bounces)),
             self.radar,
             start,
             tolerance=self.tolerance,
@@ -215,13 +233,17 @@ class Simulator:
         body = hits.body()
         num_hit = int(np.count_nonzero(body >= 0))
         rays_cast, tiles_skipped, tiles_reused = hits.counts
+        bounce_paths, bounce_rays, bounces_stopped = (0, 0, 0) if bounces is None else (len(bounces), *bounces.counts)
         stats = {
             "rays_cast": rays_cast,
             "rays_hit": num_hit,
             "tiles_skipped": tiles_skipped,
             "tiles_reused": tiles_reused,
-            "paths": len(scatterers) + len(self.scene._rcs),
+            "paths": len(scatterers) + len(self.scene._rcs) + bounce_paths,
             "paths_skipped": num_hit - len(scatterers),
+            "bounce_paths": bounce_paths,
+            "bounce_rays": bounce_rays,
+            "bounces_stopped": bounces_stopped,
             **synthesis.stats,
         }
         truth = self._truth(hits, body, start + self._middle)
@@ -352,6 +374,64 @@ class Simulator:
             threads=self.threads,
         )
 
+    def _bounces(self, hits: _core.Hits) -> _core.Bounces | None:
+        """Routes of several reflections, where these are wanted."""
+        if self.max_bounces == 1:
+            return None
+        return hits.bounces(
+            self._materials,
+            tx=self.radar.tx - self.radar.array_center,
+            rx=self.radar.rx - self.radar.array_center,
+            pattern=self.radar.pattern.gaussian_parameters,
+            power=self.radar.tx_power,
+            frequency=self.radar.waveform.center_frequency,
+            polarization=self.radar.polarization_vector,
+            is_footprint=self.sampling == "footprint",
+            max_bounces=self.max_bounces,
+            floor=10.0 ** (-0.1 * self.bounce_floor_db),
+            threads=self.threads,
+        )
+
+    def _bounce_paths(self, bounces: _core.Bounces, start: float) -> Paths:
+        """Their delays, rates and amplitudes at a time [s]."""
+        deforming = bounces.deforming()
+        place = self._place(np.array([start]), deforming)
+        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        delay, amplitude = self._follow_bounces(bounces, place)
+        delay_rate = bounces.delay_rates(
+            place.poses[0],
+            rates.poses[0],
+            vertices=[vertices[0] for vertices in place.vertices],
+            vertex_rates=[vertices[0] for vertices in rates.vertices],
+            threads=self.threads,
+        )
+        bodies = self.scene._mesh_numbers[bounces.body()]
+        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, (len(delay_rate), 1)))
+
+    def _follow_bounces(
+        self, bounces: _core.Bounces, place: Placement, part: slice = slice(0, None, 1)
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Delays and amplitudes (time, channel, path) of some routes with bodies at their places."""
+        return bounces.paths(
+            place.poses, vertices=place.vertices, first=part.start, last=part.stop, step=part.step, threads=self.threads
+        )
+
+    def _bounce_courses(self, bounces: _core.Bounces) -> list[Course]:
+        """How they run through time: those over bodies that all stand still need no more than one time."""
+
+        def course(chosen: _core.Bounces, is_still: bool) -> Course:
+            deforming = chosen.deforming()
+            return Course(
+                num_paths=len(chosen),
+                is_static=is_still,
+                follow=lambda times, part: self._follow_bounces(chosen, self._place(times, deforming), part),
+            )
+
+        if not is_static(self.radar_motion):
+            return [course(bounces, False)]
+        still, moving = bounces.split(self.scene._are_still)
+        return [course(still, True), course(moving, False)]
+
     def _follow(
         self,
         scatterers: _core.Scatterers,
@@ -463,12 +543,27 @@ class Simulator:
             "sampling": self.sampling,
             "tolerance": self.tolerance,
             "gain_floor_db": self.gain_floor_db if np.isfinite(self.gain_floor_db) else None,
+            "max_bounces": self.max_bounces,
+            "bounce_floor_db": self.bounce_floor_db if np.isfinite(self.bounce_floor_db) else None,
             "seed": self.seed,
         }
 
 
-def _gain_floor(value: float) -> float:
-    return np.inf if value == np.inf else check.positive("gain_floor_db", value, "dB")
+def _joined(first: Paths, second: Paths) -> Paths:
+    """The paths of both, channel by channel."""
+    names = ("delay", "delay_rate", "amplitude", "body")
+    return Paths(*(np.concatenate([getattr(first, name), getattr(second, name)], axis=1) for name in names))
+
+
+def _floor(name: str, value: float) -> float:
+    return np.inf if value == np.inf else check.positive(name, value, "dB")
+
+
+def _max_bounces(value: int) -> int:
+    number = check.count("max_bounces", value)
+    if number > MAX_BOUNCES:
+        raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")
+    return number
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:

@@ -55,6 +55,8 @@ class Simulation:
             sampling=run.sampling,
             tolerance=run.tolerance,
             gain_floor_db=run.gain_floor_db,
+            max_bounces=run.max_bounces,
+            bounce_floor_db=run.bounce_floor_db,
             seed=run.seed,
             threads=threads,
         )

@@ -1,0 +1,290 @@
+//! Paths of several reflections, by shooting and bouncing rays: README eqs. (7) to (9).
+//!
+//! A cell of the image launches a ray tube. It goes from surface to surface as geometrical optics says (`tube`, `place`),
+//! carries a field (`field`), and at every surface after the first its footprint sends on what physical optics says to
+//! every receiver that is in sight: the first reflection is that of [`crate::scatter`]. The places where it was reflected
+//! become a route of material points, which move with their bodies (`route`).
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use crate::antenna::Array;
+use crate::bvh::Ray;
+use crate::material::Material;
+use crate::scatter::{SPEED_OF_LIGHT, Sampling, taper};
+use crate::trace::{Hits, NO_BODY, Snapshot};
+
+mod field;
+mod place;
+mod route;
+mod tube;
+
+pub use route::Bounces;
+
+use place::Place;
+use route::Route;
+use tube::Tube;
+
+/// Before this share of a ray's largest coordinate, and of a metre at least, what it leaves is not met again [m].
+const LEAVING: f64 = 1e-7;
+
+/// What a cell of the image plane has hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Launch {
+    /// Plane coordinates of its centre, y/x and z/x.
+    pub center: [f64; 2],
+    /// Its width and height in them.
+    pub size: [f64; 2],
+    /// Number of the body that the ray through its centre hits.
+    pub body: u32,
+    /// Number of the triangle in the body's surface.
+    pub triangle: u32,
+}
+
+impl Launch {
+    /// Of all pixels that hit something, row by row.
+    pub fn of_image(hits: &Hits) -> Vec<Self> {
+        let plane = &hits.plane;
+        let pixels = (0..plane.num_pixels()).filter(|pixel| hits.body[*pixel] != NO_BODY);
+        let launch = |pixel: usize| {
+            let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+            Self {
+                center: [u, v],
+                size: [plane.du, plane.dv],
+                body: hits.body[pixel],
+                triangle: hits.triangle[pixel],
+            }
+        };
+        pixels.map(launch).collect()
+    }
+}
+
+/// How far ray tubes are followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Most reflections of a path.
+    pub max_bounces: usize,
+    /// A tube ends where its power, weighed with the gain of the antenna towards where it was launched relative to the
+    /// peak, is less than this share of what was launched: no later reflection adds to it. Zero: never.
+    pub floor: f64,
+}
+
+/// What was done for the paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Rays from surfaces to the next.
+    pub rays: usize,
+    /// Tubes that ended at the floor.
+    pub stopped: usize,
+}
+
+impl Counts {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            stopped: self.stopped + other.stopped,
+        }
+    }
+}
+
+/// What one cell returns to the centre of the array by its last reflection of a number of reflections, as a sampling that
+/// refines cells has to know it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Echo {
+    /// Number of reflections, from 2 on.
+    pub order: usize,
+    /// Half the length of the path [m].
+    pub half_path: f64,
+    /// Its derivatives by the plane coordinates of the image [m]; times the width of the cell and the wave number they
+    /// are half the change of the phase over the cell.
+    pub slope: [f64; 2],
+    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega` here.
+    pub amplitude: Complex64,
+    /// `sqrt(Gt Gr)` of the directions of departure and arrival.
+    pub gain: f64,
+}
+
+/// The scene as ray tubes see it.
+struct Shooter<'a> {
+    snapshot: &'a Snapshot,
+    materials: &'a [Material],
+    array: &'a Array,
+    wavelength: f64,
+    limits: Limits,
+}
+
+impl<'a> Shooter<'a> {
+    fn new(snapshot: &'a Snapshot, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
+        Self {
+            snapshot,
+            materials,
+            array,
+            wavelength: SPEED_OF_LIGHT / array.frequency,
+            limits,
+        }
+    }
+
+    /// Follow the tube of a cell; `arrive` gets it at every surface from the second on, with all places so far.
+    fn shoot(&self, launch: &Launch, mut arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+        let mut counts = Counts::default();
+        let Some(mut tube) = Tube::launch(self.snapshot, launch, self.array.polarization) else {
+            return counts;
+        };
+        let pattern = &self.array.pattern;
+        let share = pattern.gain(tube.place.point) / pattern.peak;
+        let mut places = vec![tube.place];
+        for _ in 2..=self.limits.max_bounces {
+            tube.reflect(self.mirrored(&tube));
+            if tube.field.power() * share < self.limits.floor {
+                counts.stopped += 1;
+                break;
+            }
+            counts.rays += 1;
+            if !tube.advance(self.snapshot) {
+                break;
+            }
+            places.push(tube.place);
+            arrive(&tube, &places);
+        }
+        counts
+    }
+
+    /// Coefficients of the surface where a tube arrives.
+    fn mirrored(&self, tube: &Tube) -> [Complex64; 2] {
+        self.materials[tube.place.body as usize].mirrored(tube.cosine(), self.wavelength)
+    }
+
+    /// What the footprint of a cell sends to an antenna of the sensor frame, if that is in sight.
+    fn send(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<Sent> {
+        let place = &tube.place;
+        let offset = antenna - place.point;
+        if place.normal.dot(offset) <= 0.0 || place.face.dot(offset) <= 0.0 {
+            return None;
+        }
+        let distance = offset.length();
+        let direction = offset / distance;
+
+        // The phase of the tube and of the way to the antenna along the edges of the footprint.
+        let slope = tube.edges.map(|edge| 0.5 * (tube.direction - direction).dot(edge));
+        let weight = match sampling {
+            Sampling::Point => 1.0,
+            Sampling::Footprint => (0..2)
+                .map(|i| taper(TAU / self.wavelength * slope[i] * launch.size[i]))
+                .product(),
+        };
+        if weight == 0.0 {
+            return None;
+        }
+
+        // README eq. (7), without the antennas.
+        let received = self.array.polarization.map(|e| field::transverse(e, direction));
+        let sent = tube.send(self.mirrored(tube), direction, received);
+        let amplitude = sent * (tube.solid_angle * tube.section()).sqrt() * (launch.size[0] * launch.size[1])
+            / (tube.cosine() * distance);
+        if amplitude == Complex64::ZERO || self.is_hidden(place, antenna) {
+            return None;
+        }
+        Some(Sent {
+            distance,
+            slope,
+            amplitude,
+            weight,
+        })
+    }
+
+    /// Whether something stands between a place and an antenna.
+    fn is_hidden(&self, place: &Place, antenna: DVec3) -> bool {
+        let direction = antenna - place.on_facet;
+        let ray = Ray {
+            origin: place.on_facet,
+            direction,
+            start: leaving(place.on_facet) / direction.length(),
+        };
+        self.snapshot.blocks(&ray, 1.0 - 1e-9)
+    }
+}
+
+/// What reaches an antenna from the footprint of a cell.
+struct Sent {
+    /// Of the antenna from the footprint [m].
+    distance: f64,
+    /// Derivatives of half the path by the plane coordinates [m].
+    slope: [f64; 2],
+    /// As [`Echo::amplitude`].
+    amplitude: Complex64,
+    /// Mean of the phase over the footprint, tapered.
+    weight: f64,
+}
+
+/// How far from a point of a surface a ray is let go [m].
+fn leaving(point: DVec3) -> f64 {
+    LEAVING * point.abs().max_element().max(1.0)
+}
+
+/// What every cell returns to the centre of the array by two and more reflections; one material per body.
+pub fn echoes(
+    snapshot: &Snapshot,
+    launches: &[Launch],
+    materials: &[Material],
+    array: &Array,
+    limits: Limits,
+) -> Vec<Vec<Echo>> {
+    let shooter = Shooter::new(snapshot, materials, array, limits);
+    let of = |launch: &Launch| {
+        let mut echoes = Vec::new();
+        shooter.shoot(launch, |tube, places| {
+            let Some(sent) = shooter.send(tube, launch, DVec3::ZERO, Sampling::Point) else {
+                return;
+            };
+            let gain = |point: DVec3| array.pattern.gain(point);
+            echoes.push(Echo {
+                order: places.len(),
+                half_path: 0.5 * (tube.length + sent.distance),
+                slope: sent.slope,
+                amplitude: sent.amplitude,
+                gain: (gain(places[0].point) * gain(tube.place.point)).sqrt(),
+            });
+        });
+        echoes
+    };
+    launches.par_iter().map(of).collect()
+}
+
+impl Bounces {
+    /// Routes of two and more reflections of all cells, in their order, and what they took; one material per body.
+    pub fn new(
+        snapshot: &Snapshot,
+        launches: &[Launch],
+        materials: &[Material],
+        array: Array,
+        limits: Limits,
+        sampling: Sampling,
+    ) -> (Self, Counts) {
+        let shooter = Shooter::new(snapshot, materials, &array, limits);
+        let of = |launch: &Launch| {
+            let mut routes = Vec::new();
+            let counts = shooter.shoot(launch, |tube, places| {
+                let weight = |antenna: &DVec3| {
+                    let sent = shooter.send(tube, launch, *antenna, sampling);
+                    sent.map_or(Complex64::ZERO, |sent| {
+                        Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length * sent.distance)
+                    })
+                };
+                let weights: Vec<Complex64> = array.rx.iter().map(weight).collect();
+                if weights.iter().any(|weight| *weight != Complex64::ZERO) {
+                    routes.push(Route::new(snapshot, places, weights));
+                }
+            });
+            (routes, counts)
+        };
+        let (routes, counts): (Vec<Vec<Route>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
+        let counts = counts.into_iter().fold(Counts::default(), Counts::plus);
+        (Self::of_routes(snapshot, array, routes.into_iter().flatten()), counts)
+    }
+}
+
+#[cfg(test)]
+mod tests;
