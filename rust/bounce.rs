@@ -17,11 +17,13 @@ use crate::material::Material;
 use crate::scatter::{SPEED_OF_LIGHT, Sampling, taper};
 use crate::trace::{Hits, NO_BODY, Snapshot};
 
+mod far_field;
 mod field;
 mod place;
 mod route;
 mod tube;
 
+pub use far_field::{Aspect, cross_sections};
 pub use route::Bounces;
 
 use place::Place;
@@ -110,31 +112,17 @@ pub struct Echo {
 /// The scene as ray tubes see it.
 struct Shooter<'a> {
     snapshot: &'a Snapshot,
+    /// One per body.
     materials: &'a [Material],
-    array: &'a Array,
     wavelength: f64,
     limits: Limits,
 }
 
-impl<'a> Shooter<'a> {
-    fn new(snapshot: &'a Snapshot, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
-        Self {
-            snapshot,
-            materials,
-            array,
-            wavelength: SPEED_OF_LIGHT / array.frequency,
-            limits,
-        }
-    }
-
-    /// Follow the tube of a cell; `arrive` gets it at every surface from the second on, with all places so far.
-    fn shoot(&self, launch: &Launch, mut arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+impl Shooter<'_> {
+    /// Follow a tube that was launched with a share of the largest gain; `arrive` gets it at every surface from the second on,
+    /// with all places so far.
+    fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Place])) -> Counts {
         let mut counts = Counts::default();
-        let Some(mut tube) = Tube::launch(self.snapshot, launch, self.array.polarization) else {
-            return counts;
-        };
-        let pattern = &self.array.pattern;
-        let share = pattern.gain(tube.place.point) / pattern.peak;
         let mut places = vec![tube.place];
         for _ in 2..=self.limits.max_bounces {
             tube.reflect(self.mirrored(&tube));
@@ -157,66 +145,116 @@ impl<'a> Shooter<'a> {
         self.materials[tube.place.body as usize].mirrored(tube.cosine(), self.wavelength)
     }
 
-    /// What the footprint of a cell sends to an antenna of the sensor frame, if that is in sight.
-    fn send(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<Sent> {
+    /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
+    /// faces there.
+    fn send(
+        &self,
+        tube: &Tube,
+        size: [f64; 2],
+        direction: DVec3,
+        polarization: Option<DVec3>,
+        sampling: Sampling,
+    ) -> Option<Sent> {
         let place = &tube.place;
-        let offset = antenna - place.point;
-        if place.normal.dot(offset) <= 0.0 || place.face.dot(offset) <= 0.0 {
+        if place.normal.dot(direction) <= 0.0 || place.face.dot(direction) <= 0.0 {
             return None;
         }
-        let distance = offset.length();
-        let direction = offset / distance;
 
         // The phase of the tube and of the way to the antenna along the edges of the footprint.
         let slope = tube.edges.map(|edge| 0.5 * (tube.direction - direction).dot(edge));
         let weight = match sampling {
             Sampling::Point => 1.0,
             Sampling::Footprint => (0..2)
-                .map(|i| taper(TAU / self.wavelength * slope[i] * launch.size[i]))
+                .map(|i| taper(TAU / self.wavelength * slope[i] * size[i]))
                 .product(),
         };
         if weight == 0.0 {
             return None;
         }
 
-        // README eq. (7), without the antennas.
-        let received = self.array.polarization.map(|e| field::transverse(e, direction));
+        // W sqrt(dOmega / dA_perp) dA of README eq. (7).
+        let received = polarization.map(|e| field::transverse(e, direction));
         let sent = tube.send(self.mirrored(tube), direction, received);
-        let amplitude = sent * (tube.solid_angle * tube.section()).sqrt() * (launch.size[0] * launch.size[1])
-            / (tube.cosine() * distance);
-        if amplitude == Complex64::ZERO || self.is_hidden(place, antenna) {
-            return None;
-        }
-        Some(Sent {
-            distance,
+        let amplitude = sent * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
+        (amplitude != Complex64::ZERO).then_some(Sent {
             slope,
             amplitude,
             weight,
         })
     }
 
-    /// Whether something stands between a place and an antenna.
-    fn is_hidden(&self, place: &Place, antenna: DVec3) -> bool {
-        let direction = antenna - place.on_facet;
+    /// The same to an antenna at a place of the sensor frame, if that is in sight, and its distance [m].
+    fn send_to(
+        &self,
+        tube: &Tube,
+        size: [f64; 2],
+        antenna: DVec3,
+        polarization: Option<DVec3>,
+        sampling: Sampling,
+    ) -> Option<(Sent, f64)> {
+        let offset = antenna - tube.place.point;
+        let distance = offset.length();
+        if distance == 0.0 {
+            return None;
+        }
+        let sent = self.send(tube, size, offset / distance, polarization, sampling)?;
+        let is_hidden = self.is_hidden(&tube.place, antenna - tube.place.on_facet, 1.0 - 1e-9);
+        (!is_hidden).then_some((sent, distance))
+    }
+
+    /// Whether something stands in the way from a place before `far`, in lengths of the direction.
+    fn is_hidden(&self, place: &Place, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
             origin: place.on_facet,
             direction,
             start: leaving(place.on_facet) / direction.length(),
         };
-        self.snapshot.blocks(&ray, 1.0 - 1e-9)
+        self.snapshot.blocks(&ray, far)
     }
 }
 
-/// What reaches an antenna from the footprint of a cell.
+/// What the footprint of a cell sends.
 struct Sent {
-    /// Of the antenna from the footprint [m].
-    distance: f64,
     /// Derivatives of half the path by the plane coordinates [m].
     slope: [f64; 2],
-    /// As [`Echo::amplitude`].
+    /// Such that a path to an antenna at a distance R has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this over R.
     amplitude: Complex64,
     /// Mean of the phase over the footprint, tapered.
     weight: f64,
+}
+
+/// Ray tubes from the antennas of an array.
+struct Sensor<'a> {
+    shooter: Shooter<'a>,
+    array: &'a Array,
+}
+
+impl<'a> Sensor<'a> {
+    fn new(snapshot: &'a Snapshot, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
+        let shooter = Shooter {
+            snapshot,
+            materials,
+            wavelength: SPEED_OF_LIGHT / array.frequency,
+            limits,
+        };
+        Self { shooter, array }
+    }
+
+    /// Follow the tube of a cell.
+    fn shoot(&self, launch: &Launch, arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+        let Some(tube) = Tube::launch(self.shooter.snapshot, launch, self.array.polarization) else {
+            return Counts::default();
+        };
+        let pattern = &self.array.pattern;
+        let share = pattern.gain(tube.place.point) / pattern.peak;
+        self.shooter.follow(tube, share, arrive)
+    }
+
+    /// What comes to an antenna.
+    fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Sent, f64)> {
+        self.shooter
+            .send_to(tube, launch.size, antenna, self.array.polarization, sampling)
+    }
 }
 
 /// How far from a point of a surface a ray is let go [m].
@@ -232,19 +270,19 @@ pub fn echoes(
     array: &Array,
     limits: Limits,
 ) -> Vec<Vec<Echo>> {
-    let shooter = Shooter::new(snapshot, materials, array, limits);
+    let sensor = Sensor::new(snapshot, materials, array, limits);
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
-        shooter.shoot(launch, |tube, places| {
-            let Some(sent) = shooter.send(tube, launch, DVec3::ZERO, Sampling::Point) else {
+        sensor.shoot(launch, |tube, places| {
+            let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
                 return;
             };
             let gain = |point: DVec3| array.pattern.gain(point);
             echoes.push(Echo {
                 order: places.len(),
-                half_path: 0.5 * (tube.length + sent.distance),
+                half_path: 0.5 * (tube.length + distance),
                 slope: sent.slope,
-                amplitude: sent.amplitude,
+                amplitude: sent.amplitude / distance,
                 gain: (gain(places[0].point) * gain(tube.place.point)).sqrt(),
             });
         });
@@ -263,14 +301,14 @@ impl Bounces {
         limits: Limits,
         sampling: Sampling,
     ) -> (Self, Counts) {
-        let shooter = Shooter::new(snapshot, materials, &array, limits);
+        let sensor = Sensor::new(snapshot, materials, &array, limits);
         let of = |launch: &Launch| {
             let mut routes = Vec::new();
-            let counts = shooter.shoot(launch, |tube, places| {
+            let counts = sensor.shoot(launch, |tube, places| {
                 let weight = |antenna: &DVec3| {
-                    let sent = shooter.send(tube, launch, *antenna, sampling);
-                    sent.map_or(Complex64::ZERO, |sent| {
-                        Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length * sent.distance)
+                    let sent = sensor.receive(tube, launch, *antenna, sampling);
+                    sent.map_or(Complex64::ZERO, |(sent, _)| {
+                        Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length)
                     })
                 };
                 let weights: Vec<Complex64> = array.rx.iter().map(weight).collect();

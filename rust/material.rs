@@ -18,6 +18,12 @@ pub enum Material {
     Dielectric(Dielectric),
 }
 
+/// A perfect conductor.
+pub const CONDUCTOR: Material = Material::Constant(Response {
+    reflection: Complex64::new(-1.0, 0.0),
+    albedo: 0.0,
+});
+
 /// What comes back from a surface at one angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {

@@ -48,6 +48,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(levels, module)?)?;
     module.add_function(wrap_pyfunction!(image_scatterers, module)?)?;
+    module.add_function(wrap_pyfunction!(bounces::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;

@@ -17,6 +17,7 @@ __all__ = [
     "Waveform",
     "__version__",
     "beat_signal",
+    "cross_sections",
     "image_scatterers",
     "levels",
     "load_obj",
@@ -93,6 +94,21 @@ def image_scatterers(
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
     unit vectors towards the sensor; focal lengths and principal point are in pixels. `polarization`: unit vector along
     the field of the antennas.
+    """
+
+def cross_sections(
+    surface: Surface,
+    transmitter: NDArray[np.float64],
+    receiver: NDArray[np.float64],
+    *,
+    frequency: float,
+    polarization: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    max_bounces: int,
+    threads: int | None = None,
+) -> NDArray[np.float64]:
+    """Radar cross-sections [m^2] of a perfect conductor, (direction,), by up to `max_bounces` reflections.
+
+    Unit vectors (direction, 3) lead from the surface to both antennas; `polarization` has those along their fields.
     """
 
 @final

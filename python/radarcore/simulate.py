@@ -119,7 +119,7 @@ class Simulator:
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
         self.gain_floor_db = _floor("gain_floor_db", gain_floor_db)
-        self.max_bounces = _max_bounces(max_bounces)
+        self.max_bounces = check_max_bounces(max_bounces)
         self.bounce_floor_db = _floor("bounce_floor_db", bounce_floor_db)
         self._previous: dict[bool, _core.Hits] = {}
         self._reuses_tiles = self._skips_empty_tiles = True
@@ -559,7 +559,8 @@ def _floor(name: str, value: float) -> float:
     return np.inf if value == np.inf else check.positive(name, value, "dB")
 
 
-def _max_bounces(value: int) -> int:
+def check_max_bounces(value: int) -> int:
+    """A number of reflections."""
     number = check.count("max_bounces", value)
     if number > MAX_BOUNCES:
         raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")

@@ -3,15 +3,10 @@ use std::sync::Arc;
 use super::field::{Field, Incidence};
 use super::*;
 use crate::antenna::Pattern;
-use crate::material::Response;
+use crate::material::{CONDUCTOR, Response};
 use crate::motion::Pose;
 use crate::rays::ImagePlane;
 use crate::surface::{ShadingMode, Surface};
-
-const CONDUCTOR: Material = Material::Constant(Response {
-    reflection: Complex64::new(-1.0, 0.0),
-    albedo: 0.0,
-});
 
 const LIMITS: Limits = Limits {
     max_bounces: 2,

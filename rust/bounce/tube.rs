@@ -16,16 +16,16 @@ pub struct Tube {
     pub direction: DVec3,
     /// Where it arrives.
     pub place: Place,
-    /// Length of its path from the centre of the array [m].
+    /// Length of its path [m]: from the centre of the array, or from the front of a plane wave through the origin.
     pub length: f64,
-    /// Derivatives of the place by the plane coordinates of the image, along the surface [m].
+    /// Derivatives of the place by the plane coordinates of the cell, along the surface [m].
     pub edges: [DVec3; 2],
     /// Derivatives of the direction by them.
     pub turns: [DVec3; 2],
     /// Field relative to the one that was launched, but for its spreading.
     pub field: Field,
-    /// Solid angle of the cell over its size in plane coordinates [sr].
-    pub solid_angle: f64,
+    /// Of what was launched, per unit of both plane coordinates: solid angle [sr], or section of a plane wave [m^2].
+    pub spread: f64,
 }
 
 impl Tube {
@@ -43,7 +43,37 @@ impl Tube {
             edges: turns.map(|turn| land(length * turn, direction, place.normal)),
             turns,
             field: Field::launch(polarization, direction),
-            solid_angle: w.powi(-3),
+            spread: w.powi(-3),
+        })
+    }
+
+    /// Of a plane wave in a unit direction, from a point in front of everything to what the ray from there hits; plane
+    /// coordinates count along `axes`.
+    pub fn plane_wave(
+        snapshot: &Snapshot,
+        origin: DVec3,
+        direction: DVec3,
+        axes: [DVec3; 2],
+        polarization: Option<DVec3>,
+    ) -> Option<Self> {
+        let ray = Ray {
+            origin,
+            direction,
+            start: 0.0,
+        };
+        let hit = snapshot.cast(&ray);
+        if hit.body == NO_BODY {
+            return None;
+        }
+        let (place, _) = Place::new(snapshot, hit.body, hit.triangle, origin, direction)?;
+        Some(Self {
+            direction,
+            place,
+            length: direction.dot(place.point),
+            edges: axes.map(|axis| land(axis, direction, place.normal)),
+            turns: [DVec3::ZERO; 2],
+            field: Field::launch(polarization, direction),
+            spread: axes[0].cross(axes[1]).length(),
         })
     }
 
