@@ -240,13 +240,13 @@ impl<'a> Sensor<'a> {
         Self { shooter, array }
     }
 
-    /// Follow the tube of a cell.
-    fn shoot(&self, launch: &Launch, arrive: impl FnMut(&Tube, &[Place])) -> Counts {
-        let Some(tube) = Tube::launch(self.shooter.snapshot, launch, self.array.polarization) else {
+    /// Follow the tube from an antenna to what a cell has hit.
+    fn shoot(&self, launch: &Launch, antenna: DVec3, arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+        let Some(tube) = Tube::launch(self.shooter.snapshot, launch, antenna, self.array.polarization) else {
             return Counts::default();
         };
         let pattern = &self.array.pattern;
-        let share = pattern.gain(tube.place.point) / pattern.peak;
+        let share = pattern.gain(tube.place.point - antenna) / pattern.peak;
         self.shooter.follow(tube, share, arrive)
     }
 
@@ -273,7 +273,7 @@ pub fn echoes(
     let sensor = Sensor::new(snapshot, materials, array, limits);
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
-        sensor.shoot(launch, |tube, places| {
+        sensor.shoot(launch, DVec3::ZERO, |tube, places| {
             let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
                 return;
             };
@@ -303,19 +303,30 @@ impl Bounces {
     ) -> (Self, Counts) {
         let sensor = Sensor::new(snapshot, materials, &array, limits);
         let of = |launch: &Launch| {
-            let mut routes = Vec::new();
-            let counts = sensor.shoot(launch, |tube, places| {
-                let weight = |antenna: &DVec3| {
-                    let sent = sensor.receive(tube, launch, *antenna, sampling);
-                    sent.map_or(Complex64::ZERO, |(sent, _)| {
-                        Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length)
-                    })
+            let mut routes: Vec<Route> = Vec::new();
+            let mut counts = Counts::default();
+            for (transmitter, antenna) in array.tx.iter().enumerate() {
+                let arrive = |tube: &Tube, places: &[Place]| {
+                    let weight = |antenna: &DVec3| {
+                        let sent = sensor.receive(tube, launch, *antenna, sampling);
+                        sent.map_or(Complex64::ZERO, |(sent, _)| {
+                            Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length)
+                        })
+                    };
+                    let weights: Vec<Complex64> = array.rx.iter().map(weight).collect();
+                    if weights.iter().all(|weight| *weight == Complex64::ZERO) {
+                        return;
+                    }
+                    let order = places.len();
+                    let known = routes.iter().position(|route| route.order() == order);
+                    let index = known.unwrap_or_else(|| {
+                        routes.push(Route::new(&array, snapshot, places));
+                        routes.len() - 1
+                    });
+                    routes[index].set(snapshot, transmitter, places, &weights);
                 };
-                let weights: Vec<Complex64> = array.rx.iter().map(weight).collect();
-                if weights.iter().any(|weight| *weight != Complex64::ZERO) {
-                    routes.push(Route::new(snapshot, places, weights));
-                }
-            });
+                counts = counts.plus(sensor.shoot(launch, *antenna, arrive));
+            }
             (routes, counts)
         };
         let (routes, counts): (Vec<Vec<Route>>, Vec<Counts>) = launches.par_iter().map(of).unzip();

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize
 
 import radarcore as rc
 from reference import Patches, double_scattering_reference
@@ -126,6 +127,7 @@ def test_dihedral_of_a_dielectric_returns_what_both_reflections_leave() -> None:
 
 RADIUS, BALL = 0.1, np.array([2.0, 0.0, 0.0])
 WALL_Y = -0.7
+SENSOR = np.zeros(3)
 IN_THE_WALL = np.array([1.0, -1.0, 1.0])
 """A direction times this is that of its image."""
 VIEW: dict[str, Any] = {"resolution": (96, 1280), "field_of_view_deg": (94.0, 12.0), "max_bounces": 2}
@@ -150,22 +152,35 @@ def image_of(position: Any) -> NDArray[np.float64]:
     return np.asarray(position) * IN_THE_WALL + np.array([0.0, 2.0 * WALL_Y, 0.0])
 
 
-def ghost_point(center: NDArray[np.float64] = BALL) -> NDArray[np.float64]:
-    """Where the shortest way from the sensor over the ball to the image of the sensor touches the ball."""
+def touched(start: Any, end: Any, center: NDArray[np.float64] = BALL) -> NDArray[np.float64]:
+    """Where the shortest way from one place over the ball to another touches the ball."""
 
-    def place(angle: float) -> NDArray[np.float64]:
-        return center - RADIUS * np.array([np.cos(angle), np.sin(angle), 0.0])
+    def place(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        azimuth, elevation = angles
+        up, across = np.sin(elevation), np.cos(elevation)
+        return center - RADIUS * np.array([across * np.cos(azimuth), across * np.sin(azimuth), up])
 
-    def length(angle: float) -> float:
-        return float(np.linalg.norm(place(angle)) + np.linalg.norm(place(angle) - image_of(np.zeros(3))))
+    def length(angles: NDArray[np.float64]) -> float:
+        return float(np.linalg.norm(place(angles) - start) + np.linalg.norm(place(angles) - end))
 
-    return place(minimize_scalar(length, bounds=(0.0, 1.5), method="bounded", options={"xatol": 1e-9}).x)
+    return place(minimize(length, [0.4, 0.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-15}).x)
 
 
 def ghost_length(center: NDArray[np.float64] = BALL) -> float:
-    """Length of that way [m]."""
-    point = ghost_point(center)
-    return float(np.linalg.norm(point) + np.linalg.norm(point - image_of(np.zeros(3))))
+    """Length of the way from the sensor over the ball to the image of the sensor [m]."""
+    point = touched(SENSOR, image_of(SENSOR), center)
+    return float(np.linalg.norm(point - SENSOR) + np.linalg.norm(point - image_of(SENSOR)))
+
+
+def reflected_by_ball(start: Any, end: Any) -> complex:
+    """What geometrical optics says of a wave from an antenna at one place that the ball reflects to another."""
+    point = touched(start, end)
+    there, back = np.linalg.norm(point - start), np.linalg.norm(point - end)
+    cosine = (BALL - point) @ (point - start) / (RADIUS * there)
+    # Principal radii of the reflected front, in and across the plane of incidence.
+    radii = [1.0 / (1.0 / there + 2.0 / (RADIUS * cosine)), 1.0 / (1.0 / there + 2.0 * cosine / RADIUS)]
+    level = WAVELENGTH / (4.0 * np.pi) / there * np.sqrt(np.prod([r / (r + back) for r in radii]))
+    return complex(level * np.exp(-2j * np.pi * (there + back) / WAVELENGTH))
 
 
 def test_ghost_of_a_ball_beside_a_wall_has_the_range_of_its_path() -> None:
@@ -183,22 +198,31 @@ def test_ghost_of_a_ball_beside_a_wall_has_the_range_of_its_path() -> None:
 
 
 def test_ghost_has_the_level_and_the_angles_of_geometrical_optics() -> None:
-    point = ghost_point()
-    # Spreading of a wave from the sensor that a ball reflects (principal radii of its front behind it), and then over
-    # the wall to the sensor; the other way round is the same by reciprocity.
-    there, back = np.linalg.norm(point), np.linalg.norm(point - image_of(np.zeros(3)))
-    cosine = (BALL - point) @ point / (RADIUS * there)
-    radii = [1.0 / (1.0 / there + 2.0 / (RADIUS * cosine)), 1.0 / (1.0 / there + 2.0 * cosine / RADIUS)]
-    level = WAVELENGTH / (4.0 * np.pi) / there * np.sqrt(np.prod([r / (r + back) for r in radii]))
-    phase = -2.0 * np.pi * ghost_length() / WAVELENGTH
+    point, expected = touched(SENSOR, image_of(SENSOR)), reflected_by_ball(SENSOR, image_of(SENSOR))
+    # Over the wall to the ball, and the other way round.
     for last, view, arrives_from in ((0, VIEW, point), (1, CLOSE, image_of(point))):
         paths = bounce_paths(simulator([ball(), wall()], CHANNELS, **view))
         received = np.where(paths.body == last, phasors(paths), 0.0).sum(axis=1)
-        assert 20.0 * np.log10(abs(received[0]) / level) == pytest.approx(0.0, abs=0.4)
-        assert np.angle(received[0] * np.exp(-1j * phase)) == pytest.approx(0.0, abs=0.1)
+        assert 20.0 * np.log10(abs(received[0] / expected)) == pytest.approx(0.0, abs=0.4)
+        assert np.angle(received[0] / expected) == pytest.approx(0.0, abs=0.1)
         # The second receiver, to the left, is nearer to what comes from the left.
         sine = np.angle(received[1] / received[0]) / (2.0 * np.pi / WAVELENGTH * 0.00125)
         assert sine == pytest.approx(arrives_from[1] / np.linalg.norm(arrives_from), abs=0.01)
+
+
+def test_every_pair_of_antennas_far_apart_has_its_own_ghost() -> None:
+    transmitters = np.array([[0.0, 0.06, 0.01], [0.01, -0.05, 0.0]])
+    receivers = np.array([[0.0, 0.03, 0.0], [0.0, -0.02, -0.03]])
+    radar = rc.Radar(tone(), tx=transmitters, rx=receivers)
+    # Ways over the points of another transmitter would be up to a radian too long.
+    for last, view in ((0, VIEW | {"resolution": (160, 2000)}), (1, CLOSE)):
+        paths = bounce_paths(simulator([ball(), wall()], radar, **view))
+        received = np.where(paths.body == last, phasors(paths), 0.0).sum(axis=1)
+        for channel, (tx, rx) in enumerate(product(transmitters, receivers)):
+            ends = (image_of(tx), rx) if last == 0 else (tx, image_of(rx))
+            ratio = received[channel] / reflected_by_ball(*ends)
+            assert 20.0 * np.log10(abs(ratio)) == pytest.approx(0.0, abs=0.5)
+            assert np.angle(ratio) == pytest.approx(0.0, abs=0.06)
 
 
 def test_ghost_of_a_moving_ball_has_the_doppler_of_its_path() -> None:

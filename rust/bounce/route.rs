@@ -11,13 +11,15 @@ use crate::facet::Facet;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 use crate::trace::Snapshot;
 
-/// Routes from the transmitters over two and more surfaces to the receivers.
+/// Routes from the transmitters over two and more surfaces to the receivers: what one cell of the image returns by one
+/// number of reflections.
 pub struct Bounces {
     array: Array,
     /// Where the points of every route begin, and where those of the last end.
     first: Vec<usize>,
+    /// Those of one transmitter after the other; of one that has no such route those of another.
     points: Vec<Point>,
-    /// `(route, receiver)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
+    /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
@@ -35,34 +37,56 @@ struct Point {
 
 /// One route.
 pub struct Route {
+    order: usize,
     points: Vec<Point>,
-    /// Per receiver.
+    /// Per channel.
     weights: Vec<Complex64>,
 }
 
-impl Route {
-    /// Over places that stay with their bodies.
-    pub fn new(snapshot: &Snapshot, places: &[Place], weights: Vec<Complex64>) -> Self {
-        let point = |place: &Place| {
-            let surface = snapshot.surface(place.body);
-            let position = snapshot.pose(place.body).point_to_body(place.point);
-            if !surface.is_deformed() {
-                return Point {
-                    body: place.body,
-                    facet: None,
-                    position,
-                };
-            }
-            Point {
+impl Point {
+    /// At a place that stays with its body.
+    fn new(snapshot: &Snapshot, place: &Place) -> Self {
+        let surface = snapshot.surface(place.body);
+        let position = snapshot.pose(place.body).point_to_body(place.point);
+        if !surface.is_deformed() {
+            return Self {
                 body: place.body,
-                facet: Some(surface.vertices_of(place.triangle)),
-                position: Facet::new(surface.corners(place.triangle)).coordinates(position),
-            }
-        };
-        Self {
-            points: places.iter().map(point).collect(),
-            weights,
+                facet: None,
+                position,
+            };
         }
+        Self {
+            body: place.body,
+            facet: Some(surface.vertices_of(place.triangle)),
+            position: Facet::new(surface.corners(place.triangle)).coordinates(position),
+        }
+    }
+}
+
+impl Route {
+    /// Over these places, for all transmitters; nothing comes back yet.
+    pub fn new(array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
+        let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
+        Self {
+            order: places.len(),
+            points: points.repeat(array.tx.len()),
+            weights: vec![Complex64::ZERO; array.num_channels()],
+        }
+    }
+
+    /// Number of reflections.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
+    /// What comes back of one transmitter: `weights` per receiver.
+    pub fn set(&mut self, snapshot: &Snapshot, transmitter: usize, places: &[Place], weights: &[Complex64]) {
+        let points = places.iter().map(|place| Point::new(snapshot, place));
+        for (i, point) in points.enumerate() {
+            self.points[transmitter * self.order + i] = point;
+        }
+        let first = transmitter * weights.len();
+        self.weights[first..first + weights.len()].copy_from_slice(weights);
     }
 }
 
@@ -101,8 +125,11 @@ impl Bounces {
     pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
         let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
         for route in 0..self.len() {
-            let are_wanted = self.points(route).iter().all(|point| is_wanted(point.body));
-            parts[usize::from(!are_wanted)].push(self.points(route), self.weights(route));
+            let points = &self.points[self.first[route]..self.first[route + 1]];
+            let are_wanted = points.iter().all(|point| is_wanted(point.body));
+            let channels = self.num_channels();
+            let weights = &self.weights[channels * route..channels * (route + 1)];
+            parts[usize::from(!are_wanted)].push(points, weights);
         }
         for part in &mut parts {
             let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
@@ -128,12 +155,16 @@ impl Bounces {
 
     /// Number of reflections of every route.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
-        self.first.windows(2).map(|ends| ends[1] - ends[0])
+        let transmitters = self.array.tx.len();
+        self.first
+            .windows(2)
+            .map(move |ends| (ends[1] - ends[0]) / transmitters)
     }
 
-    /// The last body of every route.
+    /// The last body of every route, as the first transmitter has it.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
-        self.first[1..].iter().map(|end| self.points[end - 1].body)
+        let ends = self.first.iter().zip(self.orders());
+        ends.map(|(first, order)| self.points[first + order - 1].body)
     }
 
     /// Bodies that deform and are met here, in increasing order, and their numbers of vertices.
@@ -183,7 +214,8 @@ impl Bounces {
                 let (channel, route) = (i / num_routes, i % num_routes);
                 let (tx, rx) = self.antennas(channel);
                 let (mut rate, mut from) = (0.0, (tx, DVec3::ZERO));
-                let moving = self.points(route).iter().map(|point| self.motion(places, rates, point));
+                let points = self.points(route, channel);
+                let moving = points.iter().map(|point| self.motion(places, rates, point));
                 for to in moving.chain([(rx, DVec3::ZERO)]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
@@ -193,13 +225,12 @@ impl Bounces {
             .collect()
     }
 
-    fn points(&self, route: usize) -> &[Point] {
-        &self.points[self.first[route]..self.first[route + 1]]
-    }
-
-    fn weights(&self, route: usize) -> &[Complex64] {
-        let receivers = self.array.rx.len();
-        &self.weights[receivers * route..receivers * (route + 1)]
+    /// Of the transmitter of a channel.
+    fn points(&self, route: usize, channel: usize) -> &[Point] {
+        let points = &self.points[self.first[route]..self.first[route + 1]];
+        let order = points.len() / self.array.tx.len();
+        let transmitter = channel / self.array.rx.len();
+        &points[transmitter * order..(transmitter + 1) * order]
     }
 
     fn antennas(&self, channel: usize) -> (DVec3, DVec3) {
@@ -210,7 +241,7 @@ impl Bounces {
     /// Delay and amplitude of one route of one channel at one time, README eq. (7).
     fn path(&self, places: &Places, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
         let (tx, rx) = self.antennas(channel);
-        let points = self.points(route);
+        let points = self.points(route, channel);
         let departure = self.position(places, node, &points[0]) - tx;
         let (mut length, mut last) = (0.0, tx);
         for point in points {
@@ -221,7 +252,7 @@ impl Bounces {
         let arrival = last - rx;
         let distance = arrival.length();
         let gains = self.array.pattern.gain(departure) * self.array.pattern.gain(arrival);
-        let weight = self.weights(route)[channel % self.array.rx.len()];
+        let weight = self.weights[route * self.num_channels() + channel];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
         ((length + distance) / SPEED_OF_LIGHT, amplitude)
     }

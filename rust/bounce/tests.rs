@@ -171,7 +171,7 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
         let wall = rectangle(DVec3::new(-2.0, 1.2, -3.0), DVec3::X * 6.0, DVec3::Z * 6.0);
         let snapshot = scene(vec![ball, wall]);
         let twice = |u: f64, v: f64| {
-            let mut tube = Tube::launch(&snapshot, &cell(&snapshot, u, v)?, None)?;
+            let mut tube = Tube::launch(&snapshot, &cell(&snapshot, u, v)?, DVec3::ZERO, None)?;
             tube.reflect([Complex64::ONE; 2]);
             tube.advance(&snapshot).then_some(tube)
         };
@@ -265,7 +265,7 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
             body: 0,
             ..on_bowl(&snapshot)
         };
-        let mut tube = Tube::launch(&snapshot, &launch, None).unwrap();
+        let mut tube = Tube::launch(&snapshot, &launch, DVec3::ZERO, None).unwrap();
         tube.reflect([Complex64::ONE, -Complex64::ONE]);
         assert!(tube.advance(&snapshot));
         assert_eq!(tube.place.body, 1);

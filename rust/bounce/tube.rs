@@ -16,7 +16,7 @@ pub struct Tube {
     pub direction: DVec3,
     /// Where it arrives.
     pub place: Place,
-    /// Length of its path [m]: from the centre of the array, or from the front of a plane wave through the origin.
+    /// Length of its path [m]: from the antenna, or from the front of a plane wave through the origin.
     pub length: f64,
     /// Derivatives of the place by the plane coordinates of the cell, along the surface [m].
     pub edges: [DVec3; 2],
@@ -29,21 +29,31 @@ pub struct Tube {
 }
 
 impl Tube {
-    /// From the centre of the array through the middle of a cell to what that has hit.
-    pub fn launch(snapshot: &Snapshot, launch: &Launch, polarization: Option<DVec3>) -> Option<Self> {
+    /// From an antenna to what the middle of a cell has hit, as seen from the centre of the array.
+    pub fn launch(snapshot: &Snapshot, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
+        // The patch of surface behind the cell.
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
-        let direction = DVec3::new(1.0, u, v) / w;
-        let (place, length) = Place::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, direction)?;
-        let turns = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| (axis - direction * (x / w)) / w);
-        Some(Self {
+        let ray = DVec3::new(1.0, u, v) / w;
+        let (place, distance) = Place::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
+        let edges = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| {
+            let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
+            land(distance * turn, ray, place.normal)
+        });
+
+        // The tube from the antenna that has it as its footprint.
+        let offset = place.point - antenna;
+        let length = offset.length();
+        let direction = offset / length;
+        let is_lit = place.normal.dot(offset) < 0.0 && place.face.dot(offset) < 0.0;
+        is_lit.then(|| Self {
             direction,
             place,
             length,
-            edges: turns.map(|turn| land(length * turn, direction, place.normal)),
-            turns,
+            edges,
+            turns: edges.map(|edge| (edge - direction * direction.dot(edge)) / length),
             field: Field::launch(polarization, direction),
-            spread: w.powi(-3),
+            spread: direction.dot(edges[0].cross(edges[1])).abs() / (length * length),
         })
     }
 
@@ -102,6 +112,9 @@ impl Tube {
 
     /// Go on to the next surface. Returns whether there is one.
     pub fn advance(&mut self, snapshot: &Snapshot) -> bool {
+        if self.place.face.dot(self.direction) <= 0.0 {
+            return false;
+        }
         // It starts on the facet, which it therefore does not meet again; the length counts from the curved surface.
         let origin = self.place.on_facet;
         let hit = snapshot.cast(&Ray {
