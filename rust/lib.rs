@@ -8,7 +8,8 @@
 //! Images: `rays` (pixels and tiles), `trace` (bodies at their places and images of them), `surface` (triangles of one body),
 //! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
 //! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `scatter` makes paths of what they show
-//! (`material` and `polarization`: what comes back of a wave), which stays with its `facet` where a body deforms.
+//! (`material` and `polarization`: what comes back of a wave), which stays with its `facet` where a body deforms; `bounce`
+//! makes those of several reflections, and far-field cross-sections.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
