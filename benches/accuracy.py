@@ -46,22 +46,41 @@ Frames of `radarcore` against closed forms; written by `python benches/accuracy.
 {mirror}
 
 Errors are rms over 64 frequencies from 57 to 64 GHz and six turns of the radar by parts of a pixel, of the level and
-of the phase of the echo of the whole target; "worst" is the rms of the worst turn, often the one where the target lies
-symmetrically on the pixels. "Pixels" is the side of the square image, 60 degrees wide where nothing else is said,
-"paths" is of the first turn, and "cost" is the run time of a frame (one chirp of 64 samples) relative to 256 x 256
-footprints of the same target in the same run.
+of the phase of the echo of the whole target; "worst" is the rms of the worst turn, often the one where the target
+lies symmetrically on the pixels. "Pixels" is the side of the square image, 60 degrees wide where nothing else is
+said, or the `rcs_floor` of adaptive sampling; "rays" and "paths" are of the first turn, and "cost" is the run time of
+a frame (one chirp of 64 samples, nothing known from frames before) relative to 256 x 256 footprints of the same
+target in the same run.
 
 Read down a target: footprint errors shrink as pixels do, with the staircase at the edges of plates the last to go;
-`point`, one phasor per pixel and kept for comparison, need not converge at all.
+`point`, one phasor per pixel and kept for comparison, need not converge at all; adaptive sampling takes rays to the
+edges and to where the phase turns slowly, and what is left of a sphere's error at the lowest floor is that of its
+mesh.
 
 ## Matt targets
 
 {matt}
 
 Deviation from the mean power over all random phases, albedo 1: of the sum of the powers of the paths, and of the
-power in the samples averaged over seeds, with its standard error.
-Read the first for accuracy: one seed gives one draw of an exponential distribution (speckle), as a real measurement
-of one matt surface does, so the second only narrows as one over the root of the number of seeds.
+power in the samples averaged over seeds, with its standard error. Diffuse points of adaptive sampling are spread over
+the disc by area, the more the lower the floor. Read the first for accuracy: one seed gives one draw of an exponential
+distribution (speckle), as a real measurement of one matt surface does, so the second only narrows as one over the
+root of the number of seeds.
+
+## Cross-sections
+
+{sections}
+
+`rc.rcs` at 60 GHz, along the normal, the axis of the corner, or broadside; lengths of edges, legs and radii are 10
+cm, the cylinder's is its length, with a radius of 5 cm. Closed forms are those of geometrical and physical optics for
+large targets; the rims of trihedrals are staircases of the rays.
+
+## What the model leaves out
+
+Physical optics knows neither the diffraction of edges beyond that of their aperture nor waves that creep round
+bodies: exact spheres differ by about 1 / (2 k a), 1 % at a radius of 4 cm. Nothing goes through surfaces. Meshes are
+taken for what they are: facets whose sagitta is more than 0.1 mm have a phase of their own (`rc.mesh_report`), and
+phases of real things are meaningful as changes in time, not as absolute numbers.
 """
 
 Phasors = NDArray[np.complex128]
@@ -84,14 +103,15 @@ class Run:
 
     resolutions: list[int]
     finest: list[int]
+    floors: list[float]
     unit: int
     turns: int
     repeats: int
     seeds: int
 
 
-FULL = Run([128, 256, 512], finest=[1024], unit=256, turns=6, repeats=3, seeds=100)
-TINY = Run([32], finest=[], unit=32, turns=2, repeats=1, seeds=2)
+FULL = Run([128, 256, 512], [1024], [1e-3, 1e-5, 1e-7], unit=256, turns=6, repeats=3, seeds=100)
+TINY = Run([32], [], [1.0], unit=32, turns=2, repeats=1, seeds=2)
 
 TURNS = np.array([[0.0, 0.0], [0.5, 0.17], [0.17, 0.67], [0.83, 0.33], [0.33, 0.83], [0.67, 0.5]])
 """Where the rays fall, in pixels from the image's symmetry, down and left. The first, the foot point on a corner of
@@ -242,31 +262,41 @@ def errors(got: Phasors, expected: Phasors) -> tuple[float, float, float]:
 
 
 def mirror_rows(run: Run) -> Iterator[list[str]]:
-    """Error and cost of every target, sampling and resolution."""
+    """Error and cost of every target, sampling and resolution or floor."""
     for case in cases():
-        is_point = isinstance(case.target, rc.PointTarget)
+        is_point, fov = isinstance(case.target, rc.PointTarget), case.field_of_view_deg
         sides = [run.unit] if is_point else run.resolutions + run.finest * case.has_fine
+        ways: list[tuple[str, str, int, dict[str, Any]]] = [
+            (sampling, str(side), side, {"resolution": side})
+            for sampling in (("footprint",) if is_point else ("footprint", "point"))
+            for side in sides
+        ]
+        cells = round(64 * fov / 60.0)
+        ways += [("adaptive", floor(x), cells, {"rcs_floor": x}) for x in run.floors if not is_point]
         rows, durations = [], {}
-        for sampling in ("footprint",) if is_point else ("footprint", "point"):
-            for side in sides:
-                fov = case.field_of_view_deg
-                sims = [
-                    simulator(
-                        case.target,
-                        radar_motion=turned(turn, side, fov),
-                        resolution=side,
-                        field_of_view_deg=(fov, fov),
-                        sampling=sampling,
-                    )
-                    for turn in TURNS[: run.turns]
-                ]
-                frames = [frame(sim) for sim in sims]
-                numbers = errors(np.conj([f.cube[0, 0] for f in frames]), case.echo)
-                durations[sampling, side] = best_time(lambda sim=sims[0]: frame(sim), run.repeats)
-                rows.append((sampling, side, *(f"{x:.2g}" for x in numbers), frames[0].stats["paths"]))
-        unit = durations["footprint", run.unit]
+        for sampling, setting, side, options in ways:
+            sims = [
+                simulator(
+                    case.target,
+                    radar_motion=turned(turn, side, fov),
+                    field_of_view_deg=(fov, fov),
+                    sampling=sampling,
+                    **options,
+                )
+                for turn in TURNS[: run.turns]
+            ]
+            frames = [frame(sim) for sim in sims]
+            numbers = errors(np.conj([f.cube[0, 0] for f in frames]), case.echo)
+            durations[sampling, setting] = best_time(lambda sim=sims[0]: frame(sim.with_radar(RADAR)), run.repeats)
+            stats = frames[0].stats
+            rows.append((sampling, setting, *(f"{x:.2g}" for x in numbers), stats["rays_cast"], stats["paths"]))
+        unit = durations["footprint", str(run.unit)]
         for row in rows:
             yield [case.name, *map(str, row), f"{durations[row[:2]] / unit:.2g}"]
+
+
+def floor(rcs_floor: float) -> str:
+    return f"{rcs_floor:.0e} m²"
 
 
 def matt_rows(run: Run) -> Iterator[list[str]]:
@@ -275,22 +305,44 @@ def matt_rows(run: Run) -> Iterator[list[str]]:
         mesh = rc.shapes.disc(radius, sagitta=FINE_RIM)
         target = rc.Body(mesh, material=rc.Material.lambertian(1.0), motion=rc.Pose([distance, 0.0, 0.0]))
         expected = lambertian_disc_power(1.0, radius, distance)
-        for side in run.resolutions:
-            paths = simulator(target, resolution=side).paths()
+        ways: list[tuple[str, dict[str, Any]]] = [(str(side), {"resolution": side}) for side in run.resolutions]
+        ways += [(floor(x), {"sampling": "adaptive", "rcs_floor": x}) for x in run.floors[:2]]
+        for setting, options in ways:
+            paths = simulator(target, **options).paths()
             sums = (np.abs(paths.amplitude) ** 2).sum() / expected
             powers = np.array(
                 [
-                    np.mean(np.abs(frame(simulator(target, resolution=side, seed=seed)).cube) ** 2) / expected
+                    np.mean(np.abs(frame(simulator(target, seed=seed, **options)).cube) ** 2) / expected
                     for seed in range(run.seeds)
                 ]
             )
             yield [
                 f"disc, radius {100 * radius:g} cm, at {distance:g} m",
-                str(side),
+                setting,
                 str(paths.delay.size),
                 f"{100.0 * (sums - 1.0):+.2f} %",
                 f"{100.0 * (powers.mean() - 1.0):+.0f} ± {100.0 * powers.std(ddof=1) / np.sqrt(len(powers)):.0f} %",
             ]
+
+
+def section_rows() -> Iterator[list[str]]:
+    """Far-field cross-sections by one reflection and several."""
+    frequency, edge = 60e9, 0.1
+    wavelength = SPEED_OF_LIGHT / frequency
+    reflectors: list[tuple[str, rc.Mesh, int, float]] = [
+        ("plate", rc.shapes.plate(edge, edge), 1, 4.0 * np.pi * edge**4 / wavelength**2),
+        ("sphere", rc.shapes.sphere(edge), 1, np.pi * edge**2),
+        ("cylinder", rc.shapes.cylinder(0.5 * edge, edge), 1, np.pi * edge**3 / wavelength),
+        ("dihedral", rc.shapes.dihedral(edge), 2, 8.0 * np.pi * edge**4 / wavelength**2),
+        ("triangular trihedral", rc.shapes.trihedral(edge), 3, 4.0 * np.pi * edge**4 / (3.0 * wavelength**2)),
+        ("square trihedral", rc.shapes.trihedral(edge, shape="square"), 3, 12.0 * np.pi * edge**4 / wavelength**2),
+    ]
+    for name, mesh, max_bounces, expected in reflectors:
+        for polarization in (None, "vertical", "horizontal"):
+            got = rc.rcs(mesh, frequency, [-1.0, 0.0, 0.0], max_bounces=max_bounces, polarization=polarization)
+            level, paper = 10.0 * np.log10([float(np.squeeze(got)), expected])
+            numbers = [f"{level:.2f}", f"{paper:.2f}", f"{level - paper:+.2f}"]
+            yield [name, polarization or "none", str(max_bounces), *numbers]
 
 
 def main() -> None:
@@ -301,15 +353,18 @@ def main() -> None:
     run = TINY if arguments.tiny else FULL
 
     mirror = table(
-        ["target", "sampling", "pixels", "error [dB]", "worst [dB]", "error [rad]", "paths", "cost"], mirror_rows(run)
+        ["target", "sampling", "pixels", "error [dB]", "worst [dB]", "error [rad]", "rays", "paths", "cost"],
+        mirror_rows(run),
     )
     print(mirror, end="\n\n")
     matt = table(["target", "pixels", "paths", "power of the paths", f"mean of {run.seeds} seeds"], matt_rows(run))
-    print(matt)
+    print(matt, end="\n\n")
+    sections = table(["target", "polarisation", "reflections", "dBsm", "on paper", "error [dB]"], section_rows())
+    print(sections)
 
     if arguments.write:
         PAGE.parent.mkdir(exist_ok=True)
-        PAGE.write_text(PAGE_TEXT.format(mirror=mirror, matt=matt), encoding="utf-8")
+        PAGE.write_text(PAGE_TEXT.format(mirror=mirror, matt=matt, sections=sections), encoding="utf-8")
 
 
 if __name__ == "__main__":

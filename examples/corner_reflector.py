@@ -12,21 +12,23 @@ radar = rc.Radar(
     receiver=rc.Receiver(output="real", noise_figure_db=12.0),
 )
 
-# A corner works by three reflections; as a point it has its cross-section, 4 pi leg^4 / (3 wavelength^2), leg 10 cm.
-corner = rc.PointTarget([2.0, 0.0, 1.0], rcs=17.3, name="corner")
+# A corner works by three reflections (max_bounces); all of their paths are as long as that to its apex.
+conductor = rc.materials["perfect_conductor"]
+corner = rc.Body(rc.shapes.trihedral(0.1), material=conductor, motion=rc.Pose([2.0, 0.0, 1.0]), name="corner")
 plate = rc.Body(
     rc.shapes.plate(0.1, 0.1),
-    material=rc.materials["perfect_conductor"],
-    motion=rc.Pose([3.0, 0.0, 1.0]),
+    material=conductor,
+    motion=rc.Pose.look_at([3.0, 0.4, 1.0], [0.0, 0.0, 1.0]),
     name="plate",
 )
 
 simulator = rc.Simulator(
-    rc.Scene([plate, corner]),
+    rc.Scene([corner, plate]),
     radar,
     radar_motion=rc.Pose([0.0, 0.0, 1.0]),
-    resolution=128,
-    field_of_view_deg=(20.0, 20.0),
+    resolution=256,
+    field_of_view_deg=(24.0, 8.0),
+    max_bounces=3,
 )
 
 if __name__ == "__main__":

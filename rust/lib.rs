@@ -9,10 +9,10 @@
 //! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
 //! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `samples`:
 //! what a frame takes of a scene, `adaptive` cells (`parts`: what these must not miss) and `diffuse` points. `scatter` makes
-//! paths of what they show
-//! (`material` and `polarization`: what comes back of a wave; `antenna` and `pattern`: what is sent and received of it), which
-//! stays with its `facet` where a body deforms. `near` tells how near bodies are, for directions that no antenna sees;
-//! `quality` what a mesh is good for, with `echo`.
+//! paths of what they show (`material` and `polarization`: what comes back of a wave; `antenna` and `pattern`: what is sent
+//! and received of it), which stays with its `facet` where a body deforms; `bounce` makes those of several reflections, and
+//! far-field cross-sections. `near` tells how near bodies are, for directions that no antenna sees; `quality` what a mesh is
+//! good for, with `echo`.
 //!
 //! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
 //! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
@@ -33,6 +33,7 @@ pub mod adaptive;
 pub mod antenna;
 pub mod beat;
 pub mod block;
+pub mod bounce;
 pub mod bundle;
 pub mod bvh;
 pub mod chirp;

@@ -18,6 +18,12 @@ pub enum Material {
     Dielectric(Dielectric),
 }
 
+/// A perfect conductor.
+pub const CONDUCTOR: Material = Material::Constant(Response {
+    reflection: Complex64::new(-1.0, 0.0),
+    albedo: 0.0,
+});
+
 /// What comes back from a surface at one angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
@@ -68,6 +74,19 @@ impl Material {
             Self::Dielectric(dielectric) => dielectric.response(cosine, wavelength, seen),
         }
     }
+
+    /// What is mirrored of the field across the plane of incidence and of that in it, `r_TE` and `r_TM` with the coherent
+    /// part of what a rough surface reflects, at a cosine of incidence of waves of a length [m].
+    pub fn mirrored(&self, cosine: f64, wavelength: f64) -> [Complex64; 2] {
+        match self {
+            Self::Constant(constant) => [constant.reflection, -constant.reflection],
+            Self::Dielectric(dielectric) => {
+                let (cosine, k) = (cosine.max(GRAZING), TAU / wavelength);
+                let (kept, _) = dielectric.roughness.parts(cosine, k);
+                dielectric.fresnel(cosine, k).map(|r| r * kept)
+            }
+        }
+    }
 }
 
 impl Material {
@@ -89,6 +108,18 @@ impl Dielectric {
     fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {
         let (cosine, k) = (cosine.max(GRAZING), TAU / wavelength);
 
+        // What antennas see of it, and what part of that is scattered.
+        let [te, tm] = self.fresnel(cosine, k);
+        let gamma = te * seen.te - tm * seen.tm;
+        let (kept, scattered) = self.roughness.parts(cosine, k);
+        Response {
+            reflection: gamma * kept,
+            albedo: gamma.norm_sqr() * scattered,
+        }
+    }
+
+    /// README eq. (4).
+    fn fresnel(&self, cosine: f64, k: f64) -> [Complex64; 2] {
         // Fresnel's coefficients of the half-space; eps - sin^2 so that it is exact for eps = 1.
         let eps = self.permittivity;
         let q = root(eps - 1.0 + cosine * cosine);
@@ -99,24 +130,23 @@ impl Dielectric {
         let there_and_back = self
             .thickness
             .map(|thickness| (Complex64::new(0.0, -2.0 * k * thickness) * q).exp());
-        let [te, tm] = [te, tm].map(|r| match there_and_back {
+        [te, tm].map(|r| match there_and_back {
             None => r,
             Some(turn) => r * (1.0 - turn) / (1.0 - r * r * turn),
-        });
+        })
+    }
+}
 
-        // What antennas see of it, and what part of that is scattered.
-        let gamma = te * seen.te - tm * seen.tm;
-        let (kept, scattered) = match self.roughness {
-            Roughness::Smooth => (1.0, 0.0),
-            Roughness::Height(height) => {
+impl Roughness {
+    /// What is kept of the field, and what is scattered of the power, README eq. (6).
+    fn parts(self, cosine: f64, k: f64) -> (f64, f64) {
+        match self {
+            Self::Smooth => (1.0, 0.0),
+            Self::Height(height) => {
                 let g = (2.0 * k * height * cosine).powi(2);
                 ((-0.5 * g).exp(), -(-g).exp_m1())
             }
-            Roughness::Scattering(part) => ((1.0 - part * part).sqrt(), part * part),
-        };
-        Response {
-            reflection: gamma * kept,
-            albedo: gamma.norm_sqr() * scattered,
+            Self::Scattering(part) => ((1.0 - part * part).sqrt(), part * part),
         }
     }
 }
@@ -225,6 +255,30 @@ mod tests {
             ..skin
         };
         assert!((gamma(thick, cosine, Seen::TE) - gamma(skin, cosine, Seen::TE)).norm() < 1e-15);
+    }
+
+    #[test]
+    fn mirrored_fields_are_what_antennas_of_one_polarisation_see() {
+        let skin = half_space(Complex64::new(7.975, -10.904));
+        let rough = Dielectric {
+            roughness: Roughness::Height(0.3e-3),
+            ..skin
+        };
+        let constant = Response {
+            reflection: Complex64::new(0.3, -0.2),
+            albedo: 0.1,
+        };
+        for material in [
+            Material::Dielectric(skin),
+            Material::Dielectric(rough),
+            Material::Constant(constant),
+        ] {
+            for cosine in [1.0, 0.6, 0.1] {
+                let [te, tm] = material.mirrored(cosine, WAVELENGTH);
+                assert_eq!(te, material.response(cosine, WAVELENGTH, Seen::TE).reflection);
+                assert_eq!(-tm, material.response(cosine, WAVELENGTH, Seen::TM).reflection);
+            }
+        }
     }
 
     #[test]

@@ -57,6 +57,14 @@ impl Pattern {
         }
     }
 
+    /// Largest power gain.
+    pub fn peak(&self) -> f64 {
+        match self {
+            Self::Gaussian { peak, .. } => *peak,
+            Self::Table(table) => table.peak.exp(),
+        }
+    }
+
     /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges.
     pub fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
         match self {

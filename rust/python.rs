@@ -21,6 +21,7 @@ use rayon::ThreadPool;
 use crate::adaptive::{Leaf, Rule};
 use crate::antenna::Array;
 use crate::beat;
+use crate::bounce::Limits;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
@@ -38,6 +39,10 @@ use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
 
+mod bounces;
+
+use bounces::Bounces;
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -46,6 +51,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(levels, module)?)?;
     module.add_function(wrap_pyfunction!(image_scatterers, module)?)?;
+    module.add_function(wrap_pyfunction!(bounces::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;
@@ -56,6 +62,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Hits>()?;
     module.add_class::<Samples>()?;
     module.add_class::<Scatterers>()?;
+    module.add_class::<Bounces>()?;
     Ok(())
 }
 
@@ -983,6 +990,24 @@ impl Hits {
             num_bodies: self.snapshot.num_bodies(),
         })
     }
+
+    /// Routes of two to `max_bounces` reflections of all hits; `materials` has one per body. Tubes end where their power is
+    /// less than `floor` of what was launched.
+    #[pyo3(signature = (materials, *, antennas, is_footprint, max_bounces, floor, threads=None))]
+    fn bounces(
+        &self,
+        py: Python<'_>,
+        materials: Vec<PyRef<'_, Material>>,
+        antennas: PyRef<'_, Antennas>,
+        is_footprint: bool,
+        max_bounces: usize,
+        floor: f64,
+        threads: Option<usize>,
+    ) -> PyResult<Bounces> {
+        let limits = Limits { max_bounces, floor };
+        let array = antennas.0.clone();
+        Bounces::new(py, self, materials, array, is_footprint, limits, threads)
+    }
 }
 
 impl Hits {
@@ -1207,7 +1232,9 @@ impl Scatterers {
         let rcs = numbers("rcs", &rcs, [None])?;
         let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
         let vertices = vertices.unwrap_or_default();
-        let vertices = self.vertices("vertices", &vertices, |n| [Some(num_nodes), Some(n), Some(3)])?;
+        let vertices = self::vertices("vertices", self.scatterers.deforming(), &vertices, |n| {
+            [Some(num_nodes), Some(n), Some(3)]
+        })?;
         let places = self.places(num_nodes, &poses, &points, rcs, &vertices);
         let num_paths = self.scatterers.len() + places.rcs.len();
         let last = last.unwrap_or(num_paths);
@@ -1246,8 +1273,9 @@ impl Scatterers {
         let points = self::points(numbers("points", &points, per_point)?);
         let (vertices, vertex_rates) = (vertices.unwrap_or_default(), vertex_rates.unwrap_or_default());
         let shape = |n| [Some(n), Some(3)];
-        let vertices = self.vertices("vertices", &vertices, shape)?;
-        let vertex_rates = self.vertices("vertex_rates", &vertex_rates, shape)?;
+        let bodies = self.scatterers.deforming();
+        let vertices = self::vertices("vertices", bodies, &vertices, shape)?;
+        let vertex_rates = self::vertices("vertex_rates", bodies, &vertex_rates, shape)?;
         let places = self.places(1, &poses, &points, &[], &vertices);
         let rates = self.places(1, &pose_rates, &point_rates, &[], &vertex_rates);
         let shape = [self.scatterers.num_channels(), self.scatterers.len() + points.len()];
@@ -1257,24 +1285,6 @@ impl Scatterers {
 }
 
 impl Scatterers {
-    /// One array for every body that deforms, of the shape that its number of vertices asks for.
-    fn vertices<'a, D: Dimension, const N: usize>(
-        &self,
-        name: &str,
-        arrays: &'a [PyReadonlyArray<'_, f64, D>],
-        shape: impl Fn(usize) -> [Option<usize>; N],
-    ) -> PyResult<Vec<&'a [[f64; 3]]>> {
-        let bodies = self.scatterers.deforming();
-        if arrays.len() != bodies.len() {
-            let expected = format!("{} arrays, one per body that deforms", bodies.len());
-            return Err(Error::value(name, expected, arrays.len()).into());
-        }
-        let arrays = arrays.iter().zip(bodies);
-        arrays
-            .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
-            .collect()
-    }
-
     fn places<'a>(
         &self,
         num_nodes: usize,
@@ -1292,6 +1302,23 @@ impl Scatterers {
             vertices,
         }
     }
+}
+
+/// One array for every body that deforms, of the shape that its number of vertices asks for.
+fn vertices<'a, D: Dimension, const N: usize>(
+    name: &str,
+    bodies: &[(u32, usize)],
+    arrays: &'a [PyReadonlyArray<'_, f64, D>],
+    shape: impl Fn(usize) -> [Option<usize>; N],
+) -> PyResult<Vec<&'a [[f64; 3]]>> {
+    if arrays.len() != bodies.len() {
+        let expected = format!("{} arrays, one per body that deforms", bodies.len());
+        return Err(Error::value(name, expected, arrays.len()).into());
+    }
+    let arrays = arrays.iter().zip(bodies);
+    arrays
+        .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
+        .collect()
 }
 
 /// The numbers of an array in C order; other layouts and lengths than expected (`None`: any) are refused.

@@ -881,7 +881,7 @@ pub fn reflectance<'a>(
 }
 
 /// Mean of exp(-2jx s) over s in [-1/2, 1/2], tapered to zero at x = pi so that aliases of steep patches vanish.
-fn taper(x: f64) -> f64 {
+pub(crate) fn taper(x: f64) -> f64 {
     let x = x.abs();
     if x >= PI {
         0.0

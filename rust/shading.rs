@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// Shading of a triangle mesh: which facets stand for a curved surface, and its normals at their corners.
 #[derive(Debug, Clone)]
@@ -167,6 +167,44 @@ pub fn shade(
         .map(|i| barycentric[i] * (corners[i] - point).dot(side * normals[i]))
         .sum();
     (normal, height / (2.0 * cosine))
+}
+
+/// How the normal of [`shade`] changes along the surface, as a map of displacements on it: zero where the facet stands
+/// for itself.
+///
+/// A displacement leads along the ray to one on the facet, and with it the weights of the corners change.
+pub fn bend(
+    corners: [DVec3; 3],
+    corner_normals: Option<[DVec3; 3]>,
+    barycentric: [f64; 3],
+    face_normal: DVec3,
+    direction: DVec3,
+) -> DMat3 {
+    let Some(normals) = corner_normals else {
+        return DMat3::ZERO;
+    };
+    let side = if face_normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+    let mean: DVec3 = (0..3).map(|i| barycentric[i] * normals[i]).sum();
+    let length = mean.length();
+    if length == 0.0 || side * mean.dot(direction) > MAX_CORRECTED_COSINE * length {
+        return DMat3::ZERO;
+    }
+    let normal = mean / length;
+
+    // Gradients of the weights of the second and third corner.
+    let (first, second) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let area = first.cross(second).dot(face_normal);
+    let gradients = [second.cross(face_normal) / area, face_normal.cross(first) / area];
+
+    let onto_facet = DMat3::IDENTITY - outer(direction, face_normal) * face_normal.dot(direction).recip();
+    let change = outer(normals[1] - normals[0], gradients[0]) + outer(normals[2] - normals[0], gradients[1]);
+    let turning = DMat3::IDENTITY - outer(normal, normal);
+    turning * change * onto_facet * (side / length)
+}
+
+/// The map `x -> a (b.x)`.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// Whether a corner normal differs from the face normal by more than its storage can tell. Not so on a plane,

@@ -121,6 +121,18 @@ impl Snapshot {
         level.run(one).0
     }
 
+    /// Whether one ray of the sensor frame meets any triangle before `far`, in lengths of its direction; ends at the first
+    /// that is found.
+    pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
+        let one = CastOne {
+            snapshot: self,
+            ray,
+            far,
+            is_any_enough: true,
+        };
+        Level::best().run(one).0.body != NO_BODY
+    }
+
     /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
     /// nearest is asked for, which gives the same answer.
     pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Hidden {

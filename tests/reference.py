@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -86,3 +87,42 @@ def nearest_hits_reference(
     nearest = distance.argmin(axis=1)
     shortest = distance[np.arange(len(distance)), nearest]
     return shortest, np.where(np.isfinite(shortest), nearest, -1)
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Small patches of a perfectly conducting surface: centres (n, 3) [m], unit normals (n, 3) and areas (n,) [m^2]."""
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    areas: NDArray[np.float64]
+
+
+def double_scattering_reference(first: Patches, second: Patches, radar: ArrayLike, frequency: float) -> complex:
+    """What goes from an antenna over one surface to another and back to it, by physical optics at both, for 1 W.
+
+    The integral over all pairs of patches of a wave without polarisation: every patch sends on -1 times what arrives,
+    (j k / 2 pi) (cos_in + cos_out) / 2 dA exp(-j k R) / R, where both cosines are positive. Both ways round.
+    """
+    k = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+
+    def ray(start: NDArray[np.float64], end: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        offset = end - start
+        length = np.linalg.norm(offset, axis=-1)
+        return length, offset / length[..., None]
+
+    antenna = np.asarray(radar, dtype=np.float64)
+    to_first, toward_first = ray(antenna, first.points)
+    to_second, toward_second = ray(antenna, second.points)
+    cos_first = -np.sum(toward_first * first.normals, axis=-1)
+    cos_second = -np.sum(toward_second * second.normals, axis=-1)
+    total = 0.0j
+    for point, normal, area, distance, cosine in zip(
+        second.points, second.normals, second.areas, to_second, cos_second, strict=True
+    ):
+        length, direction = ray(first.points, point)
+        cos_out, cos_in = np.sum(direction * first.normals, axis=-1), -direction @ normal
+        is_lit = (cos_first > 0.0) & (cos_out > 0.0) & (cos_in > 0.0) & (cosine > 0.0)
+        weight = first.areas * area * 0.25 * (cos_first + cos_out) * (cos_in + cosine) * is_lit
+        total += np.sum(weight / (to_first * length * distance) * np.exp(-1j * k * (to_first + length + distance)))
+    return complex(2.0 * (1j / (4.0 * np.pi)) * (1j * k / (2.0 * np.pi)) * total)

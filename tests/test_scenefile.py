@@ -346,10 +346,11 @@ def test_preset_takes_other_values(tmp_path: Path) -> None:
 
 def test_run_reaches_the_simulator(tmp_path: Path) -> None:
     run = '[run]\nresolution = [8, 16]\nfield_of_view_deg = [50, 40]\nsampling = "point"\ntolerance = 1e-5\nseed = 3\n'
-    simulator = load(tmp_path, run).simulator(threads=1)
+    simulator = load(tmp_path, run + "max_bounces = 3\nbounce_floor_db = 60\n").simulator(threads=1)
     assert simulator.resolution == (8, 16)
     assert simulator.field_of_view_deg == (50.0, 40.0)
     assert (simulator.sampling, simulator.tolerance, simulator.seed) == ("point", 1e-5, 3)
+    assert (simulator.max_bounces, simulator.bounce_floor_db) == (3, 60.0)
 
 
 def test_empty_scene_is_a_scene(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPatter
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.camera import Camera
+from radarcore.cross_section import rcs
 from radarcore.deformation import Deformation
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
@@ -81,6 +82,7 @@ __all__ = [
     "range_doppler",
     "range_profile",
     "range_time",
+    "rcs",
     "sensor",
     "shapes",
     "spectrogram",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Antennas",
+    "Bounces",
     "Hits",
     "Material",
     "Pattern",
@@ -19,6 +20,7 @@ __all__ = [
     "Waveform",
     "__version__",
     "beat_signal",
+    "cross_sections",
     "image_scatterers",
     "levels",
     "load_obj",
@@ -89,6 +91,21 @@ def image_scatterers(
 
     No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
     unit vectors towards the sensor; focal lengths and principal point are in pixels.
+    """
+
+def cross_sections(
+    surface: Surface,
+    transmitter: NDArray[np.float64],
+    receiver: NDArray[np.float64],
+    *,
+    frequency: float,
+    polarization: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    max_bounces: int,
+    threads: int | None = None,
+) -> NDArray[np.float64]:
+    """Radar cross-sections [m^2] of a perfect conductor, (direction,), by up to `max_bounces` reflections.
+
+    Unit vectors (direction, 3) lead from the surface to both antennas; `polarization` has those along their fields.
     """
 
 @final
@@ -334,6 +351,20 @@ class Hits:
         threads: int | None = None,
     ) -> Scatterers:
         """Material points of all hits that send anything back; `materials` has one per body."""
+    def bounces(
+        self,
+        materials: Sequence[Material],
+        *,
+        antennas: Antennas,
+        is_footprint: bool,
+        max_bounces: int,
+        floor: float,
+        threads: int | None = None,
+    ) -> Bounces:
+        """Routes of two to `max_bounces` reflections of all hits; `materials` has one per body.
+
+        Ray tubes end where their power is less than `floor` of what was launched.
+        """
 
 @final
 class Samples:
@@ -409,3 +440,45 @@ class Scatterers:
         threads: int | None = None,
     ) -> NDArray[np.float64]:
         """Rate of every delay [s/s], (channel, path); vertices (vertex, 3) are those of the bodies of `deforming`."""
+
+@final
+class Bounces:
+    """Routes over two and more surfaces; delays and amplitudes follow from where bodies, or their vertices, are."""
+
+    def __len__(self) -> int: ...
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Rays from surfaces to the next, and ray tubes that ended at the floor."""
+    def body(self) -> NDArray[np.uint32]:
+        """Number of the last body of every route, (route,)."""
+    def order(self) -> NDArray[np.uint32]:
+        """Number of reflections of every route, (route,)."""
+    def deforming(self) -> NDArray[np.uint32]:
+        """Numbers of the bodies that deform and are met here, increasing."""
+    def split(self, wanted: NDArray[np.bool_]) -> tuple[Bounces, Bounces]:
+        """The routes over bodies for which `wanted` (body,) is true and no others, and all others; the order stays."""
+    def paths(
+        self,
+        poses: NDArray[np.float64],
+        *,
+        vertices: Sequence[NDArray[np.float64]] | None = None,
+        first: int = 0,
+        last: int | None = None,
+        step: int = 1,
+        threads: int | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Delay [s] and amplitude [sqrt(W)], (node, channel, route), of every `step`-th route from `first` to `last`.
+
+        The bodies are at `poses` (node, body, 3, 4). `vertices` has one array (node, vertex, 3) for each of the bodies
+        of `deforming`.
+        """
+    def delay_rates(
+        self,
+        poses: NDArray[np.float64],
+        pose_rates: NDArray[np.float64],
+        *,
+        vertices: Sequence[NDArray[np.float64]] | None = None,
+        vertex_rates: Sequence[NDArray[np.float64]] | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Rate of every delay [s/s], (channel, route); vertices (vertex, 3) are those of the bodies of `deforming`."""

@@ -36,6 +36,9 @@ _NO_CELL = 2**32 - 1
 _IMAGE_SIDE = 256
 """Pixels of images, unless something else is asked for."""
 
+MAX_BOUNCES = 64
+"""More reflections than any path has that is not lost in the noise."""
+
 
 @dataclass(frozen=True, eq=False)
 class Paths:
@@ -50,7 +53,7 @@ class Paths:
     amplitude : (channel, path) complex128
         Amplitude without the phase of propagation [sqrt(W)].
     body : (channel, path) int32
-        Number of the body in the scene.
+        Number of the body in the scene; of paths of several reflections that of the last.
     order : (channel, path) uint8
         By which power of the frequency amplitudes fall; `amplitude` is that at the centre of the band. Edges have 1 or
         2, everything else 0.
@@ -119,6 +122,8 @@ class Simulator:
         ray_budget: int | None = None,
         end_points: bool = True,
         gain_floor_db: float = 80.0,
+        max_bounces: int = 1,
+        bounce_floor_db: float = 80.0,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
@@ -137,9 +142,12 @@ class Simulator:
         self.end_points = bool(end_points)
         self.method = check.choice("method", method, METHODS)
         self.tolerance = check_tolerance(tolerance)
-        self.gain_floor_db = _gain_floor(gain_floor_db)
+        self.gain_floor_db = _floor("gain_floor_db", gain_floor_db)
+        self.max_bounces = check_max_bounces(max_bounces)
+        self.bounce_floor_db = _floor("bounce_floor_db", bounce_floor_db)
         self._previous_image: _core.Hits | None = None
         self._previous_rays: _core.Hits | _core.Samples | None = None
+        self._previous_tubes: _core.Hits | None = None
         self._reuses_tiles = self._skips_empty_tiles = True
         self.seed = check.count("seed", seed, minimum=0)
         if self.seed >= 2**64:
@@ -171,6 +179,8 @@ class Simulator:
             ray_budget=self.ray_budget,
             end_points=self.end_points,
             gain_floor_db=self.gain_floor_db,
+            max_bounces=self.max_bounces,
+            bounce_floor_db=self.bounce_floor_db,
             seed=self.seed,
             threads=self.threads,
         )
@@ -213,7 +223,8 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        scatterers = self._scatterers(self._cast_rays(start + self._middle))
+        rays = self._cast_rays(start + self._middle)
+        scatterers = self._scatterers(rays)
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
         rates = self.scene._place_rates(start, self.radar_motion, deforming)
@@ -230,7 +241,9 @@ class Simulator:
         bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
         orders = np.concatenate([scatterers.order(), np.zeros(len(self.scene._rcs), np.uint8)])
         channels = (len(delay_rate), 1)
-        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), np.tile(orders, channels))
+        paths = Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), np.tile(orders, channels))
+        bounces = self._bounces(rays, start + self._middle)
+        return paths if bounces is None else _joined(paths, self._bounce_paths(bounces, start))
 
     def frame(self, time: float = 0.0) -> Frame:
         """One frame of samples; its first chirp starts at `time` [s].
@@ -243,9 +256,9 @@ class Simulator:
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
         rays = self._cast_rays(start + self._middle)
-        scatterers = self._scatterers(rays)
+        scatterers, bounces = self._scatterers(rays), self._bounces(rays, start + self._middle)
         synthesis = synthesise(
-            self._courses(scatterers),
+            self._courses(scatterers) + ([] if bounces is None else self._bounce_courses(bounces)),
             self.radar,
             start,
             tolerance=self.tolerance,
@@ -260,14 +273,18 @@ class Simulator:
         body = rays.body().ravel()
         num_hit = int(np.count_nonzero(body >= 0))
         rays_cast, tiles_skipped, tiles_reused, *cells = rays.counts
+        bounce_paths, bounce_rays, bounces_stopped = (0, 0, 0) if bounces is None else (len(bounces), *bounces.counts)
         stats = {
             "rays_cast": rays_cast,
             "rays_hit": num_hit,
             "tiles_skipped": tiles_skipped,
             "tiles_reused": tiles_reused,
             **({"cells_not_split": cells[0]} if cells else {}),
-            "paths": len(scatterers) + len(self.scene._rcs),
+            "paths": len(scatterers) + len(self.scene._rcs) + bounce_paths,
             "paths_skipped": num_hit - _num_cells_of(scatterers),
+            "bounce_paths": bounce_paths,
+            "bounce_rays": bounce_rays,
+            "bounces_stopped": bounces_stopped,
             **synthesis.stats,
         }
         truth = self._truth(rays, body, start + self._middle)
@@ -436,6 +453,70 @@ class Simulator:
             threads=self.threads,
         )
 
+    def _bounces(self, rays: _core.Hits | _core.Samples, time: float) -> _core.Bounces | None:
+        """Routes of several reflections, where wanted: of the rays, or of an image where these are adaptive."""
+        if self.max_bounces == 1:
+            return None
+        if isinstance(rays, _core.Samples):
+            self._previous_tubes = self.scene._core_at(time, self.threads).cast(
+                self._place(np.array([time])).poses[0],
+                **self._grid(self._num_pixels),
+                previous=self._previous_tubes if self._reuses_tiles else None,
+                **self._skips,
+                threads=self.threads,
+            )
+            rays = self._previous_tubes
+        return rays.bounces(
+            self._materials,
+            antennas=self.radar._core,
+            is_footprint=self.sampling != "point",
+            max_bounces=self.max_bounces,
+            floor=10.0 ** (-0.1 * self.bounce_floor_db),
+            threads=self.threads,
+        )
+
+    def _bounce_paths(self, bounces: _core.Bounces, start: float) -> Paths:
+        """Their delays, rates and amplitudes at a time [s]."""
+        deforming = bounces.deforming()
+        place = self._place(np.array([start]), deforming)
+        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        delay, amplitude = self._follow_bounces(bounces, place)
+        delay_rate = bounces.delay_rates(
+            place.poses[0],
+            rates.poses[0],
+            vertices=[vertices[0] for vertices in place.vertices],
+            vertex_rates=[vertices[0] for vertices in rates.vertices],
+            threads=self.threads,
+        )
+        bodies = self.scene._mesh_numbers[bounces.body()]
+        channels = (len(delay_rate), 1)
+        orders = np.zeros((len(delay_rate), len(bodies)), np.uint8)
+        return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), orders)
+
+    def _follow_bounces(
+        self, bounces: _core.Bounces, place: Placement, part: slice = slice(0, None, 1)
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Delays and amplitudes (time, channel, path) of some routes with bodies at their places."""
+        return bounces.paths(
+            place.poses, vertices=place.vertices, first=part.start, last=part.stop, step=part.step, threads=self.threads
+        )
+
+    def _bounce_courses(self, bounces: _core.Bounces) -> list[Course]:
+        """How they run through time: those over bodies that all stand still need no more than one time."""
+
+        def course(chosen: _core.Bounces, is_still: bool) -> Course:
+            deforming = chosen.deforming()
+            return Course(
+                num_paths=len(chosen),
+                is_static=is_still,
+                follow=lambda times, part: self._follow_bounces(chosen, self._place(times, deforming), part),
+            )
+
+        if not is_static(self.radar_motion):
+            return [course(bounces, False)]
+        still, moving = bounces.split(self.scene._are_still)
+        return [course(still, True), course(moving, False)]
+
     def _follow(
         self,
         scatterers: _core.Scatterers,
@@ -488,7 +569,7 @@ class Simulator:
 
     def __getstate__(self) -> dict[str, Any]:
         kept = {name: value for name, value in self.__dict__.items() if name != "_materials"}
-        return {**kept, "_previous_image": None, "_previous_rays": None}
+        return {**kept, "_previous_image": None, "_previous_rays": None, "_previous_tubes": None}
 
     def _truth(self, rays: _core.Hits | _core.Samples, body: NDArray[np.int32], time: float) -> Truth:
         """Range, velocity and direction at `time` of the nearest point of every body that rays hit."""
@@ -547,6 +628,8 @@ class Simulator:
             ),
             "tolerance": self.tolerance,
             "gain_floor_db": self.gain_floor_db if np.isfinite(self.gain_floor_db) else None,
+            "max_bounces": self.max_bounces,
+            "bounce_floor_db": self.bounce_floor_db if np.isfinite(self.bounce_floor_db) else None,
             "seed": self.seed,
         }
 
@@ -557,8 +640,22 @@ def _num_cells_of(scatterers: _core.Scatterers) -> int:
     return len(cells) - int(len(cells) > 0 and cells[-1] == _NO_CELL)
 
 
-def _gain_floor(value: float) -> float:
-    return np.inf if value == np.inf else check.positive("gain_floor_db", value, "dB")
+def _joined(first: Paths, second: Paths) -> Paths:
+    """The paths of both, channel by channel."""
+    names = ("delay", "delay_rate", "amplitude", "body", "order")
+    return Paths(*(np.concatenate([getattr(first, name), getattr(second, name)], axis=1) for name in names))
+
+
+def _floor(name: str, value: float) -> float:
+    return np.inf if value == np.inf else check.positive(name, value, "dB")
+
+
+def check_max_bounces(value: int) -> int:
+    """A number of reflections."""
+    number = check.count("max_bounces", value)
+    if number > MAX_BOUNCES:
+        raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")
+    return number
 
 
 def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:

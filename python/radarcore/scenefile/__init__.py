@@ -58,6 +58,8 @@ class Simulation:
             end_points=run.end_points,
             tolerance=run.tolerance,
             gain_floor_db=run.gain_floor_db,
+            max_bounces=run.max_bounces,
+            bounce_floor_db=run.bounce_floor_db,
             seed=run.seed,
             threads=threads,
         )

@@ -315,6 +315,8 @@ class RunTable(Table):
     end_points: bool = _key(True, "", "adaptive sampling: cells where the phase turns fast stand for their ends")
     tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
+    max_bounces: int = _key(1, "", "most reflections of a path")
+    bounce_floor_db: float = _key(80.0, "dB", "rays do not go on where surfaces have left so little of their power")
     seed: int = _key(0, "", "of noise and speckle")
 
 
