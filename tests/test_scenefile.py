@@ -166,6 +166,51 @@ def test_materials_of_the_file_are_referred_to_by_name(tmp_path: Path) -> None:
     assert (made[1].source, made[1].valid_frequency) == (concrete.source, concrete.valid_frequency)
 
 
+PARTS = "v 0 0 0\nv 0 1 0\nv 0 0 1\nv 0 1 1\nf 1 2 3\nusemtl steel\nf 2 4 3\nusemtl glass\nf 1 3 2\nf 2 3 4\n"
+
+
+def test_materials_of_an_obj_file_are_given_by_its_names(tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_text(PARTS, encoding="utf-8")
+    text = (
+        '[[body]]\nname = "door"\nmaterial = "wood"\npose = { position = [2, 0, 0] }\n'
+        'shape = { kind = "mesh", path = "part.obj", scale = 0.5 }\n'
+        'materials = { glass = "pane", steel = { reflection = -0.9 } }\n'
+        '[[material]]\nname = "pane"\npermittivity = "glass"\nthickness = 4e-3\n'
+        '[[body]]\nname = "handle"\nattached_to = "door"\nshape = { kind = "sphere", radius = 0.05 }\n'
+    )
+    simulation = load(tmp_path, text)
+    assert simulation.scene.names == ("door/rest", "door/steel", "door/glass", "handle")
+    rest, steel, glass, handle = simulation.scene.bodies
+    assert isinstance(rest, rc.Body)
+    assert isinstance(steel, rc.Body)
+    assert isinstance(glass, rc.Body)
+    assert isinstance(handle, rc.Body)
+    assert [len(body.mesh.triangles) for body in (rest, steel, glass)] == [1, 1, 2]
+    assert [body.material for body in (rest, steel, glass)] == [
+        rc.materials["wood"],
+        rc.Material(-0.9),
+        rc.materials["glass"].with_surface(thickness=4e-3),
+    ]
+    assert glass.mesh.vertices.max() == 0.5
+    np.testing.assert_array_equal(handle.motion.at(0.0).position, [2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("materials", "shape", "fault"),
+    [
+        ('{ glas = "glass" }', "mesh", "materials: no material 'glas' in the file; did you mean 'glass'?"),
+        ('{ glass = "glas" }', "mesh", "materials: material: no material 'glas'; did you mean 'glass'?"),
+        ('{ glass = "glass" }', "ball", "materials: expected a shape of kind 'mesh' with an OBJ file, got 'sphere'"),
+    ],
+)
+def test_materials_that_an_obj_file_does_not_have_are_refused(
+    tmp_path: Path, materials: str, shape: str, fault: str
+) -> None:
+    (tmp_path / "part.obj").write_text(PARTS, encoding="utf-8")
+    kinds = {"mesh": '{ kind = "mesh", path = "part.obj" }', "ball": '{ kind = "sphere", radius = 0.1 }'}
+    check_fault(write(tmp_path, f"{shaped(kinds[shape])}materials = {materials}\n"), f"body[0] 'a': {fault}")
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [('"vertical"', "vertical"), ('"horizontal"', "horizontal"), ("[0.0, 0.6, 0.8]", (0.0, 0.6, 0.8))],

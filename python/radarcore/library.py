@@ -100,7 +100,7 @@ class _Library(Mapping[str, Material]):
         return f"<materials: {', '.join(self._materials)}>"
 
 
-def near_names(name: object, known: Mapping[str, Material]) -> str:
+def near_names(name: object, known: Iterable[str]) -> str:
     """What may have been meant, or all there is."""
     near = difflib.get_close_matches(str(name), known, n=3)
     return f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(known)}"

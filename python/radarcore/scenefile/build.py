@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern, Tabula
 from radarcore.body import Body, PointTarget
 from radarcore.library import materials, near_names
 from radarcore.material import Material
-from radarcore.mesh import Mesh, load_mesh
+from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
@@ -47,6 +48,7 @@ from radarcore.scenefile.tables import (
 from radarcore.simulate import frame_times
 from radarcore.waveform import Waveform
 
+_Read = TypeVar("_Read")
 AnyTable = BodyTable | PointTable | HumanTable | ArmTable
 Carriers = dict[str, Motion]
 """Motions by name, for what is attached to them."""
@@ -132,17 +134,28 @@ class _Parts:
         if isinstance(entry, PointTable):
             return [PointTarget(entry.position, entry.rcs, entry.velocity, name=entry.name)]
         if isinstance(entry, BodyTable):
-            return [self._body(entry)]
+            return self._bodies(entry)
         return self._human(entry) if isinstance(entry, HumanTable) else self._arm(entry)
 
-    def _body(self, table: BodyTable) -> Body:
-        mesh = self._mesh(table.shape)
-        body = Body(
-            mesh, material=self._material(table.material), motion=_motion(table, self._carriers), name=table.name
-        )
+    def _bodies(self, table: BodyTable) -> list[Body]:
+        """One body, or one for each material of an OBJ file that is to have several."""
+        motion = _motion(table, self._carriers)
         if table.name is not None:
-            self._carriers[table.name] = body.motion
-        return body
+            self._carriers[table.name] = motion
+        rest = self._material(table.material)
+        if table.materials is None:
+            return [Body(self._mesh(table.shape), material=rest, motion=motion, name=table.name)]
+        with _located("materials: "):
+            own = {name: self._material(value) for name, value in table.materials.items()}
+            meshes = self._meshes(table.shape)
+            for name in own:
+                if name not in meshes:
+                    raise ValueError(f"no material {name!r} in the file; {near_names(name, meshes)}")
+        prefix = "" if table.name is None else f"{table.name}/"
+        return [
+            Body(mesh, material=own.get(name, rest), motion=motion, name=f"{prefix}{name or 'rest'}")
+            for name, mesh in meshes.items()
+        ]
 
     def _material(self, value: str | MaterialTable) -> Material:
         if isinstance(value, MaterialTable):
@@ -152,20 +165,29 @@ class _Parts:
             return _named(value, self._materials)
 
     def _mesh(self, table: Any) -> Mesh:
-        sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
+        if isinstance(table, MeshTable):
+            return self._read(table, load_mesh, lambda mesh: len(mesh.triangles))
+        make: Callable[..., Mesh] = getattr(shapes, table.kind)
+        return make(**table.model_dump(exclude={"kind"}, exclude_none=True))
+
+    def _meshes(self, table: Any) -> dict[str, Mesh]:
+        """The parts of an OBJ file by their materials."""
         if not isinstance(table, MeshTable):
-            make: Callable[..., Mesh] = getattr(shapes, table.kind)
-            return make(**sizes)
+            raise ValueError(f"expected a shape of kind 'mesh' with an OBJ file, got {table.kind!r}")
+        return self._read(table, partial(load_meshes, split_by="material"), len)
+
+    def _read(self, table: MeshTable, load: Callable[..., _Read], size: Callable[[_Read], int]) -> _Read:
+        sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
         path = self._directory / sizes.pop("path")
         with _located("path: "):
             if not path.is_file():
                 raise FileNotFoundError(f"expected a mesh file, got none at {path}")
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # what they say is an error here
-                mesh = load_mesh(path, **sizes)
-            if len(mesh.triangles) == 0:
+                read = load(path, **sizes)
+            if size(read) == 0:
                 raise ValueError(f"expected a mesh with faces, got none in {path}")
-        return mesh
+        return read
 
     def _human(self, table: HumanTable) -> list[Body]:
         human = Human(**table.model_dump(exclude={"name", "material", "meshes"}))

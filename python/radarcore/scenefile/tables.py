@@ -183,6 +183,9 @@ class BodyTable(PlacedTable):
     name: str | None = _key(None, "", "for pictures, truth and attachments")
     shape: Annotated[ShapeTable, Field(discriminator="kind")] = _key(..., "", "kind and sizes")
     material: str | MaterialTable = _key("metal", "", _MATERIAL)
+    materials: dict[str, str | MaterialTable] | None = _key(
+        None, "", "materials by the names that an OBJ file gives them; faces of others have `material`"
+    )
 
 
 class PointTable(Table):
