@@ -55,7 +55,7 @@ pub struct Speckle {
 }
 
 impl Points {
-    /// Points of a surface, so many that none is worth looking at; `rcs_floor` [m^2].
+    /// Points of a surface, so many, as far as [`NUMBERS`] allows, that none is worth looking at; `rcs_floor` [m^2].
     pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
         let number_of_triangles = surface.num_triangles() as u32;
         let mut sums = Vec::with_capacity(number_of_triangles as usize);

@@ -38,8 +38,18 @@ impl Facet {
 
     /// The point with these coordinates.
     pub fn point(&self, coordinates: DVec3) -> DVec3 {
+        self.origin + self.vector(coordinates)
+    }
+
+    /// Coordinates of a vector between two points.
+    pub fn coordinates_of_vector(&self, vector: DVec3) -> DVec3 {
+        self.coordinates(self.origin + vector)
+    }
+
+    /// The vector with these coordinates.
+    pub fn vector(&self, coordinates: DVec3) -> DVec3 {
         let [e, f] = self.edges;
-        self.origin + coordinates.x * e + coordinates.y * f + coordinates.z * self.normal
+        coordinates.x * e + coordinates.y * f + coordinates.z * self.normal
     }
 
     /// Velocity of that point; `rate` is the frame of the velocities of the corners.

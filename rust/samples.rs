@@ -45,7 +45,7 @@ impl Samples {
             array,
             rule,
             previous.map(|samples| &samples.tree).zip(moved.as_ref()),
-        );
+        )?;
         let mut counts = tree.counts;
         let mut speckles = Vec::with_capacity(materials.len());
         for (body, material) in materials.iter().enumerate() {

@@ -24,6 +24,7 @@ use crate::polarization::Seen;
 use crate::rays::{Cell, ImagePlane};
 use crate::samples::Samples;
 use crate::shown::Shown;
+use crate::surface::area;
 use crate::trace::{Found, Hits, NO_BODY, Snapshot};
 
 /// Speed of light in vacuum [m/s].
@@ -70,6 +71,8 @@ pub struct Scatterers {
     position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the facet.
     normal: Vec<DVec3>,
+    /// Over which the mirror-like part is a mean.
+    patch: Vec<Edges>,
     /// Bodies of facets and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
     /// `(scatterer, channel)`.
@@ -79,11 +82,15 @@ pub struct Scatterers {
 /// What a material point sends back by one channel, but for the cosines and distances.
 #[derive(Clone, Copy)]
 struct Weight {
-    /// `(j / 4 pi) Gamma F dA / 2`.
+    /// `(j / 4 pi) Gamma dA / 2`, with what pixels and ends of cells have besides.
     mirror: Complex64,
     /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
     diffuse: Complex64,
 }
+
+/// Edges of the patch that a material point stands for, along u and v, in body coordinates [m], or those of the facet. The
+/// phase varies linearly over the patch, however it has turned; not so where the edges are zero.
+type Edges = [DVec3; 2];
 
 impl Weight {
     fn is_silent(&self) -> bool {
@@ -364,6 +371,7 @@ impl Scatterers {
             facet: rows.iter().map(|i| self.facet[*i]).collect(),
             position: rows.iter().map(|i| self.position[*i]).collect(),
             normal: rows.iter().map(|i| self.normal[*i]).collect(),
+            patch: rows.iter().map(|i| self.patch[*i]).collect(),
             deforming: Vec::new(),
             weights: weights.copied().collect(),
         };
@@ -466,12 +474,17 @@ impl Scatterers {
         };
         let pose = &places.poses[node * places.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
+        let mut edges = self.patch[path];
         if let Some(facet) = self.facet_of(places, node, path) {
             (position, normal) = (facet.point(position), facet.normal(normal));
+            edges = edges.map(|edge| facet.vector(edge));
         }
         let (t, r) = self.array.pair(channel, pose.point(position));
-        let normal = pose.direction(normal);
-        (delay(&t, &r), self.surface_amplitude(path, channel, normal, &t, &r))
+        let (normal, edges) = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
+        (
+            delay(&t, &r),
+            self.surface_amplitude(path, channel, (normal, edges), &t, &r),
+        )
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
@@ -513,10 +526,21 @@ impl Scatterers {
     }
 
     /// README eqs. (2) and (3) at a material point that may have moved since it was hit.
-    fn surface_amplitude(&self, path: usize, channel: usize, normal: DVec3, t: &Sight, r: &Sight) -> Complex64 {
+    fn surface_amplitude(
+        &self,
+        path: usize,
+        channel: usize,
+        (normal, edges): (DVec3, [DVec3; 2]),
+        t: &Sight,
+        r: &Sight,
+    ) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
         let weight = &self.weights[path * self.num_channels() + channel];
-        let mirror = weight.mirror * (cos_t + cos_r);
+        let mut mirror = weight.mirror * (cos_t + cos_r);
+        if edges != [DVec3::ZERO; 2] {
+            let bisector = bisector(self.array.frequency, t.direction, r.direction);
+            mirror *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
+        }
         let diffuse = weight.diffuse * (cos_t * cos_r).sqrt();
         (mirror + diffuse) * self.spreading(t, r)
     }
@@ -557,7 +581,7 @@ fn gather(number: usize, add: impl Fn(usize, &mut Points) + Sync) -> Points {
 }
 
 /// Memory of a material point, without its weights [bytes].
-const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, DVec3, DVec3, f64, u64)>();
+const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, [DVec3; 2], Edges, f64, u64)>();
 
 /// Material points as they are found; see [`Scatterers`].
 #[derive(Default)]
@@ -568,6 +592,7 @@ struct Points {
     facet: Vec<Option<[u32; 3]>>,
     position: Vec<DVec3>,
     normal: Vec<DVec3>,
+    patch: Vec<Edges>,
     /// `(point, channel)`.
     weights: Vec<Weight>,
     /// Area of the patch [m^2].
@@ -576,10 +601,21 @@ struct Points {
     cube: Vec<u64>,
 }
 
+/// Where on a patch a material point is, and what it stands for.
+#[derive(Clone, Copy)]
+struct Spot {
+    /// On its ground.
+    position: DVec3,
+    edges: Edges,
+    order: u8,
+    /// Area [m^2], and number of the cube, whose diffuse phase it has.
+    area: f64,
+    cube: u64,
+}
+
 impl Points {
-    /// One more, unless it sends nothing back.
-    fn push(&mut self, patch: &Patch, ground: &Ground, place: (DVec3, u64), area: f64, order: u8, num_channels: usize) {
-        // Weights are there already.
+    /// One more, unless it sends nothing back; its weights are there already.
+    fn push(&mut self, patch: &Patch, ground: &Ground, spot: Spot, num_channels: usize) {
         let first = self.weights.len() - num_channels;
         if self.weights[first..].iter().all(Weight::is_silent) {
             self.weights.truncate(first);
@@ -587,12 +623,13 @@ impl Points {
         }
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
-        self.order.push(order);
+        self.order.push(spot.order);
         self.facet.push(ground.carrier.as_ref().map(|carrier| carrier.vertices));
-        self.position.push(place.0);
+        self.position.push(spot.position);
         self.normal.push(ground.normal(patch.normal));
-        self.area.push(area);
-        self.cube.push(place.1);
+        self.patch.push(spot.edges);
+        self.area.push(spot.area);
+        self.cube.push(spot.cube);
     }
 
     fn with_array(self, array: Array) -> Scatterers {
@@ -603,6 +640,7 @@ impl Points {
             facet: self.facet,
             position: self.position,
             normal: self.normal,
+            patch: self.patch,
             deforming: Vec::new(),
             weights: self.weights,
             array,
@@ -616,6 +654,7 @@ impl Points {
         self.facet.append(&mut other.facet);
         self.position.append(&mut other.position);
         self.normal.append(&mut other.normal);
+        self.patch.append(&mut other.patch);
         self.weights.append(&mut other.weights);
         self.area.append(&mut other.area);
         self.cube.append(&mut other.cube);
@@ -681,6 +720,16 @@ impl<'a> Ground<'a> {
         self.carrier.as_ref().map_or(normal, |c| c.facet.slopes(normal))
     }
 
+    /// Edges of a patch likewise.
+    fn edges(&self, edges: [DVec3; 2]) -> Edges {
+        edges.map(|edge| {
+            let edge = self.pose.direction_to_body(edge);
+            self.carrier
+                .as_ref()
+                .map_or(edge, |c| c.facet.coordinates_of_vector(edge))
+        })
+    }
+
     /// Number of the cube of the surface, as it was before it was deformed, at a position on it.
     fn cube(&self, position: DVec3) -> u64 {
         let on_surface = self.carrier.as_ref().map_or(position, |c| c.rest.point(position));
@@ -729,13 +778,20 @@ impl Weigh<'_> {
             let response = self.response(material, patch.normal, t, r);
             let mut mirror = mirror(&response, area);
             if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
-                let bisector = self.bisector(t, r);
+                let bisector = bisector(self.array.frequency, t, r);
                 mirror *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
             }
             let diffuse = phasor * self.diffuse(&response, area);
             points.weights.push(Weight { mirror, diffuse });
         }
-        points.push(patch, ground, (position, cube), area, 0, self.array.num_channels());
+        let spot = Spot {
+            position,
+            edges: Edges::default(),
+            order: 0,
+            area,
+            cube,
+        };
+        points.push(patch, ground, spot, self.array.num_channels());
     }
 
     /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
@@ -746,7 +802,7 @@ impl Weigh<'_> {
         let edges = patch.cell.edges(patch.distance, patch.normal);
         let of_channel = |channel: usize| {
             let [t, r] = self.array.directions(channel, point);
-            let bisector = self.bisector(t, r);
+            let bisector = bisector(self.array.frequency, t, r);
             (
                 self.response(material, patch.normal, t, r),
                 edges.map(|edge| bisector.dot(edge)),
@@ -772,28 +828,35 @@ impl Weigh<'_> {
                 let (response, slopes) = of_channel(channel);
                 let mut mirror = mirror(&response, area);
                 let [t, r] = self.array.directions(channel, end);
-                let slopes_there = edges_there.map(|edge| self.bisector(t, r).dot(edge));
-                for axis in 0..2 {
-                    let (x, x_there) = (slopes[axis], slopes_there[axis]);
-                    mirror *= if sides[axis] == 0.0 {
-                        Complex64::from(if leaf.is_linear { sinc(x) } else { taper(x) })
-                    } else {
-                        // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
-                        let x = if x_there / x > LEAST_TURN { x_there } else { x };
-                        Complex64::new(0.0, sides[axis] / x)
-                    };
+                let bisector = bisector(self.array.frequency, t, r);
+                if !leaf.is_linear {
+                    mirror *= taper(slopes[0]) * taper(slopes[1]);
+                }
+                for axis in axes.iter().copied() {
+                    // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
+                    let (x, x_there) = (slopes[axis], bisector.dot(edges_there[axis]));
+                    let x = if x_there / x > LEAST_TURN { x_there } else { x };
+                    mirror *= Complex64::new(0.0, sides[axis] / x);
                 }
                 let diffuse = Complex64::ZERO;
                 points.weights.push(Weight { mirror, diffuse });
             }
-            points.push(
-                patch,
-                ground,
-                (ground.position(end), 0),
-                0.0,
-                axes.len() as u8,
-                num_channels,
-            );
+            let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
+            let across = [0, 1].map(|axis| {
+                if is_across(axis) {
+                    edges_there[axis]
+                } else {
+                    DVec3::ZERO
+                }
+            });
+            let spot = Spot {
+                position: ground.position(end),
+                edges: ground.edges(across),
+                order: axes.len() as u8,
+                area: 0.0,
+                cube: 0,
+            };
+            points.push(patch, ground, spot, num_channels);
         }
     }
 
@@ -811,15 +874,18 @@ impl Weigh<'_> {
             points: spread, normal, ..
         } = speckle;
         let ground = Ground::of_mesh(snapshot, body, spread.triangle[point], 0);
-        let position = spread.position(snapshot.surface(body), point);
+        let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
+        let position = spread.position(surface, point);
         let place = ground.pose.point(position);
+        // A surface that stretches has the same points with more area each.
+        let stretch = area(&surface.corners(triangle)) / area(&surface.rest_corners(triangle));
         let phasor = Complex64::cis(TAU * spread.turns[point]);
         for channel in 0..self.array.num_channels() {
             let [t, r] = self.array.directions(channel, place);
             let response = self.response(material, normal[point], t, r);
             points.weights.push(Weight {
                 mirror: Complex64::ZERO,
-                diffuse: phasor * self.diffuse(&response, spread.area),
+                diffuse: phasor * self.diffuse(&response, stretch * spread.area),
             });
         }
         let patch = Patch {
@@ -828,19 +894,25 @@ impl Weigh<'_> {
             normal: normal[point],
             ..Patch::NOTHING
         };
-        let num_channels = self.array.num_channels();
-        points.push(&patch, &ground, (ground.position(place), 0), 0.0, 0, num_channels);
-    }
-
-    /// What the phase turns by per length, half of it [rad/m].
-    fn bisector(&self, t: DVec3, r: DVec3) -> DVec3 {
-        0.5 * (TAU * self.array.frequency / SPEED_OF_LIGHT) * (t + r)
+        let spot = Spot {
+            position: ground.position(place),
+            edges: Edges::default(),
+            order: 0,
+            area: 0.0,
+            cube: 0,
+        };
+        points.push(&patch, &ground, spot, self.array.num_channels());
     }
 
     /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
     fn diffuse(&self, response: &Response, area: f64) -> f64 {
         SPEED_OF_LIGHT / self.array.frequency / (4.0 * PI) * (response.albedo * area / PI).sqrt()
     }
+}
+
+/// What the phase turns by per length, half of it [rad/m].
+fn bisector(frequency: f64, t: DVec3, r: DVec3) -> DVec3 {
+    0.5 * (TAU * frequency / SPEED_OF_LIGHT) * (t + r)
 }
 
 /// `(j / 4 pi) Gamma dA / 2`.

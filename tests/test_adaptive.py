@@ -89,7 +89,8 @@ def test_error_falls_with_the_floor() -> None:
     for rcs_floor in (1e-2, 1e-4, 1e-6):
         sim = simulator([body(rc.shapes.sphere(0.2, subdivisions=6), 1.0)], rcs_floor=rcs_floor)
         errors.append(rms(spectrum(sim) / exact - 1.0))
-    assert errors[0] > 3.0 * errors[1] > 3.0 * errors[2]
+    assert errors[0] > 3.0 * errors[1]
+    assert errors[1] > 1.5 * errors[2]
     assert errors[2] < 0.005
 
 
@@ -106,7 +107,7 @@ def test_an_oblique_wall_does_not_echo_and_takes_few_paths() -> None:
         assert stats["paths"] <= 8_000
     # Centres alone leave edges where cells of two sizes meet.
     centres = simulator([wall], pattern=pattern, rcs_floor=1e-5, end_points=False)
-    assert db(rms(spectrum(centres) / mirror)) >= -40.0
+    assert db(rms(spectrum(centres) / mirror)) >= -55.0
 
 
 def test_edges_of_a_tilted_plate_echo_as_they_do_in_fine_samples() -> None:
@@ -238,9 +239,31 @@ def test_speckle_keeps_its_phase_while_its_body_moves() -> None:
     np.testing.assert_allclose(turned, 0.0, atol=1e-9)
 
 
+def test_a_matt_surface_that_stretches_returns_as_much_as_one_of_its_size() -> None:
+    def power(side: float, scale: float) -> float:
+        plate = rc.shapes.plate(side, side)
+        stretched = None if scale == 1.0 else lambda _: scale * plate.vertices
+        target = rc.Body(
+            plate, material=rc.Material.lambertian(0.5), motion=rc.Pose([2.0, 0.0, 0.0]), deformation=stretched
+        )
+        return float((np.abs(simulator([target]).paths().amplitude) ** 2).sum())
+
+    assert power(0.2, 2.0) == pytest.approx(power(0.4, 1.0), rel=0.01)
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 33.0, 45.0])
+def test_a_tilted_rod_is_seen_all_along(roll_deg: float) -> None:
+    pose = rc.Pose.from_rpy([3.0, 0.0, 0.0], [np.deg2rad(roll_deg), 0.0, 0.0])
+    strip = rc.Body(rc.shapes.plate(1.0, 0.016), material=CONDUCTOR, motion=pose)
+    upright = rc.Body(rc.shapes.plate(1.0, 0.016), material=CONDUCTOR, motion=rc.Pose([3.0, 0.0, 0.0]))
+    fine = simulator([upright], sampling="footprint", resolution=1024, field_of_view_deg=(24.0, 24.0))
+    assert abs(db(rms(spectrum(simulator([strip]))) / rms(spectrum(fine)))) <= 1.0
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "text"),
     [
+        ({"ray_budget": 2**70}, ValueError, "ray_budget: expected less than"),
         ({"rcs_floor": 0.0}, ValueError, "rcs_floor: expected a positive number"),
         ({"rcs_floor": float("nan")}, ValueError, "rcs_floor: expected a finite number"),
         ({"ray_budget": 100}, ValueError, "ray_budget: expected at least the 64 x 64 rays of the base grid, got 100"),

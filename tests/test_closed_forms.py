@@ -224,3 +224,17 @@ def test_bounds_hold_in_an_image_of_60_degrees_too(
 ) -> None:
     got = transfer_function([body(mesh, distance)], field_of_view_deg=60.0)
     assert_close(got, expected, db_bound, phase_bound)
+
+
+def test_cells_follow_a_plate_that_turns_within_a_frame() -> None:
+    # Cast at the middle of the frame, 2 degrees before the plate stands as in the closed form.
+    turn, duration = np.deg2rad(2.0), 0.02
+    wf = rc.Waveform(
+        start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1, num_chirps=2, chirp_interval=duration
+    )
+    start = rc.Pose.from_rpy([1.0, 0.0, 0.0], [0.0, 0.0, np.deg2rad(5.0)])
+    motion = rc.Linear(start, angular_velocity=[0.0, 0.0, turn / (0.5 * duration)])
+    plate = rc.Body(rc.shapes.plate(0.2, 0.2), material=CONDUCTOR, motion=motion)
+    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(wf), sampling="adaptive").paths(0.0)
+    got = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
+    assert_close(got, 4.603129585e-05 - 1.141052424e-04j, 0.3, 0.05)

@@ -92,9 +92,11 @@ class Simulator:
         Way to form the sum over paths, see `beat_signal`.
     rcs_floor : float
         Smallest cross-section of interest [m^2]: cells of adaptive sampling are split until what each leaves open is
-        40 dB below the echo of such a target on boresight at the same distance, or they have been halved six times.
+        40 dB below the echo of such a target at the peak of the gain and the same distance, or they have been halved
+        six times.
     ray_budget : int, optional
-        Most rays of adaptive sampling; the cells that leave the most open are split first.
+        Most rays through cells of adaptive sampling; the cells that leave the most open are split first. Rays to the
+        points of diffuse surfaces, at most 131 072 per body, come on top.
     end_points : bool
         With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
         the whole band and which neighbours cancel; otherwise for their centre, tapered as pixels are.
@@ -162,6 +164,8 @@ class Simulator:
             raise ValueError(
                 f"ray_budget: expected at least the {rows} x {columns} rays of the base grid, got {budget}"
             )
+        if budget >= 2**32:
+            raise ValueError(f"ray_budget: expected less than 2**32, got {budget}")
         return budget
 
     def with_radar(self, radar: Radar) -> Simulator:
