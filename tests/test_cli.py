@@ -129,9 +129,13 @@ def test_bad_options_write_nothing(tmp_path: Path, scene: Path, capsys: pytest.C
 def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> None:
     scene.write_text(SCENE.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
     output = tmp_path / "recording"
-    process = subprocess.Popen(
-        [*COMMAND, "simulate", str(scene), "-o", str(output)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    # What is started in the background of a shell ignores interrupts unless it says otherwise.
+    program = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from radarcore import cli; sys.exit(cli.main())"
     )
+    command = [sys.executable, "-c", program, "simulate", str(scene), "-o", str(output)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     row = 3 * 8 * 64 * 4  # bytes of a frame
     deadline = time.monotonic() + 60.0
     while not ((cube := output / "cube.npy").exists() and cube.stat().st_size > 3 * row):
