@@ -155,7 +155,7 @@ pub struct Leaf {
 /// What a cell adds to the sum, and how it varies.
 #[derive(Clone, Copy, Debug)]
 struct Look {
-    /// Field reflected and received, relative to a conductor on boresight.
+    /// Field reflected and received, relative to a conductor where the gain is largest.
     amplitude: f64,
     /// Half of what the phase turns over the cell, along u and v [rad].
     slope: [f64; 2],

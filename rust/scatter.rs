@@ -106,6 +106,46 @@ pub struct Paths {
     pub amplitude: Vec<Complex64>,
 }
 
+impl Paths {
+    /// Of the selected paths, from delay and amplitude of one of them at a node and by a channel.
+    pub fn of(
+        num_nodes: usize,
+        num_channels: usize,
+        selection: Selection,
+        path: impl Fn(usize, usize, usize) -> (f64, Complex64) + Sync,
+    ) -> Result<Self> {
+        const BLOCK: usize = 512;
+        let num_paths = selection.len();
+        let shape = [num_nodes, num_channels, num_paths];
+        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
+        let total = shape.iter().product();
+        let mut paths = Self {
+            delay: vec![0.0; total],
+            amplitude: vec![Complex64::ZERO; total],
+        };
+        if total == 0 {
+            return Ok(paths);
+        }
+
+        // Rows (node, channel) in parallel, and blocks of every row.
+        let rows = paths
+            .delay
+            .par_chunks_mut(num_paths)
+            .zip(paths.amplitude.par_chunks_mut(num_paths));
+        rows.enumerate().for_each(|(row, (delay, amplitude))| {
+            let (node, channel) = (row / num_channels, row % num_channels);
+            let blocks = delay.par_chunks_mut(BLOCK).zip(amplitude.par_chunks_mut(BLOCK));
+            blocks.enumerate().for_each(|(block, (delay, amplitude))| {
+                for (i, (delay, amplitude)) in delay.iter_mut().zip(amplitude).enumerate() {
+                    let number = selection.first + (block * BLOCK + i) * selection.step;
+                    (*delay, *amplitude) = path(node, channel, number);
+                }
+            });
+        });
+        Ok(paths)
+    }
+}
+
 /// Where everything is at a number of times, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
@@ -434,35 +474,12 @@ impl Scatterers {
 
     /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
     pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
-        const BLOCK: usize = 1024;
-        let (num_channels, num_paths) = (self.num_channels(), selection.len());
-        let shape = [places.num_nodes, num_channels, num_paths];
-        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
-        let total = shape.iter().product();
-        let mut paths = Paths {
-            delay: vec![0.0; total],
-            amplitude: vec![Complex64::ZERO; total],
-        };
-        if total == 0 {
-            return Ok(paths);
-        }
-
-        // Rows (node, channel) in parallel, and blocks of every row.
-        let rows = paths
-            .delay
-            .par_chunks_mut(num_paths)
-            .zip(paths.amplitude.par_chunks_mut(num_paths));
-        rows.enumerate().for_each(|(row, (delay, amplitude))| {
-            let (node, channel) = (row / num_channels, row % num_channels);
-            let blocks = delay.par_chunks_mut(BLOCK).zip(amplitude.par_chunks_mut(BLOCK));
-            blocks.enumerate().for_each(|(block, (delay, amplitude))| {
-                for (i, (delay, amplitude)) in delay.iter_mut().zip(amplitude).enumerate() {
-                    let path = selection.first + (block * BLOCK + i) * selection.step;
-                    (*delay, *amplitude) = self.path(places, node, channel, path);
-                }
-            });
-        });
-        Ok(paths)
+        Paths::of(
+            places.num_nodes,
+            self.num_channels(),
+            selection,
+            |node, channel, path| self.path(places, node, channel, path),
+        )
     }
 
     /// Delay and amplitude of one path of one channel at one time.

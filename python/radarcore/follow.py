@@ -142,7 +142,8 @@ def synthesise(
             continue
         nodes = follow_nodes(course, waveform, start, tolerance)
         for samples, longest, report in _sum_pieces(course, nodes.times, radar, tolerance, method, threads):
-            samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
+            if course.order > 0:
+                samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
             cube = samples if not plans else cube + samples
             farthest = max(farthest, longest)
             rows += report.rows

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::place::Place;
 use crate::antenna::Array;
-use crate::error::{Result, fits_memory};
+use crate::error::Result;
 use crate::facet::Facet;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 use crate::trace::Snapshot;
@@ -174,35 +174,12 @@ impl Bounces {
 
     /// Delays and amplitudes of the selected routes; `places` needs no point targets.
     pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
-        const BLOCK: usize = 256;
-        let (num_channels, num_paths) = (self.num_channels(), selection.len());
-        let shape = [places.num_nodes, num_channels, num_paths];
-        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
-        let total = shape.iter().product();
-        let mut paths = Paths {
-            delay: vec![0.0; total],
-            amplitude: vec![Complex64::ZERO; total],
-        };
-        if total == 0 {
-            return Ok(paths);
-        }
-
-        // Rows (node, channel) in parallel, and blocks of every row.
-        let rows = paths
-            .delay
-            .par_chunks_mut(num_paths)
-            .zip(paths.amplitude.par_chunks_mut(num_paths));
-        rows.enumerate().for_each(|(row, (delay, amplitude))| {
-            let (node, channel) = (row / num_channels, row % num_channels);
-            let blocks = delay.par_chunks_mut(BLOCK).zip(amplitude.par_chunks_mut(BLOCK));
-            blocks.enumerate().for_each(|(block, (delay, amplitude))| {
-                for (i, (delay, amplitude)) in delay.iter_mut().zip(amplitude).enumerate() {
-                    let route = selection.first + (block * BLOCK + i) * selection.step;
-                    (*delay, *amplitude) = self.path(places, node, channel, route);
-                }
-            });
-        });
-        Ok(paths)
+        Paths::of(
+            places.num_nodes,
+            self.num_channels(),
+            selection,
+            |node, channel, route| self.path(places, node, channel, route),
+        )
     }
 
     /// Rate of every delay [s/s], `(channel, route)`, at the first node of `places`; `rates` are the time derivatives.
