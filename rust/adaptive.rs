@@ -10,6 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::antenna::Array;
+use crate::bundle::MOST_RAYS;
 use crate::bvh::{Bounds, Tree};
 use crate::error::{Error, Result, fits_memory};
 use crate::material::Material;
@@ -37,8 +38,10 @@ const SMOOTH: f64 = 0.5;
 /// Half of what the phase turns over a cell from which on it stands for its ends [rad].
 const STEEP: f64 = 1.0;
 
-/// With a budget, the part of what is left of it that goes to the most important cells before all are compared again.
-const ROUND: usize = 4;
+/// With a budget, the part of what is left of it that goes to the most important cells before all are compared again, and the
+/// part of the whole that goes in one round at the end: rays of small rounds are far apart, and cost more.
+const ROUND: usize = 2;
+const LAST_ROUND: usize = 32;
 
 /// The sides of a cell: axis, and 0 for the lower end of it.
 const SIDES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
@@ -46,6 +49,9 @@ const SIDES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 /// Most pieces of a long part of a mesh, and most parts that are looked at in pieces.
 const MOST_PIECES: f64 = 256.0;
 const FEW_PARTS: usize = 1000;
+
+/// Rays of cells that lie in a square of so many cells along either side, as a power of two, are cast together.
+const BUNDLE: u32 = 4;
 
 /// A number that is no node's.
 const NONE: u32 = u32::MAX;
@@ -69,9 +75,14 @@ pub struct Rule {
 /// Cells of all levels, and what their rays hit.
 pub struct Quadtree {
     planes: Vec<ImagePlane>,
-    /// First node of every cell of the base grid, row by row.
+    /// Node of every cell of the base grid, row by row.
     roots: Vec<u32>,
+    /// First those of the base grid, then the four parts of one cell after those of another.
     nodes: Vec<Node>,
+    /// The first part of every node, or [`NONE`].
+    parts: Vec<u32>,
+    /// The node of every four parts.
+    wholes: Vec<u32>,
     /// What was done for them.
     pub counts: Counts,
     /// Cells that were not split, though they could have been: nothing was to be gained.
@@ -124,8 +135,9 @@ struct Place {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     place: Place,
-    /// The first of its four parts, or [`NONE`].
-    parts: u32,
+    cell: Cell,
+    /// [sr]
+    solid_angle: f64,
     found: Found,
     look: Look,
     /// How much it leaves open, relative to what it may, once that is known.
@@ -159,16 +171,20 @@ struct Look {
     amplitude: f64,
     /// Half of what the phase turns over the cell, along u and v [rad].
     slope: [f64; 2],
-    /// The least of that over all channels, in the same sense.
-    least: [f64; 2],
+    /// Along which axes it may have ends: where every channel's phase turns fast, in the same sense.
+    steep: [bool; 2],
     /// Field per solid angle that may be left open here [sr].
     tolerance: f64,
+    /// Where its ray ends [m], and by how much that advances along the normal per length.
+    point: DVec3,
+    advance: f64,
 }
 
-impl Node {
-    /// Whether it has no parts and can have some.
-    fn could_be_split(&self) -> bool {
-        self.parts == NONE && usize::from(self.place.level) < MAX_LEVEL
+impl Place {
+    /// Near for cells that are near, of whatever level: Morton's order of their first finest cells.
+    fn order(&self) -> u64 {
+        let finer = MAX_LEVEL as u8 - self.level;
+        morton(self.row << finer, self.column << finer)
     }
 }
 
@@ -176,8 +192,10 @@ impl Look {
     const NOTHING: Self = Self {
         amplitude: 0.0,
         slope: [0.0; 2],
-        least: [0.0; 2],
+        steep: [false; 2],
         tolerance: f64::INFINITY,
+        point: DVec3::ZERO,
+        advance: 1.0,
     };
 }
 
@@ -220,6 +238,8 @@ impl Quadtree {
             planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
             roots: vec![NONE; rule.base.num_pixels()],
             nodes: Vec::new(),
+            parts: Vec::new(),
+            wholes: Vec::new(),
             counts: Counts::default(),
             num_coarse: 0,
             beam: cast.beam.cloned(),
@@ -240,7 +260,7 @@ impl Quadtree {
         for level in 0..MAX_LEVEL {
             let mut split = tree.cells_on(&targets, level);
             split.truncate(rule.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
-            let cells = tree.split(&split);
+            let cells = tree.split(&mut split);
             add(&mut tree, cells)?;
         }
 
@@ -254,22 +274,19 @@ impl Quadtree {
             open.sort_unstable();
             open.dedup();
             open.retain(|node| tree.is_open(*node));
-            let split = match rule.budget {
+            let mut split = match rule.budget {
                 None => std::mem::take(&mut open),
                 Some(budget) => tree.most_important(&open, budget),
             };
             if split.is_empty() {
-                tree.num_coarse = tree.nodes.iter().filter(|node| node.could_be_split()).count();
+                tree.num_coarse = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node)).count();
                 return Ok(tree);
             }
             let first = tree.nodes.len() as u32;
-            let cells = tree.split(&split);
+            let cells = tree.split(&mut split);
             add(&mut tree, cells)?;
             // Neighbours of cells that were split may have lost what cancels their ends.
-            let beside = |node: &u32| {
-                let node = &tree.nodes[*node as usize];
-                SIDES.map(|(axis, side)| tree.neighbour(node, axis, side))
-            };
+            let beside = |node: &u32| SIDES.map(|(axis, side)| tree.neighbour(*node as usize, axis, side));
             changed = split
                 .iter()
                 .flat_map(beside)
@@ -285,8 +302,12 @@ impl Quadtree {
     /// Find out how much some cells leave open.
     fn measure(&mut self, nodes: &[u32]) {
         let left_open = |node: &u32| {
-            let node = &self.nodes[*node as usize];
-            if node.parts == NONE { self.left_open(node) } else { 0.0 }
+            let node = *node as usize;
+            if self.parts[node] == NONE {
+                self.left_open(node)
+            } else {
+                0.0
+            }
         };
         let open: Vec<f64> = nodes.par_iter().map(left_open).collect();
         for (node, open) in nodes.iter().zip(open) {
@@ -297,14 +318,15 @@ impl Quadtree {
     /// Coarser cells beside some, of which these show that they leave too much open: what a fine cell at the border sees is not
     /// what the ray in the middle of a coarse one does.
     fn raise_coarse(&mut self, nodes: &[u32]) -> Vec<u32> {
-        let beside = |node: &u32| {
-            let node = &self.nodes[*node as usize];
+        let beside = |index: &u32| {
+            let index = *index as usize;
+            let node = &self.nodes[index];
             let sides = if node.open > 1.0 { &SIDES[..] } else { &[] };
             let coarse = sides.iter().filter_map(|(axis, side)| {
-                let other = self.neighbour(node, *axis, *side)?;
-                let is_coarse = self.nodes[other].parts == NONE && self.nodes[other].place.level < node.place.level;
-                let pair = is_coarse.then(|| self.compare(node, &self.nodes[other], *axis))?;
-                let open = pair.field * pair.residual.min(1.0) * self.cell(node).solid_angle();
+                let other = self.neighbour(index, *axis, *side)?;
+                let is_coarse = self.parts[other] == NONE && self.nodes[other].place.level < node.place.level;
+                let pair = is_coarse.then(|| self.compare(index, other, *axis))?;
+                let open = pair.field * pair.residual.min(1.0) * node.solid_angle;
                 (open > 1.0 && self.nodes[other].found.is_seen).then_some((other, open))
             });
             coarse.collect::<Vec<(usize, f64)>>()
@@ -318,8 +340,13 @@ impl Quadtree {
 
     /// Whether a cell leaves too much open and can be split.
     fn is_open(&self, node: u32) -> bool {
-        let node = &self.nodes[node as usize];
-        node.open > 1.0 && node.could_be_split()
+        let node = node as usize;
+        self.nodes[node].open > 1.0 && self.could_be_split(node)
+    }
+
+    /// Whether a cell has no parts and can have some.
+    fn could_be_split(&self, node: usize) -> bool {
+        self.parts[node] == NONE && usize::from(self.nodes[node].place.level) < MAX_LEVEL
     }
 
     /// Cast the rays of new cells.
@@ -335,7 +362,7 @@ impl Quadtree {
                 number,
             ));
         }
-        fits_memory("cells", &[number], 2 * size_of::<Node>())?;
+        fits_memory("cells", &[number], 2 * (size_of::<Node>() + size_of::<u32>()))?;
         let points: Vec<[f64; 2]> = cells
             .iter()
             .map(|place| {
@@ -350,36 +377,42 @@ impl Quadtree {
                 (tree.nodes[node].place == cells[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = judge.snapshot.cast_batch(&points, cast, known.as_ref());
+        let (found, counts) = judge
+            .snapshot
+            .cast_batch(&points, &bundles(cells), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         let planes = &self.planes;
         let node = |(place, found): (&Place, Found)| {
             let cell = cell(planes, place);
             Node {
                 place: *place,
-                parts: NONE,
+                cell,
+                solid_angle: cell.solid_angle(),
                 look: judge.look(&cell, &found),
                 found,
                 open: 0.0,
             }
         };
+        self.parts.resize(number, NONE);
         self.nodes.par_extend(cells.par_iter().zip_eq(found).map(node));
         Ok(())
     }
 
-    /// The places of the four parts of every cell; they will be the next nodes.
-    fn split(&mut self, nodes: &[u32]) -> Vec<Place> {
+    /// The places of the four parts of every cell, those near each other one after the other; they will be the next nodes.
+    fn split(&mut self, nodes: &mut [u32]) -> Vec<Place> {
+        nodes.sort_by_cached_key(|node| self.nodes[*node as usize].place.order());
         let mut cells = Vec::with_capacity(4 * nodes.len());
         let mut next = self.nodes.len() as u32;
         for node in nodes {
-            let node = &mut self.nodes[*node as usize];
-            node.parts = next;
+            self.wholes.push(*node);
+            self.parts[*node as usize] = next;
             next += 4;
+            let place = self.nodes[*node as usize].place;
             for part in 0..4 {
                 cells.push(Place {
-                    level: node.place.level + 1,
-                    row: 2 * node.place.row + part / 2,
-                    column: 2 * node.place.column + part % 2,
+                    level: place.level + 1,
+                    row: 2 * place.row + part / 2,
+                    column: 2 * place.column + part % 2,
                 });
             }
         }
@@ -395,7 +428,7 @@ impl Quadtree {
         }
         let mut node = self.roots[row as usize * base.columns + column as usize] as usize;
         for level in (0..cell.level).rev() {
-            let parts = self.nodes[node].parts;
+            let parts = self.parts[node];
             if parts == NONE {
                 break;
             }
@@ -425,10 +458,9 @@ impl Quadtree {
                         row: row as u32,
                         column: column as u32,
                     };
-                    let node = self.find(&cell).filter(|node| {
-                        let node = &self.nodes[*node];
-                        node.place == cell && node.parts == NONE
-                    });
+                    let node = self
+                        .find(&cell)
+                        .filter(|node| self.nodes[*node].place == cell && self.parts[*node] == NONE);
                     nodes.extend(node.map(|node| node as u32));
                 }
             }
@@ -446,22 +478,29 @@ impl Quadtree {
     /// The cells that leave the most open, as many as a part of the budget pays for.
     fn most_important(&self, open: &[u32], budget: usize) -> Vec<u32> {
         let left = self.affordable(budget);
+        let number = if 4 * left <= budget / LAST_ROUND {
+            left
+        } else {
+            left.div_ceil(ROUND)
+        };
         let mut chosen = open.to_vec();
-        let open = |node: &u32| self.nodes[*node as usize].open;
-        chosen.sort_by(|a, b| open(b).total_cmp(&open(a)).then(a.cmp(b)));
-        chosen.truncate(left.div_ceil(ROUND));
-        chosen.sort_unstable();
+        if number < chosen.len() {
+            let open = |node: &u32| self.nodes[*node as usize].open;
+            chosen.select_nth_unstable_by(number, |a, b| open(b).total_cmp(&open(a)).then(a.cmp(b)));
+            chosen.truncate(number);
+        }
         chosen
     }
 
     /// How much a cell leaves open, at most, relative to what it may.
-    fn left_open(&self, node: &Node) -> f64 {
+    fn left_open(&self, index: usize) -> f64 {
+        let node = &self.nodes[index];
         if !node.found.is_seen {
             return 0.0;
         }
-        let pair = |axis: usize, side: usize| match self.neighbour(node, axis, side).map(|other| &self.nodes[other]) {
-            Some(other) if other.found.is_seen => self.compare(node, other, axis),
-            _ => self.at_border(node, axis),
+        let pair = |axis: usize, side: usize| match self.neighbour(index, axis, side) {
+            Some(other) if self.nodes[other].found.is_seen => self.compare(index, other, axis),
+            _ => at_border(node, axis),
         };
         let pairs = [[pair(0, 0), pair(0, 1)], [pair(1, 0), pair(1, 1)]];
 
@@ -481,21 +520,12 @@ impl Quadtree {
                 most = most.max(pair.field * share.min(1.0));
             }
         }
-        most * self.cell(node).solid_angle()
-    }
-
-    /// A cell at the border of what is seen: surfaces go on there, and what they would add cancels its end.
-    fn at_border(&self, node: &Node, axis: usize) -> Pair {
-        Pair {
-            field: 0.0,
-            jump: 0.0,
-            residual: 0.0,
-            is_shared: self.steep(&node.look)[axis],
-        }
+        most * node.solid_angle
     }
 
     /// What a cell and a neighbour along an axis say of what is between them.
-    fn compare(&self, node: &Node, other: &Node, axis: usize) -> Pair {
+    fn compare(&self, index: usize, beside: usize, axis: usize) -> Pair {
+        let (node, other) = (&self.nodes[index], &self.nodes[beside]);
         // The other's slopes over a cell of this size, which is no larger.
         let scale = 1.0 / f64::from(1_u32 << (node.place.level - other.place.level));
         let slopes = [node.look.slope, other.look.slope.map(|slope| slope * scale)];
@@ -520,21 +550,21 @@ impl Quadtree {
         }
 
         // Phase at the neighbour that neither the mean of both slopes nor the planes explain, over a cell of this size.
-        let (here, there) = (self.cell(node), self.cell(other));
+        let (here, there) = (&node.cell, &other.cell);
         let offset = [(there.u - here.u) / here.du, (there.v - here.v) / here.dv];
         let square = offset[0] * offset[0] + offset[1] * offset[1];
         let wavenumber = 2.0 * TAU / self.wavelength;
         let expected: f64 = (0..2).map(|i| (slopes[0][i] + slopes[1][i]) * offset[i]).sum();
         let from_slopes = wavenumber * (other.found.distance - node.found.distance) - expected;
-        let between = other.found.distance * there.direction() - node.found.distance * here.direction();
-        let height = |found: &Found, cell: &Cell| found.normal.dot(between) / found.normal.dot(cell.direction());
-        let from_planes = wavenumber * height(&node.found, &here).abs().max(height(&other.found, &there).abs());
+        let between = other.look.point - node.look.point;
+        let height = |node: &Node| (node.found.normal.dot(between) / node.look.advance).abs();
+        let from_planes = wavenumber * height(node).max(height(other));
         let jump = from_slopes.abs().min(from_planes) / square;
 
         // What the slopes differ by. Where the cell has ends, that is so much less as these have slopes: of the cell, or in a
         // plane their own. Amplitudes of one material only differ smoothly.
         let is_plane = from_planes < PLANE;
-        let steep = self.steep(&node.look);
+        let steep = node.look.steep;
         let bend = |axis: usize| {
             let bend = (slopes[1][axis] - slopes[0][axis]).abs();
             let slope = slopes[0][axis].abs().min(slopes[1][axis].abs());
@@ -550,10 +580,10 @@ impl Quadtree {
         let jump = jump + if is_one_body { 0.0 } else { step };
 
         let is_shared = is_one_body
-            && other.parts == NONE
+            && self.parts[beside] == NONE
             && other.place.level == node.place.level
             && steep[axis]
-            && steep == self.steep(&other.look)
+            && steep == other.look.steep
             && slopes[0][axis] * slopes[1][axis] > 0.0
             && jump < SMOOTH;
         let residual = if is_shared {
@@ -579,19 +609,15 @@ impl Quadtree {
         }
     }
 
-    /// Along which axes a cell may have ends.
-    fn steep(&self, look: &Look) -> [bool; 2] {
-        look.least.map(|least| self.end_points && least > STEEP)
-    }
-
     /// The cells that hit something and have no parts.
     pub fn leaves(&self) -> Vec<Leaf> {
-        let ends: Vec<Ends> = self.nodes.par_iter().map(|node| self.ends(node)).collect();
+        let nodes = 0..self.nodes.len();
+        let ends: Vec<Ends> = nodes.into_par_iter().map(|node| self.ends(node)).collect();
         let leaves = self.nodes.par_iter().enumerate();
         leaves
-            .filter(|(_, node)| node.parts == NONE && node.found.is_hit())
+            .filter(|(index, node)| self.parts[*index] == NONE && node.found.is_hit())
             .map(|(index, node)| Leaf {
-                cell: self.cell(node),
+                cell: node.cell,
                 found: node.found,
                 is_linear: ends[index].is_linear,
                 has_ends: ends[index].has,
@@ -601,13 +627,14 @@ impl Quadtree {
     }
 
     /// Of which axes a cell has ends.
-    fn ends(&self, node: &Node) -> Ends {
-        if node.parts != NONE || !node.found.is_hit() || node.open > 1.0 {
+    fn ends(&self, index: usize) -> Ends {
+        let node = &self.nodes[index];
+        if self.parts[index] != NONE || !node.found.is_hit() || node.open > 1.0 {
             return Ends::default();
         }
         Ends {
             is_linear: self.end_points,
-            has: self.steep(&node.look),
+            has: node.look.steep,
         }
     }
 
@@ -643,10 +670,9 @@ impl Quadtree {
 
     /// What cancels the end of a cell on one side.
     fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
-        let node = &self.nodes[index];
-        match self.neighbour(node, axis, side) {
+        match self.neighbour(index, axis, side) {
             Some(other) if self.nodes[other].found.is_seen => {
-                let is_shared = ends[other].is_linear && self.compare(node, &self.nodes[other], axis).is_shared;
+                let is_shared = ends[other].is_linear && self.compare(index, other, axis).is_shared;
                 if is_shared { Partner::Cell(other) } else { Partner::None }
             }
             _ => Partner::Border,
@@ -654,19 +680,39 @@ impl Quadtree {
     }
 
     /// The cell of the same level on one side, or the finest one round that.
-    fn neighbour(&self, node: &Node, axis: usize, side: usize) -> Option<usize> {
-        let Place { level, row, column } = node.place;
-        // u and v grow to the left and upwards.
-        let step = |x: u32| if side == 1 { x.checked_sub(1) } else { Some(x + 1) };
-        let (row, column) = match axis {
-            0 => (row, step(column)?),
-            _ => (step(row)?, column),
+    fn neighbour(&self, node: usize, axis: usize, side: usize) -> Option<usize> {
+        // u and v grow to the left and upwards: to smaller columns and rows.
+        let Some(part) = node.checked_sub(self.roots.len()) else {
+            let Place { row, column, .. } = self.nodes[node].place;
+            let step = |x: u32| if side == 1 { x.checked_sub(1) } else { Some(x + 1) };
+            let (row, column) = match axis {
+                0 => (row, step(column)?),
+                _ => (step(row)?, column),
+            };
+            return self.find(&Place { level: 0, row, column });
         };
-        self.find(&Place { level, row, column })
+        // The other half of the same cell, or that half of its neighbour which is next to this one.
+        let half = 1 << axis;
+        if (part & half == 0) == (side == 0) {
+            return Some(self.roots.len() + (part ^ half));
+        }
+        let whole = self.wholes[part / 4] as usize;
+        let beside = self.neighbour(whole, axis, side)?;
+        let is_as_fine = self.nodes[beside].place.level == self.nodes[whole].place.level;
+        match self.parts[beside] {
+            parts if parts != NONE && is_as_fine => Some(parts as usize + ((part % 4) ^ half)),
+            _ => Some(beside),
+        }
     }
+}
 
-    fn cell(&self, node: &Node) -> Cell {
-        cell(&self.planes, &node.place)
+/// A cell at the border of what is seen: surfaces go on there, and what they would add cancels its end.
+fn at_border(node: &Node, axis: usize) -> Pair {
+    Pair {
+        field: 0.0,
+        jump: 0.0,
+        residual: 0.0,
+        is_shared: node.look.steep[axis],
     }
 }
 
@@ -689,6 +735,22 @@ fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
             part
         })
         .collect()
+}
+
+/// Where the bundles of cells in their order end: cells of one lie within a square of the image.
+fn bundles(cells: &[Place]) -> Vec<usize> {
+    let mut ends = Vec::with_capacity(cells.len() / MOST_RAYS + 1);
+    let mut first = 0;
+    for (index, cell) in cells.iter().enumerate() {
+        let apart = cell.order() ^ cells[first].order();
+        let finer = (MAX_LEVEL as u32 - u32::from(cell.level)) + BUNDLE;
+        if index - first == MOST_RAYS || apart >> (2 * finer) != 0 {
+            ends.push(index);
+            first = index;
+        }
+    }
+    ends.push(cells.len());
+    ends
 }
 
 /// The part of the image plane at a place.
@@ -758,8 +820,10 @@ impl Judge<'_> {
         Look {
             amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
-            least,
+            steep: least.map(|least| self.rule.end_points && least > STEEP),
             tolerance: SHARE * self.rule.field(found.distance, self.wavelength),
+            point: found.distance * direction,
+            advance: -cosine,
         }
     }
 
@@ -892,7 +956,7 @@ mod tests {
         let finest = 1_usize << MAX_LEVEL;
         let (rows, columns) = (BASE.rows * finest, BASE.columns * finest);
         let mut covered = vec![false; rows * columns];
-        for node in tree.nodes.iter().filter(|node| node.parts == NONE) {
+        for (node, _) in tree.nodes.iter().zip(&tree.parts).filter(|(_, parts)| **parts == NONE) {
             let side = finest >> node.place.level;
             let (row, column) = (node.place.row as usize * side, node.place.column as usize * side);
             for row in row..row + side {
@@ -907,9 +971,9 @@ mod tests {
     #[test]
     fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
         let alike = |a: &Quadtree, b: &Quadtree| {
-            assert_eq!(a.nodes.len(), b.nodes.len());
+            assert_eq!(a.parts, b.parts);
             for (a, b) in a.nodes.iter().zip(&b.nodes) {
-                assert_eq!((a.place, a.parts, a.found, a.open), (b.place, b.parts, b.found, b.open));
+                assert_eq!((a.place, a.found, a.open), (b.place, b.found, b.open));
             }
         };
         let surfaces = [plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])];
@@ -967,8 +1031,8 @@ mod tests {
             let tree = grow(&scene(0.0), &rule, None);
             assert!(tree.nodes.len() <= budget);
             assert!(tree.nodes.len() + 3 >= budget.min(needed / 2));
-            let leaves = tree.nodes.iter().filter(|node| node.could_be_split());
-            let open = leaves.map(|node| node.open).fold(0.0, f64::max);
+            let leaves = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node));
+            let open = leaves.map(|node| tree.nodes[node].open).fold(0.0, f64::max);
             assert!(open < last);
             last = open;
         }

@@ -14,7 +14,7 @@ use crate::bvh::Tree;
 use crate::hash::mix;
 use crate::rays::morton;
 use crate::surface::{Surface, area};
-use crate::trace::{Cast, Counts, Found, Known, Snapshot};
+use crate::trace::{Cast, Counts, Found, Known, Snapshot, whole_bundles};
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
@@ -172,7 +172,7 @@ impl Speckle {
             moved,
             found: |ray: usize| before.found.get(ray).copied(),
         });
-        let (found, counts) = snapshot.cast_batch(&places, cast, known.as_ref());
+        let (found, counts) = snapshot.cast_batch(&places, &whole_bundles(places.len()), cast, known.as_ref());
         let mut normal = vec![DVec3::ZERO; points.turns.len()];
         for (sight, found) in sights.iter().zip(&found) {
             let point = sight.point as usize;

@@ -27,6 +27,8 @@ use crate::shown::Shown;
 use crate::surface::area;
 use crate::trace::{Found, Hits, NO_BODY, Snapshot};
 
+mod follow;
+
 /// Speed of light in vacuum [m/s].
 pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
@@ -107,6 +109,17 @@ pub struct Paths {
 }
 
 impl Paths {
+    /// Place for those that are selected.
+    fn zeros(num_nodes: usize, num_channels: usize, selection: Selection) -> Result<Self> {
+        let shape = [num_nodes, num_channels, selection.len()];
+        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
+        let total = shape.iter().product();
+        Ok(Self {
+            delay: vec![0.0; total],
+            amplitude: vec![Complex64::ZERO; total],
+        })
+    }
+
     /// Of the selected paths, from delay and amplitude of one of them at a node and by a channel.
     pub fn of(
         num_nodes: usize,
@@ -116,14 +129,8 @@ impl Paths {
     ) -> Result<Self> {
         const BLOCK: usize = 512;
         let num_paths = selection.len();
-        let shape = [num_nodes, num_channels, num_paths];
-        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
-        let total = shape.iter().product();
-        let mut paths = Self {
-            delay: vec![0.0; total],
-            amplitude: vec![Complex64::ZERO; total],
-        };
-        if total == 0 {
+        let mut paths = Self::zeros(num_nodes, num_channels, selection)?;
+        if paths.delay.is_empty() {
             return Ok(paths);
         }
 
@@ -395,11 +402,13 @@ impl Scatterers {
         }))
     }
 
-    /// Those that belong to some bodies and whose field falls with some power of the frequency, in the same order.
+    /// Those that belong to some bodies and whose field falls with some power of the frequency, body by body.
     pub fn select(&self, is_wanted: impl Fn(u32, u8) -> bool) -> Self {
         let channels = self.array.num_channels();
         let rows = 0..self.len();
-        let rows: Vec<usize> = rows.filter(|i| is_wanted(self.body[*i], self.order[*i])).collect();
+        let mut rows: Vec<usize> = rows.filter(|i| is_wanted(self.body[*i], self.order[*i])).collect();
+        // Points of one body are followed together.
+        rows.sort_by_key(|i| self.body[*i]);
         let weights = rows
             .iter()
             .flat_map(|i| &self.weights[channels * i..channels * (i + 1)]);
@@ -470,16 +479,6 @@ impl Scatterers {
     /// Number of TX-RX pairs.
     pub fn num_channels(&self) -> usize {
         self.array.num_channels()
-    }
-
-    /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
-    pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
-        Paths::of(
-            places.num_nodes,
-            self.num_channels(),
-            selection,
-            |node, channel, path| self.path(places, node, channel, path),
-        )
     }
 
     /// Delay and amplitude of one path of one channel at one time.

@@ -17,7 +17,7 @@ mod batch;
 mod beam;
 mod image;
 
-pub use batch::{Found, Known};
+pub use batch::{Found, Known, whole_bundles};
 pub use beam::Beam;
 pub use image::{Cast, Counts, Hits, Walks};
 

@@ -9,8 +9,8 @@ use crate::bundle::{MOST_RAYS, PACKET};
 use crate::bvh::Tree;
 use crate::simd::{Isa, Kernel};
 
-/// Rays that one thread casts in a row.
-const BLOCK: usize = 16 * MOST_RAYS;
+/// Bundles that one thread casts in a row.
+const BLOCK: usize = 16;
 
 /// What one ray hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,22 +54,42 @@ pub struct Known<'a, F> {
     pub found: F,
 }
 
+/// Bundles of rays that follow each other: as many as there is place for.
+pub fn whole_bundles(number: usize) -> Vec<usize> {
+    let ends = (1..=number.div_ceil(MOST_RAYS)).map(|bundle| number.min(bundle * MOST_RAYS));
+    ends.collect()
+}
+
 impl Snapshot {
     /// Hits of rays through points `(u, v)` of the image plane, bundle by bundle in parallel: those of [`Self::cast_image`] at
-    /// the same places. Rays that follow each other should be near each other.
-    pub fn cast_batch<F>(&self, points: &[[f64; 2]], cast: &Cast, known: Option<&Known<F>>) -> (Vec<Found>, Counts)
+    /// the same places. `ends` are the numbers of the rays behind each bundle: at most 64 rays, which should be near each other.
+    pub fn cast_batch<F>(
+        &self,
+        points: &[[f64; 2]],
+        ends: &[usize],
+        cast: &Cast,
+        known: Option<&Known<F>>,
+    ) -> (Vec<Found>, Counts)
     where
         F: Fn(usize) -> Option<Found> + Sync,
     {
         let mut found = vec![Found::NOTHING; points.len()];
-        let blocks = points.par_chunks(BLOCK).zip_eq(found.par_chunks_mut(BLOCK)).enumerate();
+        let mut blocks = Vec::with_capacity(ends.len().div_ceil(BLOCK));
+        let (mut first, mut rest) = (0, found.as_mut_slice());
+        for ends in ends.chunks(BLOCK) {
+            let (found, others) = rest.split_at_mut(ends[ends.len() - 1] - first);
+            blocks.push((first, ends, found));
+            (first, rest) = (ends[ends.len() - 1], others);
+        }
         let counts = blocks
-            .map(|(index, (points, found))| {
+            .into_par_iter()
+            .map(|(first, ends, found)| {
                 cast.level.run(CastBlock {
                     snapshot: self,
                     cast,
                     known,
-                    first: index * BLOCK,
+                    first,
+                    ends,
                     points,
                     found,
                 })
@@ -86,7 +106,11 @@ struct CastBlock<'a, F> {
     known: Option<&'a Known<'a, F>>,
     /// Number of the first ray.
     first: usize,
+    /// Of the rays behind each bundle.
+    ends: &'a [usize],
+    /// Of all rays.
     points: &'a [[f64; 2]],
+    /// From the first ray on.
     found: &'a mut [Found],
 }
 
@@ -100,14 +124,18 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             cast,
             known,
             first,
+            ends,
             points,
             found,
         } = self;
         let mut scratch = Scratch::new(snapshot.num_bodies());
         let mut counts = Counts::default();
-        for (index, points) in points.chunks(MOST_RAYS).enumerate() {
-            let start = index * MOST_RAYS;
-            let found = &mut found[start..start + points.len()];
+        let mut start = first;
+        for end in ends {
+            let bundle = start..*end;
+            start = *end;
+            let points = &points[bundle.clone()];
+            let found = &mut found[bundle.start - first..bundle.end - first];
             scratch.fan.hold(points);
             if cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
                 counts.tiles_skipped += 1;
@@ -119,7 +147,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             if let Some(known) = known {
                 let mut touch = Touch(false);
                 scratch.fan.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
-                if !touch.0 && take_over(found, known, first + start) {
+                if !touch.0 && take_over(found, known, bundle.start) {
                     counts.tiles_reused += 1;
                     continue;
                 }
@@ -193,7 +221,7 @@ mod tests {
                 .iter()
                 .map(|pixel| plane.center(pixel / plane.columns, pixel % plane.columns).into())
                 .collect();
-            let (found, counts) = scene.cast_batch::<Unknown>(&points, &cast, None);
+            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_bundles(points.len()), &cast, None);
             assert!(counts.rays + 64 * counts.tiles_skipped >= points.len() && counts.rays > 3000);
             let mut num_hits = 0;
             for (pixel, found) in pixels.into_iter().zip(found) {

@@ -174,7 +174,7 @@ impl Snapshot {
     }
 
     /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
-    /// where that is most of them.
+    /// where that is all of them.
     pub fn moved(&self, before: &Self) -> Option<Tree> {
         if self.surfaces.len() != before.surfaces.len() {
             return None;
@@ -184,7 +184,7 @@ impl Snapshot {
             !is_same || self.poses[*body] != before.poses[*body]
         };
         let moved: Vec<usize> = (0..self.surfaces.len()).filter(has_moved).collect();
-        if 2 * moved.len() > self.surfaces.len() {
+        if moved.len() == self.surfaces.len() {
             return None;
         }
         let of = |snapshot: &Self, body: usize| bounds(&snapshot.surfaces[body], &snapshot.poses[body]);

@@ -1,0 +1,499 @@
+//! Delays and amplitudes of many paths: eight material points of one rigid body at a time, all others one by one.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::{Paths, Places, SPEED_OF_LIGHT, Scatterers, Selection};
+use crate::antenna::Array;
+use crate::error::Result;
+use crate::motion::Pose;
+use crate::pattern::Pattern;
+use crate::simd::{Isa, Kernel, Level, Vector};
+use crate::trig::{angle, cos_sin_turns, exp_of_negative};
+
+/// Numbers of a vector.
+const LANES: usize = 8;
+
+/// Paths that one thread follows in a row, through all times.
+const BLOCK: usize = 32 * LANES;
+
+/// One number of eight paths each.
+type Lanes = [f64; LANES];
+
+/// A vector of eight paths each, by coordinate.
+type Lanes3 = [Lanes; 3];
+
+impl Scatterers {
+    /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
+    pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
+        self.paths_at(places, selection, Level::best())
+    }
+
+    /// The same with an instruction set.
+    pub fn paths_at(&self, places: &Places, selection: Selection, level: Level) -> Result<Paths> {
+        let mut paths = Paths::zeros(places.num_nodes, self.num_channels(), selection)?;
+        let num_paths = selection.len();
+        if paths.delay.is_empty() {
+            return Ok(paths);
+        }
+        let mut blocks: Vec<Vec<Row>> = (0..num_paths.div_ceil(BLOCK)).map(|_| Vec::new()).collect();
+        let rows = paths
+            .delay
+            .chunks_mut(num_paths)
+            .zip(paths.amplitude.chunks_mut(num_paths));
+        for (delay, amplitude) in rows {
+            let parts = delay.chunks_mut(BLOCK).zip(amplitude.chunks_mut(BLOCK));
+            for (block, (delay, amplitude)) in blocks.iter_mut().zip(parts) {
+                block.push(Row { delay, amplitude });
+            }
+        }
+        blocks.into_par_iter().enumerate().for_each(|(block, rows)| {
+            level.run(FollowBlock {
+                scatterers: self,
+                places,
+                selection,
+                first: block * BLOCK,
+                rows,
+            });
+        });
+        Ok(paths)
+    }
+
+    /// Eight material points, if they are of one body that does not deform.
+    #[inline(always)]
+    fn eight(&self, numbers: &[usize; LANES]) -> Option<Eight> {
+        let body = *self.body.get(numbers[0])?;
+        for number in numbers {
+            if self.body.get(*number) != Some(&body) || self.facet[*number].is_some() {
+                return None;
+            }
+        }
+        let mut eight = Eight {
+            body: body as usize,
+            position: [[0.0; LANES]; 3],
+            normal: [[0.0; LANES]; 3],
+            edges: [[[0.0; LANES]; 3]; 2],
+            has_edges: false,
+        };
+        for (lane, number) in numbers.iter().enumerate() {
+            let edges = self.patch[*number];
+            eight.has_edges |= edges != [DVec3::ZERO; 2];
+            for axis in 0..3 {
+                eight.position[axis][lane] = self.position[*number][axis];
+                eight.normal[axis][lane] = self.normal[*number][axis];
+                eight.edges[0][axis][lane] = edges[0][axis];
+                eight.edges[1][axis][lane] = edges[1][axis];
+            }
+        }
+        Some(eight)
+    }
+}
+
+/// A part of the delays and amplitudes of one time and channel.
+struct Row<'a> {
+    delay: &'a mut [f64],
+    amplitude: &'a mut [Complex64],
+}
+
+/// Follows a block of paths.
+struct FollowBlock<'a> {
+    scatterers: &'a Scatterers,
+    places: &'a Places<'a>,
+    selection: Selection,
+    /// Of the selected paths.
+    first: usize,
+    /// `(node, channel)`.
+    rows: Vec<Row<'a>>,
+}
+
+/// Eight material points of one body, in its coordinates.
+struct Eight {
+    body: usize,
+    position: Lanes3,
+    normal: Lanes3,
+    edges: [Lanes3; 2],
+    has_edges: bool,
+}
+
+/// What an antenna sees of eight points: [`super::Sight`] with the gain of the field.
+#[derive(Clone, Copy)]
+struct Sights {
+    distance: Lanes,
+    direction: Lanes3,
+    gain: Lanes,
+}
+
+/// The parts of [`super::Weight`] of eight points.
+#[derive(Clone, Copy)]
+struct Weights {
+    mirror: [Lanes; 2],
+    diffuse: [Lanes; 2],
+}
+
+impl Kernel for FollowBlock<'_> {
+    type Output = ();
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(mut self) {
+        let scatterers = self.scatterers;
+        let array = &scatterers.array;
+        let (num_channels, num_antennas) = (array.num_channels(), array.tx.len() + array.rx.len());
+        let nothing = [0.0; LANES];
+        let mut sights = vec![
+            Sights {
+                distance: nothing,
+                direction: [nothing; 3],
+                gain: nothing,
+            };
+            num_antennas
+        ];
+        let mut weights = vec![
+            Weights {
+                mirror: [nothing; 2],
+                diffuse: [nothing; 2],
+            };
+            num_channels
+        ];
+        let number_of_paths = self.rows[0].delay.len();
+        for first in (0..number_of_paths).step_by(LANES) {
+            let count = LANES.min(number_of_paths - first);
+            let mut numbers = [0; LANES];
+            for lane in 0..LANES {
+                let place = self.first + first + lane.min(count - 1);
+                numbers[lane] = self.selection.first + place * self.selection.step;
+            }
+            let Some(eight) = scatterers.eight(&numbers) else {
+                self.one_by_one(first, &numbers[..count]);
+                continue;
+            };
+            for channel in 0..num_channels {
+                for lane in 0..LANES {
+                    let weight = &scatterers.weights[numbers[lane] * num_channels + channel];
+                    weights[channel].mirror[0][lane] = weight.mirror.re;
+                    weights[channel].mirror[1][lane] = weight.mirror.im;
+                    weights[channel].diffuse[0][lane] = weight.diffuse.re;
+                    weights[channel].diffuse[1][lane] = weight.diffuse.im;
+                }
+            }
+            for node in 0..self.places.num_nodes {
+                let pose = &self.places.poses[node * self.places.num_bodies + eight.body];
+                let there = eight.at::<I>(pose);
+                for antenna in 0..num_antennas {
+                    sights[antenna] = look::<I>(array, antenna, &there.position);
+                }
+                for channel in 0..num_channels {
+                    let tx = &sights[channel / array.rx.len()];
+                    let rx = &sights[array.tx.len() + channel % array.rx.len()];
+                    let (delay, amplitude) = there.send::<I>(array, &weights[channel], tx, rx);
+                    let row = &mut self.rows[node * num_channels + channel];
+                    row.delay[first..first + count].copy_from_slice(&delay[..count]);
+                    for lane in 0..count {
+                        row.amplitude[first + lane] = Complex64::new(amplitude[0][lane], amplitude[1][lane]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl FollowBlock<'_> {
+    /// Paths of some numbers, from a place in the block on.
+    #[inline(never)]
+    fn one_by_one(&mut self, first: usize, numbers: &[usize]) {
+        let num_channels = self.scatterers.num_channels();
+        for (row, out) in self.rows.iter_mut().enumerate() {
+            let (node, channel) = (row / num_channels, row % num_channels);
+            for (lane, number) in numbers.iter().enumerate() {
+                (out.delay[first + lane], out.amplitude[first + lane]) =
+                    self.scatterers.path(self.places, node, channel, *number);
+            }
+        }
+    }
+}
+
+impl Eight {
+    /// In the sensor frame, with the body at a pose.
+    #[inline(always)]
+    fn at<I: Isa>(&self, pose: &Pose) -> Self {
+        let mut there = Self {
+            body: self.body,
+            position: turned::<I>(pose, &self.position),
+            normal: turned::<I>(pose, &self.normal),
+            edges: [[[0.0; LANES]; 3]; 2],
+            has_edges: self.has_edges,
+        };
+        for axis in 0..3 {
+            let origin = <I::F64 as Vector>::splat(pose.translation[axis]);
+            let position = I::F64::load(&there.position[axis]).add(origin);
+            position.store(&mut there.position[axis]);
+        }
+        if self.has_edges {
+            for side in 0..2 {
+                there.edges[side] = turned::<I>(pose, &self.edges[side]);
+            }
+        }
+        there
+    }
+
+    /// Delays and amplitudes, real and imaginary; as [`Scatterers::surface_amplitude`].
+    #[inline(always)]
+    fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> (Lanes, [Lanes; 2]) {
+        let splat = <I::F64 as Vector>::splat;
+        let load = |lanes: &Lanes| I::F64::load(lanes);
+        let zero = splat(0.0);
+        let cos_t = zero.sub(dot::<I>(&self.normal, &t.direction)).max(zero);
+        let cos_r = zero.sub(dot::<I>(&self.normal, &r.direction)).max(zero);
+        let mut mirror = cos_t.add(cos_r);
+        if self.has_edges {
+            // Half of what the phase turns by per length, in turns.
+            let rate = splat(0.5 * array.frequency / SPEED_OF_LIGHT);
+            let mut sum = [[0.0; LANES]; 3];
+            for axis in 0..3 {
+                let both = load(&t.direction[axis]).add(load(&r.direction[axis]));
+                both.store(&mut sum[axis]);
+            }
+            for side in 0..2 {
+                let mut turns = [0.0; LANES];
+                dot::<I>(&sum, &self.edges[side]).mul(rate).store(&mut turns);
+                mirror = mirror.mul(sinc::<I>(&turns));
+            }
+        }
+        let diffuse = cos_t.mul(cos_r).sqrt();
+        let way = load(&t.distance).mul(load(&r.distance));
+        let spreading = splat(array.power.sqrt()).mul(load(&t.gain)).mul(load(&r.gain)).div(way);
+        let mut amplitude = [[0.0; LANES]; 2];
+        for part in 0..2 {
+            let sum = load(&weights.mirror[part])
+                .mul(mirror)
+                .add(load(&weights.diffuse[part]).mul(diffuse));
+            sum.mul(spreading).store(&mut amplitude[part]);
+        }
+        let mut delay = [0.0; LANES];
+        let both = load(&t.distance).add(load(&r.distance));
+        both.div(splat(SPEED_OF_LIGHT)).store(&mut delay);
+        (delay, amplitude)
+    }
+}
+
+/// Vectors of a body in the axes of the sensor.
+#[inline(always)]
+fn turned<I: Isa>(pose: &Pose, vectors: &Lanes3) -> Lanes3 {
+    let splat = <I::F64 as Vector>::splat;
+    let axes = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis];
+    let mut turned = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        let mut sum = I::F64::load(&vectors[0]).mul(splat(axes[0][axis]));
+        for other in 1..3 {
+            sum = I::F64::load(&vectors[other]).mul_add(splat(axes[other][axis]), sum);
+        }
+        sum.store(&mut turned[axis]);
+    }
+    turned
+}
+
+#[inline(always)]
+fn dot<I: Isa>(a: &Lanes3, b: &Lanes3) -> I::F64 {
+    let mut sum = I::F64::load(&a[0]).mul(I::F64::load(&b[0]));
+    for axis in 1..3 {
+        sum = I::F64::load(&a[axis]).mul_add(I::F64::load(&b[axis]), sum);
+    }
+    sum
+}
+
+/// What an antenna sees of points of the sensor frame; transmitters come first.
+#[inline(always)]
+fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
+    let (place, pattern) = match antenna.checked_sub(array.tx.len()) {
+        None => (array.tx[antenna], &array.tx_patterns[antenna]),
+        Some(receiver) => (array.rx[receiver], &array.rx_patterns[receiver]),
+    };
+    let splat = <I::F64 as Vector>::splat;
+    let mut offsets = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        let offset = I::F64::load(&points[axis]).sub(splat(place[axis]));
+        offset.store(&mut offsets[axis]);
+    }
+    let distance = dot::<I>(&offsets, &offsets).sqrt();
+    let mut sights = Sights {
+        distance: [0.0; LANES],
+        direction: [[0.0; LANES]; 3],
+        gain: field_gain::<I>(pattern, &offsets),
+    };
+    distance.store(&mut sights.distance);
+    let inverse = splat(1.0).div(distance);
+    for axis in 0..3 {
+        let direction = I::F64::load(&offsets[axis]).mul(inverse);
+        direction.store(&mut sights.direction[axis]);
+    }
+    sights
+}
+
+/// Square roots of the gains towards directions of any length.
+#[inline(always)]
+fn field_gain<I: Isa>(pattern: &Pattern, directions: &Lanes3) -> Lanes {
+    let splat = <I::F64 as Vector>::splat;
+    let mut gain = [0.0; LANES];
+    match *pattern {
+        Pattern::Gaussian {
+            peak,
+            azimuth,
+            elevation,
+        } => {
+            gain = [peak.sqrt(); LANES];
+            if azimuth != 0.0 || elevation != 0.0 {
+                let mut exponents = [0.0; LANES];
+                let x = I::F64::load(&directions[0]);
+                let (y, z) = (I::F64::load(&directions[1]), I::F64::load(&directions[2]));
+                let az = angle(y, x);
+                let el = angle(z, x.mul(x).add(y.mul(y)).sqrt());
+                let along = az.mul(az).mul(splat(-0.5 * azimuth));
+                let across = el.mul(el).mul(splat(-0.5 * elevation));
+                along.add(across).store(&mut exponents);
+                let decay = exp_of_negative(&exponents);
+                for lane in 0..LANES {
+                    gain[lane] *= decay[lane];
+                }
+            }
+        }
+        Pattern::Table(_) => {
+            for lane in 0..LANES {
+                let direction = DVec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
+                gain[lane] = pattern.gain(direction).sqrt();
+            }
+        }
+    }
+    gain
+}
+
+/// sin(x) / x of angles in turns.
+#[inline(always)]
+fn sinc<I: Isa>(turns: &Lanes) -> I::F64 {
+    let splat = <I::F64 as Vector>::splat;
+    let (_, sine) = cos_sin_turns::<f64, LANES>(turns);
+    let x = I::F64::load(turns).mul(splat(TAU));
+    let square = x.mul(x);
+    let is_small = square.at_most(splat(1e-8));
+    let series = square.neg_mul_add(splat(1.0 / 6.0), splat(1.0));
+    let nonzero = splat(1.0).select(is_small, x);
+    series.select(is_small, I::F64::load(&sine).div(nonzero))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DMat3;
+
+    use super::*;
+    use crate::material::{Material, Response};
+    use crate::pattern::Table;
+    use crate::rays::ImagePlane;
+    use crate::samples::Samples;
+    use crate::scatter::Sampling;
+    use crate::shown::Shown;
+    use crate::surface::{ShadingMode, Surface};
+    use crate::trace::{Cast, Snapshot};
+
+    fn array(pattern: &Pattern) -> Array {
+        Array {
+            tx: vec![DVec3::new(0.0, 0.01, 0.0), DVec3::new(0.0, -0.03, 0.01)],
+            rx: vec![DVec3::ZERO, DVec3::new(0.0, 0.0, 0.02)],
+            tx_patterns: vec![pattern.clone(); 2],
+            rx_patterns: vec![pattern.clone(); 2],
+            power: 2.0,
+            frequency: 60e9,
+            polarization: None,
+        }
+    }
+
+    fn pose(x: f64, y: f64, turn: f64) -> Pose {
+        Pose {
+            rotation: DMat3::from_euler(glam::EulerRot::XYZ, turn, 0.3 * turn, -0.2),
+            translation: DVec3::new(x, y, 0.1),
+        }
+    }
+
+    fn plate() -> Arc<Surface> {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let vertices = corners.map(|[y, z]| DVec3::new(0.0, 0.3 * y, 0.3 * z));
+        Arc::new(Surface::new(&vertices, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat).unwrap())
+    }
+
+    #[test]
+    fn paths_together_are_those_one_by_one_on_every_instruction_set() {
+        let beam = Pattern::Gaussian {
+            peak: 3.0,
+            azimuth: 2.0,
+            elevation: 1.0,
+        };
+        let all_round = Pattern::Gaussian {
+            peak: 3.0,
+            azimuth: 0.0,
+            elevation: 0.0,
+        };
+        let angles = [-1.5, 0.0, 1.5];
+        let gains = [-20.0, 3.0, -20.0, 0.0, 10.0, 0.0, -20.0, 3.0, -20.0];
+        let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
+        let half_matt = Material::Constant(Response {
+            reflection: Complex64::new(-0.7, 0.1),
+            albedo: 0.3,
+        });
+        let plane = ImagePlane::centered(20, 20, 0.6, 0.6);
+        let poses = vec![pose(1.0, -0.3, 0.1), pose(1.5, 0.4, -0.3)];
+        let snapshot = Snapshot::new(vec![plate(), plate()], poses.clone());
+        for pattern in [beam, all_round, table] {
+            let array = array(&pattern);
+            let materials = vec![half_matt; 2];
+            let hits = snapshot.cast_image(&plane).unwrap();
+            let shown = Shown::at(&snapshot, &hits, Level::best());
+            let of_pixels = Scatterers::new(
+                &snapshot,
+                &hits,
+                &shown,
+                &materials,
+                array.clone(),
+                Sampling::Footprint,
+                1,
+            );
+            let rule = crate::adaptive::Rule {
+                base: plane,
+                rcs_floor: 1e-3,
+                budget: Some(1000),
+                end_points: true,
+            };
+            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &rule, 1, None).unwrap();
+            let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
+            for scatterers in [of_pixels, of_cells] {
+                let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();
+                let places = Places {
+                    num_nodes: 2,
+                    num_bodies: 2,
+                    poses: &moved,
+                    points: &[DVec3::new(2.0, 0.0, 0.0), DVec3::new(2.1, 0.0, 0.0)],
+                    rcs: &[1.0],
+                    vertices: &[],
+                };
+                for (first, step) in [(0, 1), (3, 7)] {
+                    let last = scatterers.len() + 1;
+                    let selection = Selection { first, last, step };
+                    let by_one = |node, channel, path| scatterers.path(&places, node, channel, path);
+                    let expected = Paths::of(2, scatterers.num_channels(), selection, by_one).unwrap();
+                    let strongest = expected.amplitude.iter().fold(0.0, |most: f64, a| most.max(a.norm()));
+                    assert!(strongest > 0.0 && selection.len() > 20);
+                    for level in Level::available() {
+                        let paths = scatterers.paths_at(&places, selection, level).unwrap();
+                        for (path, expected) in paths.delay.iter().zip(&expected.delay) {
+                            assert!((path - expected).abs() <= 1e-15 * expected);
+                        }
+                        for (path, expected) in paths.amplitude.iter().zip(&expected.amplitude) {
+                            assert!((path - expected).norm() <= 1e-13 * strongest, "{path} {expected}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
