@@ -102,20 +102,24 @@ def test_reflectance_of_an_image_is_that_of_the_angle_and_the_polarisation() -> 
 
 
 @pytest.mark.parametrize("polarization", [None, "vertical", [0.0, 0.6, 0.8]])
-def test_transmitter_and_receiver_may_change_places(polarization: Any) -> None:
+@pytest.mark.parametrize("sampling", ["footprint", "adaptive"])
+def test_transmitter_and_receiver_may_change_places(sampling: str, polarization: Any) -> None:
     rough = rc.materials["concrete"].with_surface(roughness=3e-4)
     bodies = [
         rc.Body(
             rc.shapes.box((0.3, 0.5, 0.4)), material=rough, motion=rc.Pose.from_rpy([1.5, -0.3, 0.1], [0.2, 0.5, 0.3])
         ),
         rc.Body(rc.shapes.sphere(0.2), material=rc.materials["skin"], motion=rc.Pose([1.2, 0.4, 0.0])),
+        rc.Body(rc.shapes.plate(0.5, 0.5), material=rc.Material.lambertian(0.5), motion=rc.Pose([2.2, 0.0, 0.0])),
     ]
     one, other = [[0.0, -0.4, 0.1]], [[0.1, 0.3, 0.0]]
     there, back = (
         rc.Simulator(
             rc.Scene(bodies),
             rc.Radar(waveform(), tx=tx, rx=rx, polarization=polarization),
+            sampling=sampling,
             resolution=64,
+            rcs_floor=1e-3,
             tolerance=1e-12,
         )
         .paths()

@@ -212,12 +212,14 @@ def test_truth_and_samples_agree_about_a_moving_sphere() -> None:
     assert peak.velocity == pytest.approx(frame.truth.velocity[0], abs=0.05 * wf.velocity_resolution)
 
 
-def test_moving_sphere_leaves_no_false_doppler() -> None:
+@pytest.mark.parametrize("sampling", ["footprint", "adaptive"])
+def test_moving_sphere_leaves_no_false_doppler(sampling: str) -> None:
     wf = waveform(num_samples=64, num_chirps=128, chirp_interval=200e-6)
     velocity = 10.37 * wf.velocity_resolution  # between two bins, where windows leak most
     motion = rc.Linear(rc.Pose([1.0, 0.05, 0.02]), velocity=[velocity, 0.0, 0.0])
     sphere = rc.Body(rc.shapes.sphere(0.1), material=CONDUCTOR, motion=motion)
-    frame = simulator([sphere], rc.Radar(wf), resolution=200, field_of_view_deg=(16.0, 16.0)).frame()
+    options: dict[str, Any] = {"resolution": 200} if sampling == "footprint" else {"resolution": None}
+    frame = simulator([sphere], rc.Radar(wf), sampling=sampling, field_of_view_deg=(16.0, 16.0), **options).frame()
     power = np.abs(rc.range_doppler(frame.cube, wf)[0]) ** 2  # (doppler, range)
     row, column = np.unravel_index(power.argmax(), power.shape)
     assert abs(wf.velocity_axis()[row] - velocity) <= 0.5 * wf.velocity_resolution  # the nearest bin

@@ -64,6 +64,37 @@ def test_only_tiles_that_the_moving_body_touches_are_cast_again() -> None:
             np.testing.assert_array_equal(getattr(image, name), getattr(fresh.depth_image(time), name))
 
 
+@pytest.mark.parametrize("sampling", ["footprint", "adaptive"])
+def test_what_is_reused_from_frame_to_frame_is_the_same_to_the_last_bit(sampling: str) -> None:
+    # Matt, rough and mirror-like bodies, one that moves between others, one that changes its shape, and corners.
+    ball = rc.shapes.sphere(0.08)
+    bodies = [
+        rc.Body(
+            rc.shapes.dihedral(0.3),
+            material=rc.materials["concrete"],
+            motion=rc.Pose.from_rpy([2.5, 0.5, 0], [0, 0, 0.1]),
+        ),
+        rc.Body(rc.shapes.plate(0.5, 0.5), material=rc.Material.lambertian(0.5), motion=rc.Pose([2.5, -0.6, 0.1])),
+        rc.Body(
+            rc.shapes.box(0.2), material=rc.materials["wood"].with_surface(roughness=3e-4), motion=rc.Pose([2, 0, 0])
+        ),
+        rc.Body(ball, motion=rc.Linear(rc.Pose([1.5, -0.4, 0.0]), velocity=[0.0, 2.0, 0.1])),
+        rc.Body(
+            ball, motion=rc.Pose([1.5, 0.3, -0.4]), deformation=lambda t: ball.vertices * (1.0 + 0.01 * np.sin(9.0 * t))
+        ),
+    ]
+    options: dict[str, Any] = {"sampling": sampling, "rcs_floor": 1e-3, "max_bounces": 3, "method": "direct"}
+    sim = simulator(rc.Scene(bodies), **options)
+    for time in (0.0, 0.025, 0.05, 0.3):
+        frame, fresh = sim.frame(time), simulator(rc.Scene(bodies), **options).frame(time)
+        assert fresh.stats["bounce_paths"] > 0
+        assert fresh.stats["tiles_reused"] == 0
+        assert (frame.stats["tiles_reused"] > 0) == (time > 0.0)
+        np.testing.assert_array_equal(frame.cube, fresh.cube)
+        # The other way to leave nothing out.
+        np.testing.assert_array_equal(frame.cube, whole(simulator(rc.Scene(bodies), **options)).frame(time).cube)
+
+
 def test_nothing_is_cast_while_nothing_moves() -> None:
     sim = simulator(ten_bodies(velocity=0.0))
     first, second = sim.frame(0.0), sim.frame(1.0)
