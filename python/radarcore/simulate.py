@@ -17,9 +17,10 @@ from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
 from radarcore.follow import Course, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
+from radarcore.places import Placement, Places
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.scene import Placement, Scene
+from radarcore.scene import Scene
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""
@@ -135,7 +136,7 @@ class Simulator:
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.scene = scene
         self.radar = radar
-        self.radar_motion: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
+        self.radar_motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
         self.field_of_view_deg = _field_of_view(field_of_view_deg)
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
         self.resolution = None if resolution is None else _resolution(resolution)
@@ -156,6 +157,15 @@ class Simulator:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
         self._has_warned_of_materials = self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
+
+    @property
+    def radar_motion(self) -> Motion:
+        """Sensor to world."""
+        return self._places.sensor_motion
+
+    @radar_motion.setter
+    def radar_motion(self, motion: AnyMotion) -> None:
+        self._places = Places(self.scene, as_motion("radar_motion", motion), self.radar.array_center)
 
     def _ray_budget(self, value: int) -> int:
         """Enough for the base grid."""
@@ -231,7 +241,7 @@ class Simulator:
         scatterers = self._scatterers(rays)
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
-        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        rates = self._places.rates_at(start, deforming)
         delay, amplitude = self._follow(scatterers, place)
         delay_rate = scatterers.delay_rates(
             place.poses[0],
@@ -259,6 +269,10 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
+        with self._places.kept():
+            return self._frame(start)
+
+    def _frame(self, start: float) -> Frame:
         rays = self._cast_rays(start + self._middle)
         scatterers, bounces = self._scatterers(rays), self._bounces(rays, start + self._middle)
         synthesis = synthesise(
@@ -271,9 +285,9 @@ class Simulator:
         )
         cube = receive(synthesis.cube, self.radar, start, seed=self.seed, tolerance=self.tolerance)
         if not self._has_warned_of_series:
-            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=2)
+            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=3)
         if not self._has_warned_of_range:
-            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=2)
+            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=3)
         body = rays.body().ravel()
         num_hit = int(np.count_nonzero(body >= 0))
         rays_cast, tiles_skipped, tiles_reused, *cells = rays.counts
@@ -345,7 +359,7 @@ class Simulator:
 
     def _place(self, times: NDArray[np.float64], deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
-        return self.scene._place(times, self.radar_motion, self.radar.array_center, deforming)
+        return self._places.at(times, deforming)
 
     @property
     def _half_sizes(self) -> tuple[float, float]:
@@ -483,7 +497,7 @@ class Simulator:
         """Their delays, rates and amplitudes at a time [s]."""
         deforming = bounces.deforming()
         place = self._place(np.array([start]), deforming)
-        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        rates = self._places.rates_at(start, deforming)
         delay, amplitude = self._follow_bounces(bounces, place)
         delay_rate = bounces.delay_rates(
             place.poses[0],
@@ -579,7 +593,7 @@ class Simulator:
         """Range, velocity and direction at `time` of the nearest point of every body that rays hit."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
-        place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
+        place, rates = self._place(np.array([time])), self._places.rates_at(time)
         distance = rays.distance().ravel()
         for b, number in enumerate(self.scene._mesh_numbers):
             those = np.flatnonzero(body == b)
