@@ -379,12 +379,14 @@ def relative_poses(bodies: Matrix, sensor: Matrix) -> Matrix:
     return seen
 
 
-def relative_rates(bodies: Matrix, body_rates: Matrix, sensor: Matrix, sensor_rate: Matrix) -> Matrix:
-    """Time derivatives of `relative_poses`, (..., body, 3, 4), from those of the places in the world."""
+def relative_rates(seen: Matrix, body_rates: Matrix, sensor: Matrix, sensor_rate: Matrix) -> Matrix:
+    """Time derivatives of `relative_poses`, (..., body, 3, 4).
+
+    From these, `seen`, and the time derivatives of the places in the world, as there.
+    """
     to_sensor, turning = np.swapaxes(sensor[..., :3], -1, -2), np.swapaxes(sensor_rate[..., :3], -1, -2)
-    offsets = bodies - _moved_only(sensor)[..., None, :, :]
-    offset_rates = body_rates - _moved_only(sensor_rate)[..., None, :, :]
-    rates: Matrix = turning[..., None, :, :] @ offsets + to_sensor[..., None, :, :] @ offset_rates
+    drift = to_sensor[..., None, :, :] @ (body_rates - _moved_only(sensor_rate)[..., None, :, :])
+    rates: Matrix = drift + (turning @ sensor[..., :3])[..., None, :, :] @ seen
     return rates
 
 

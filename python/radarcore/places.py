@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.motion import Motion, is_static, poses_at, relative_poses, relative_rates
 from radarcore.scene import Scene
 
@@ -30,9 +31,9 @@ class Placement:
 
 @dataclass(frozen=True)
 class _Kept:
-    """What has been placed: poses and points by times, vertices by times and body."""
+    """What has been placed: sensor in the world, poses and points by times, vertices by times and body."""
 
-    placed: dict[bytes, tuple[Matrix, Matrix]] = field(default_factory=dict)
+    placed: dict[bytes, tuple[Matrix, Matrix, Matrix]] = field(default_factory=dict)
     vertices: dict[tuple[bytes, int], Matrix] = field(default_factory=dict)
 
 
@@ -54,9 +55,10 @@ class Places:
         self.scene, self.sensor_motion, self.center = scene, sensor_motion, center
         motions = [body.motion for _, body in scene._meshed]
         is_still = np.array([is_static(motion) for motion in motions], dtype=np.bool_)
-        self._still, self._moving = np.flatnonzero(is_still), np.flatnonzero(~is_still)
-        self._motions = [motions[b] for b in self._moving]
-        self._still_in_world = _side_by_side([motions[b] for b in self._still], np.zeros(1))
+        self._still, self._moving = np.flatnonzero(is_still).tolist(), np.flatnonzero(~is_still).tolist()
+        self._motions = [motions[body] for body in self._moving]
+        still = [poses_at(motions[body], np.zeros(1)) for body in self._still]
+        self._still_in_world = np.array(still, dtype=np.float64).reshape(1, -1, 3, 4)
         self._still_as_seen: Matrix | None = None
         if is_static(sensor_motion):
             self._still_as_seen = relative_poses(self._still_in_world, poses_at(sensor_motion, np.zeros(1)))
@@ -74,52 +76,52 @@ class Places:
     def at(self, times: Matrix, deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` (n,) [s], and the vertices of some bodies."""
         kept, key = self._kept or _Kept(), times.tobytes()
-        if key not in kept.placed:
-            kept.placed[key] = self._place(times)
+        _, poses, points = self._placed(kept, times)
         bodies = list(deforming)
         for body in bodies:
             if (key, body) not in kept.vertices:
                 vertices = [self.scene._vertices(body, time) for time in times.tolist()]
-                kept.vertices[key, body] = np.array(vertices)
-        return Placement(*kept.placed[key], [kept.vertices[key, body] for body in bodies])
+                kept.vertices[key, body] = check.frozen(np.array(vertices))
+        return Placement(poses, points, [kept.vertices[key, body] for body in bodies])
 
     def rates_at(self, time: float, deforming: Iterable[int] = ()) -> Placement:
         """Time derivatives of all that at one time: poses (1, body, 3, 4), points (1, point, 3) and vertices [m/s]."""
-        scene, times = self.scene, np.array([time])
-        sensor, sensor_rate = poses_at(self.sensor_motion, times), self.sensor_motion.rate_at(time)[None]
-        bodies, rates = self._in_world(times), np.zeros((1, len(scene._meshed), 3, 4))
-        for b, motion in zip(self._moving, self._motions, strict=True):
-            rates[0, b] = motion.rate_at(time)
-        offsets = scene._positions + time * scene._velocities - sensor[:, :, 3]
-        velocities = (scene._velocities - sensor_rate[0, :, 3]) @ sensor[0, :, :3] + offsets @ sensor_rate[0, :, :3]
+        scene = self.scene
+        sensor, poses, points = self._placed(self._kept or _Kept(), np.array([time]))
+        sensor_rate = self.sensor_motion.rate_at(time)[None]
+        rates = np.zeros_like(poses)
+        for body, motion in zip(self._moving, self._motions, strict=True):
+            rates[0, body] = motion.rate_at(time)
+        # The sensor turns about its origin, not about the centre of the array.
+        poses = poses.copy()
+        poses[..., 3] += self.center
+        turning = np.swapaxes(sensor_rate[..., :3], 1, 2) @ sensor[..., :3]
+        drift = (scene._velocities - sensor_rate[:, None, :, 3]) @ sensor[..., :3]
         return Placement(
-            relative_rates(bodies, rates, sensor, sensor_rate),
-            velocities[None],
+            relative_rates(poses, rates, sensor, sensor_rate),
+            drift + (points + self.center) @ np.swapaxes(turning, 1, 2),
             [scene._vertex_rates(body, time)[None] for body in deforming],
         )
 
-    def _place(self, times: Matrix) -> tuple[Matrix, Matrix]:
-        """Poses and points."""
+    def _placed(self, kept: _Kept, times: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """The sensor in the world, poses and points, new ones into what is kept."""
+        key = times.tobytes()
+        if key not in kept.placed:
+            sensor, poses, points = self._place(times)
+            kept.placed[key] = sensor, check.frozen(poses), check.frozen(points)
+        return kept.placed[key]
+
+    def _place(self, times: Matrix) -> tuple[Matrix, Matrix, Matrix]:
         scene, sensor = self.scene, poses_at(self.sensor_motion, times)
+        poses = np.empty((len(times), len(scene._meshed), 3, 4))
+        for body, motion in zip(self._moving, self._motions, strict=True):
+            poses[:, body] = poses_at(motion, times)
         if self._still_as_seen is None:
-            poses = relative_poses(self._in_world(times), sensor)
+            poses[:, self._still] = self._still_in_world
+            poses = relative_poses(poses, sensor)
         else:
-            poses = np.empty((len(times), len(scene._meshed), 3, 4))
+            poses[:, self._moving] = relative_poses(poses[:, self._moving], sensor)
             poses[:, self._still] = self._still_as_seen
-            poses[:, self._moving] = relative_poses(_side_by_side(self._motions, times), sensor)
         poses[..., 3] -= self.center
         offsets = scene._positions + times[:, None, None] * scene._velocities - sensor[:, None, :, 3]
-        return poses, offsets @ sensor[..., :3] - self.center
-
-    def _in_world(self, times: Matrix) -> Matrix:
-        """Places of the bodies in the world, (time, body, 3, 4)."""
-        poses = np.empty((len(times), len(self.scene._meshed), 3, 4))
-        poses[:, self._still] = self._still_in_world
-        poses[:, self._moving] = _side_by_side(self._motions, times)
-        return poses
-
-
-def _side_by_side(motions: list[Motion], times: Matrix) -> Matrix:
-    """Places of several bodies in the world, (time, body, 3, 4)."""
-    places = [poses_at(motion, times) for motion in motions]
-    return np.stack(places, axis=1) if places else np.empty((len(times), 0, 3, 4))
+        return sensor, poses, offsets @ sensor[..., :3] - self.center

@@ -595,18 +595,19 @@ class Simulator:
         velocities = np.full_like(points, np.nan)
         place, rates = self._place(np.array([time])), self._places.rates_at(time)
         distance = rays.distance().ravel()
-        for b, number in enumerate(self.scene._mesh_numbers):
-            those = np.flatnonzero(body == b)
-            if len(those) > 0:
-                nearest = int(those[distance[those].argmin()])
-                pose, rate = place.poses[0, b], rates.poses[0, b]
-                points[number] = distance[nearest] * np.array(rays.direction(nearest))
-                material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
-                velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
-                if self.scene._meshed[b][1].deformation is not None:
-                    corners, weights = rays.place_on_mesh(nearest)
-                    vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
-                    velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
+        seen, nearest = _nearest(body, distance, len(self.scene._meshed))
+        directions = np.array([rays.direction(ray) for ray in nearest.tolist()]).reshape(-1, 3)
+        hits = distance[nearest, None] * directions
+        poses, pose_rates = place.poses[0, seen], rates.poses[0, seen]
+        material_points = np.swapaxes(poses[..., :3], 1, 2) @ (hits - poses[..., 3])[..., None]
+        speeds = (pose_rates[..., :3] @ material_points)[..., 0] + pose_rates[..., 3]
+        for k, (b, ray) in enumerate(zip(seen.tolist(), nearest.tolist(), strict=True)):
+            if b in self.scene._deforming:
+                corners, weights = rays.place_on_mesh(ray)
+                vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
+                speeds[k] += poses[k, :, :3] @ (weights @ vertex_rates)
+        numbers = self.scene._mesh_numbers[seen]
+        points[numbers], velocities[numbers] = hits, speeds
         points[self.scene._point_numbers] = place.points[0]
         velocities[self.scene._point_numbers] = rates.points[0]
 
@@ -654,8 +655,24 @@ class Simulator:
 
 def _num_cells_of(scatterers: _core.Scatterers) -> int:
     """Cells that have a material point."""
-    cells = np.unique(scatterers.cell())
-    return len(cells) - int(len(cells) > 0 and cells[-1] == _NO_CELL)
+    cells = scatterers.cell()
+    cells = cells[cells != _NO_CELL]
+    has_point = np.zeros(1 + int(cells.max(initial=0)), dtype=np.bool_)
+    has_point[cells] = True
+    return int(np.count_nonzero(has_point))
+
+
+def _nearest(
+    body: NDArray[np.int32], distance: NDArray[np.float64], num_bodies: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The bodies that rays hit, and which ray hits each of them the nearest: the first of several."""
+    least = np.full(num_bodies + 1, np.inf)  # the last for rays that hit nothing, whose body is -1
+    np.minimum.at(least, body, distance)
+    rays = np.flatnonzero((distance == least[body]) & (body >= 0))[::-1]
+    nearest = np.full(num_bodies, -1)
+    nearest[body[rays]] = rays
+    seen = np.flatnonzero(nearest >= 0)
+    return seen, nearest[seen]
 
 
 def _joined(first: Paths, second: Paths) -> Paths:

@@ -189,7 +189,7 @@ class _Figure:
     """A skeleton that walks as a person does: `poses` and `rates` of all segments at some times (n,) [s] at once."""
 
     def __init__(self, human: Human, skeleton: _Skeleton, lowest: _Support) -> None:
-        self._human, self._skeleton = human, skeleton
+        self._human, self._offsets = human, _offsets(skeleton)
         self._hip_height = HIP_HEIGHT * human.height
         self._lift = 0.0
         # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
@@ -238,56 +238,46 @@ class _Figure:
 
         The first axis holds the value and, with two orders, the time derivative.
         """
-        bones = self._skeleton
         limb, body, root = self._angles(phase, orders)
-        roll, torsion, thorax, lean = np.moveaxis(body, 1, 0)
+        roll, torsion, thorax, lean = (body[..., angle] for angle in range(4))
 
-        # Rotations from the pelvis outwards; limbs have an axis (left, right) before those of the matrix. The joints of
-        # a limb turn about one direction: their angles add up.
+        # Rotations from the pelvis outwards; limbs have axes (joint, side) before those of the matrix. The joints of a
+        # limb turn about one direction: their angles add up. The hand is stiff in the wrist.
+        for joint in (1, 2, 4):
+            limb[..., joint, :] += limb[..., joint - 1, :]
         pelvis = _product(_about("z", -torsion), _about("x", roll))
         trunk = _product(_about("z", -thorax), _about("y", -lean))
-        turns = _about("y", -np.concatenate([limb[:, :3].cumsum(axis=1), limb[:, 3:].cumsum(axis=1)], axis=1))
-        legs = _product(pelvis[:, None, ..., None, :, :], turns[:, :3])
-        arms = _product(trunk[:, None, ..., None, :, :], turns[:, 3:])
-        thigh, shank, foot, upper_arm, forearm = (*np.moveaxis(legs, 1, 0), *np.moveaxis(arms, 1, 0))
+        turns = _about("y", -limb)
+        legs = _product(pelvis[..., None, None, :, :], turns[..., :3, :, :, :])
+        arms = _product(trunk[..., None, None, :, :], turns[..., [3, 4, 4], :, :, :])
+        in_order = (*pelvis.shape[:-2], 6, 3, 3)
+        middle = [pelvis[..., None, :, :], *3 * [trunk[..., None, :, :]]]
+        rotation = np.concatenate([*middle, legs.reshape(in_order), arms.reshape(in_order)], axis=-3)
 
-        # Joints likewise. Constant offsets turn with the segment that they belong to.
-        waist = root + pelvis @ bones.waist
-        neck, head = waist + trunk @ bones.neck, waist + trunk @ bones.head
-        hips = root[..., None, :] + _both_sides(pelvis, bones.hip)
-        knees = hips + thigh @ bones.knee
-        ankles = knees + shank @ bones.ankle
-        shoulders = waist[..., None, :] + _both_sides(trunk, bones.shoulder)
-        elbows = shoulders + upper_arm @ bones.elbow
-        wrists = elbows + forearm @ bones.wrist
-
-        # In the order of SEGMENTS; the hand is stiff in the wrist.
-        middle = np.stack([pelvis, trunk, trunk, trunk], axis=-3)
-        rotation = np.concatenate([middle, thigh, shank, foot, upper_arm, forearm, forearm], axis=-3)
-        middle = np.stack([waist, waist, neck, head], axis=-2)
-        position = np.concatenate([middle, hips, knees, ankles, shoulders, elbows, wrists], axis=-2)
-        return rotation, position
+        # Joints likewise: what leads to them turns with the segments that it belongs to.
+        steps = (rotation[..., _CARRIERS, :, :] @ self._offsets[..., None])[..., 0]
+        return rotation, root[..., None, :] + _WAYS @ steps
 
     def _angles(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats, _Floats]:
-        """Angles of limbs (orders, angle, ..., side) and trunk (orders, angle, ...) [rad], and the root [m].
+        """Angles of limbs (orders, ..., angle, side) and trunk (orders, ..., angle) [rad], and the root [m].
 
         The root is (orders, ..., 3); sides are left and right; the knee is negative.
         """
         sides = phase[..., None] + np.array([0.5, 0.0])
-        limb = np.zeros((orders, 5, *sides.shape))
-        body = np.zeros((orders, 4, *phase.shape))
+        limb = np.zeros((orders, *phase.shape, 5, 2))
+        body = np.zeros((orders, *phase.shape, 4))
         root = np.zeros((orders, *phase.shape, 3))
         RV = self._human.relative_speed
         if RV > 0.0:
             for order in range(orders):
-                limb[order] = gait.limb_angles(sides, RV, order)
-                body[order] = gait.trunk_angles(phase, RV, order)
+                limb[order] = np.stack(gait.limb_angles(sides, RV, order), axis=-2)
+                body[order] = np.stack(gait.trunk_angles(phase, RV, order), axis=-1)
                 root[order] = gait.root_translation(phase, RV, order)
             for derivative in (limb, body, root):
                 derivative[1:] /= self._human.cycle_duration
         else:
-            limb[0, 3:] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
-        limb[:, 1] *= -1.0
+            limb[0, ..., 3:, :] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
+        limb[..., 1, :] *= -1.0
         root *= self._hip_height
         root[0, ..., 2] += self._hip_height + self._lift
         return np.deg2rad(limb), np.deg2rad(body), root
@@ -312,6 +302,21 @@ class _SegmentMotion:
         rate: _Floats = self._figure.rates(np.array([time], dtype=np.float64))[0, self._index]
         return rate
 
+
+# The segment that carries the origin of each of SEGMENTS: where that is, is fixed in the carrier's axes.
+_CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
+
+
+def _ways() -> _Floats:
+    """Whose steps lead from midway between the hips to the origin of each segment: 1 for those, else 0."""
+    ways = np.eye(len(SEGMENTS))
+    for segment, carrier in enumerate(_CARRIERS):
+        if carrier > 0:  # what the pelvis carries begins midway between the hips, not at its origin
+            ways[segment] += ways[carrier]
+    return ways
+
+
+_WAYS = _ways()
 
 # Phases at which the height of the soles is compared.
 _LIFT_PHASES = 2048
@@ -344,6 +349,13 @@ def _skeleton(height: float) -> _Skeleton:
         elbow=-0.186 * z,
         wrist=-0.146 * z,
     )
+
+
+def _offsets(skeleton: _Skeleton) -> _Floats:
+    """Origins of the segments from those of their carriers, in the carriers' axes, (segment, 3) [m]."""
+    waist, hip, knee, ankle, neck, head, shoulder, elbow, wrist = skeleton
+    limbs = np.array([[joint, joint * [1.0, -1.0, 1.0]] for joint in (hip, knee, ankle, shoulder, elbow, wrist)])
+    return np.concatenate([[waist, waist, neck, head], limbs.reshape(-1, 3)])
 
 
 def _spheroids(height: float, mass: float) -> dict[str, _Spheroid]:
@@ -467,11 +479,6 @@ def _applied(matrix: _Floats, vectors: _Floats) -> _Floats:
     if len(product) > 1:
         product[1] += vectors[1] @ np.swapaxes(matrix[0], -1, -2)
     return product
-
-
-def _both_sides(matrix: _Floats, offset: _Floats) -> _Floats:
-    """Products of a matrix with an offset to the left and its mirror image to the right, (orders, ..., side, 3)."""
-    return np.asarray(np.array([offset, offset * [1.0, -1.0, 1.0]]) @ np.swapaxes(matrix, -1, -2))
 
 
 def _about(axis: str, angle: _Floats) -> _Floats:

@@ -25,6 +25,7 @@ class Recent:
     def __init__(self, function: Callable[[Matrix], Matrix]) -> None:
         self._function = function
         self._found: dict[bytes, Matrix] = {}
+        self._num_times = 0
 
     def __call__(self, times: Matrix) -> Matrix:
         """What the function returns at times (n,) [s]."""
@@ -33,10 +34,9 @@ class Recent:
         if found is None:
             found = self._function(times)
             found.flags.writeable = False
-            if sum(map(len, self._found)) + len(key) > _MAX_TIMES * times.itemsize:
+            if self._num_times + len(times) > _MAX_TIMES:
                 self._found.clear()
+                self._num_times = 0
             self._found[key] = found
+            self._num_times += len(times)
         return found
-
-    def __reduce__(self) -> tuple[type[Recent], tuple[Callable[[Matrix], Matrix]]]:
-        return type(self), (self._function,)
