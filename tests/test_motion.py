@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import radarcore as rc
+from radarcore.places import Places
 
 C = 299_792_458.0  # [m/s]
 EPS = np.finfo(float).eps
@@ -210,7 +211,7 @@ def scene_of(rng: np.random.Generator) -> rc.Scene:
 def test_placed_poses_map_the_body_to_the_sensor_frame(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, sensor, times = scene_of(rng), random_motion(rng), rng.uniform(-1.0, 1.0, 4)
-    place = scene._place(times, sensor, np.zeros(3))
+    place = Places(scene, sensor, np.zeros(3)).at(times)
     assert place.poses.shape == (4, 2, 3, 4)
     assert place.points.shape == (4, 2, 3)
     corners = np.array([[0.1, 0.05, 0.0], [0.0, -0.1, 0.3]])
@@ -230,10 +231,8 @@ def test_placed_poses_map_the_body_to_the_sensor_frame(seed: int) -> None:
 def test_placed_rates_are_the_derivatives_for_moving_sensor_and_bodies(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, sensor, time = scene_of(rng), random_motion(rng), rng.uniform(-1.0, 1.0)
-    place, rates = (
-        scene._place(time + STEP * np.array([-1.0, 1.0]), sensor, np.zeros(3)),
-        scene._place_rates(time, sensor),
-    )
+    places = Places(scene, sensor, np.zeros(3))
+    place, rates = places.at(time + STEP * np.array([-1.0, 1.0])), places.rates_at(time)
     assert rates.poses.shape == (1, 2, 3, 4)
     assert rates.points.shape == (1, 2, 3)
     # Third derivatives: rotations w^3 with w the sum of both angular speeds, at most 2 * 3 sqrt(3); an offset of at
@@ -270,8 +269,8 @@ def test_moving_world_and_radar_together_changes_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     move, sensor, body = (random_pose(rng) for _ in range(3))
     plate = rc.shapes.plate(0.2, 0.1)
-    here = rc.Scene([rc.Body(plate, motion=body)])._place(np.zeros(1), sensor, np.zeros(3))
-    there = rc.Scene([rc.Body(plate, motion=move @ body)])._place(np.zeros(1), move @ sensor, np.zeros(3))
+    here = Places(rc.Scene([rc.Body(plate, motion=body)]), sensor, np.zeros(3)).at(np.zeros(1))
+    there = Places(rc.Scene([rc.Body(plate, motion=move @ body)]), move @ sensor, np.zeros(3)).at(np.zeros(1))
     assert close(here.poses, there.poses, 16.0), f"seed {seed}"
 
 

@@ -184,11 +184,20 @@ def _sum_pieces(
         size = max(1, min(size, _PIECE_PATH_SAMPLES // cube_size))
     for first in range(0, course.num_paths, size):
         delay, amplitude = course.follow(times, slice(first, min(first + size, course.num_paths), 1))
-        longest = float(delay.max(initial=0.0, where=amplitude != 0.0 if delay.size else True))
+        longest = _longest(delay, amplitude)
         samples, report = _core.beat_signal(
             delay, amplitude, waveform=waveform._core, tolerance=tolerance, method=method, threads=threads
         )
         yield samples, 0.5 * SPEED_OF_LIGHT * longest, report
+
+
+def _longest(delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> float:
+    """Longest delay of paths that carry power [s], 0 without any."""
+    # Nearly always that of all of them does.
+    at = np.unravel_index(delay.argmax(), delay.shape)
+    if amplitude[at] != 0.0:
+        return float(delay[at])
+    return float(delay.max(initial=0.0, where=amplitude != 0.0))
 
 
 def warn_beyond_range(farthest: float, radar: Radar, stacklevel: int) -> bool:
@@ -226,12 +235,16 @@ def _series_residuals(
     angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
     last = np.cos(np.arange(n - 2, n)[:, None] * angles) * (2.0 / n)
 
-    def end(values: NDArray[Any]) -> NDArray[np.float64]:
-        coefficients: NDArray[np.float64] = np.abs(np.tensordot(last, values - values[0], axes=1)).max(axis=0)
+    def end(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The last two coefficients, (channel, 2, number); channel by channel, too little to wake other threads for."""
+        coefficients: NDArray[np.float64] = last @ np.swapaxes(values, 0, 1)
         return coefficients
 
-    strength = np.abs(amplitude).max(axis=0)
-    total = np.maximum(np.linalg.norm(strength, axis=-1), np.finfo(float).tiny)
-    phase = np.linalg.norm(2.0 * np.pi * frequency * end(delay) * strength, axis=-1) / total
-    weight = np.linalg.norm(end(amplitude), axis=-1) / total
+    power = (amplitude.real**2 + amplitude.imag**2).max(axis=0)
+    total = np.maximum(np.sqrt(power.sum(axis=-1)), np.finfo(float).tiny)
+    # Without the first of the delays, the rounding of whole delays is no part of the phases.
+    phases = 2.0 * np.pi * frequency * np.abs(end(delay - delay[0])).max(axis=1)
+    phase = np.sqrt((phases**2 * power).sum(axis=-1)) / total
+    parts = end(amplitude.view(np.float64)) ** 2
+    weight = np.sqrt((parts[..., ::2] + parts[..., 1::2]).max(axis=1).sum(axis=-1)) / total
     return float(phase.max(initial=0.0)), float(weight.max(initial=0.0))

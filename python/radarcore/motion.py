@@ -83,8 +83,7 @@ class Pose:
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
         roll, pitch, yaw = check.array("rpy", rpy, (3,))
-        about = (_rotation(angle * axis) for angle, axis in zip((yaw, pitch, roll), np.eye(3)[::-1], strict=True))
-        z, y, x = about
+        z, y, x = _rotations(np.fliplr(np.diag([yaw, pitch, roll])))
         return cls(position, z @ y @ x)
 
     def __matmul__(self, other: Pose) -> Pose:
@@ -104,6 +103,10 @@ class Pose:
     def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`
         """The pose at a time [s]: always the same."""
         return self
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4): the same at all of them."""
+        return np.broadcast_to(_maps(self.rotation, self.position), (np.size(times), 3, 4))
 
     def rate_at(self, time: float) -> Matrix:  # noqa: ARG002  # every motion has `rate_at`
         """Time derivative of ``[rotation | position]``, (3, 4): zero."""
@@ -153,13 +156,18 @@ class Linear:
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
-        turned = _rotation(self.angular_velocity * time) @ self.pose.rotation
-        return Pose._unchecked(self.pose.position + self.velocity * time, turned)
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        elapsed = np.asarray(times, dtype=np.float64)[:, None]
+        turned = _rotations(elapsed * self.angular_velocity) @ self.pose.rotation
+        return _maps(turned, self.pose.position + elapsed * self.velocity)
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         turning = _cross_matrix(self.angular_velocity) @ self.at(time).rotation
-        return np.column_stack([turning, self.velocity])
+        return _maps(turning, self.velocity)
 
 
 class Trajectory:
@@ -196,21 +204,26 @@ class Trajectory:
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
-        inside = float(np.clip(time, self.times[0], self.times[-1]))
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        wanted = np.asarray(times, dtype=np.float64)
+        inside = np.clip(wanted, self.times[0], self.times[-1])
         rotation, position = self._rotation(inside).as_matrix(), self._position(inside)
-        if inside == time:
-            return Pose._unchecked(position, rotation)
-        # The spline's angular velocity is in body axes.
-        beyond = time - inside
-        turned = rotation @ _rotation(self._rotation(inside, 1) * beyond)
-        return Pose._unchecked(position + self._position(inside, 1) * beyond, turned)
+        beyond = (wanted - inside)[:, None]
+        if beyond.any():
+            # The spline's angular velocity is in body axes.
+            rotation = rotation @ _rotations(self._rotation(inside, 1) * beyond)
+            position = position + self._position(inside, 1) * beyond
+        return _maps(rotation, position)
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         inside = float(np.clip(time, self.times[0], self.times[-1]))
         # The spline's angular velocity is in body axes: d/dt R = R (omega x).
         turning = self.at(time).rotation @ _cross_matrix(self._rotation(inside, 1))
-        return np.column_stack([turning, self._position(inside, 1)])
+        return _maps(turning, self._position(inside, 1))
 
 
 class Function:
@@ -237,15 +250,15 @@ class Function:
             raise TypeError(f"pose: expected a function that returns Pose, got {type(pose).__name__} at {time:g} s")
         return pose
 
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4), one after another."""
+        return _one_by_one(self, times)
+
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         if self._rate is not None:
             return check.array("rate", self._rate(time), (3, 4))
-        return derivative(self._matrix, time)
-
-    def _matrix(self, time: float) -> Matrix:
-        pose = self.at(time)
-        return np.column_stack([pose.rotation, pose.position])
+        return derivative(lambda when: self.poses_at([when])[0], time)
 
 
 class Attached:
@@ -267,13 +280,20 @@ class Attached:
         """The pose at a time [s]."""
         return self.parent.at(time) @ self.motion.at(time)
 
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        parent = poses_at(self.parent, times)
+        placed: Matrix = parent[..., :3] @ poses_at(self.motion, times)
+        placed[..., 3] += parent[..., 3]
+        return placed
+
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         parent, rate = self.parent.at(time), self.parent.rate_at(time)
         own, own_rate = self.motion.at(time), self.motion.rate_at(time)
         turning = rate[:, :3] @ own.rotation + parent.rotation @ own_rate[:, :3]
         moving = rate[:, :3] @ own.position + parent.rotation @ own_rate[:, 3] + rate[:, 3]
-        return np.column_stack([turning, moving])
+        return _maps(turning, moving)
 
 
 # Step of the finite differences of a function of time [s].
@@ -281,7 +301,11 @@ _STEP = 5e-4
 
 
 class Motion(Protocol):
-    """What moves: a pose at every time, and how fast it changes."""
+    """What moves: a pose at every time, and how fast it changes.
+
+    A motion that also has ``poses_at(times)``, which gives ``[rotation | position]`` at several times [s] at once,
+    (n, 3, 4), is asked for these; one that has not, time by time.
+    """
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -309,6 +333,26 @@ def as_motion(name: str, motion: object) -> Motion:
     )
 
 
+def poses_at(motion: Motion, times: ArrayLike) -> Matrix:
+    """``[rotation | position]`` of any motion at several times [s], (n, 3, 4): body coordinates to the world."""
+    together: Callable[[ArrayLike], Matrix] | None = getattr(motion, "poses_at", None)
+    maps = _one_by_one(motion, times) if together is None else together(times)
+    if np.shape(maps) != (expected := (np.size(times), 3, 4)):
+        raise ValueError(f"poses_at: expected shape {expected}, got {np.shape(maps)}")
+    return maps
+
+
+def _one_by_one(motion: Motion, times: ArrayLike) -> Matrix:
+    """The same by `Motion.at`."""
+    poses = [motion.at(time) for time in np.asarray(times, dtype=np.float64).tolist()]
+    return np.array([_maps(pose.rotation, pose.position) for pose in poses]).reshape(-1, 3, 4)
+
+
+def as_pose(matrix: Matrix) -> Pose:
+    """The pose of a map ``[rotation | position]`` that is known to be one."""
+    return Pose._unchecked(matrix[:3, 3].copy(), matrix[:3, :3].copy())
+
+
 def is_static(motion: Motion) -> bool:
     """True when the pose is known to be the same at all times."""
     if isinstance(motion, Linear):
@@ -325,36 +369,51 @@ def derivative(values: Callable[[float], Matrix], time: float) -> Matrix:
     return rate
 
 
-def relative_pose(body: Pose, sensor: Pose) -> Matrix:
-    """Map of body coordinates to the sensor frame, ``[rotation | translation]``, (3, 4)."""
-    to_sensor = sensor.rotation.T
-    return np.column_stack([to_sensor @ body.rotation, to_sensor @ (body.position - sensor.position)])
+def relative_poses(bodies: Matrix, sensor: Matrix) -> Matrix:
+    """Maps of body coordinates to a sensor's frame, (..., body, 3, 4).
+
+    From ``[rotation | position]`` of `bodies` (..., body, 3, 4) and of the `sensor` (..., 3, 4) in the world.
+    """
+    to_sensor = np.swapaxes(sensor[..., :3], -1, -2)
+    seen: Matrix = to_sensor[..., None, :, :] @ (bodies - _moved_only(sensor)[..., None, :, :])
+    return seen
 
 
-def relative_rate(body: Pose, body_rate: Matrix, sensor: Pose, sensor_rate: Matrix) -> Matrix:
-    """Time derivative of `relative_pose`, (3, 4)."""
-    to_sensor, turning = sensor.rotation.T, sensor_rate[:, :3].T
-    offset = body.position - sensor.position
-    return np.column_stack(
-        [
-            turning @ body.rotation + to_sensor @ body_rate[:, :3],
-            turning @ offset + to_sensor @ (body_rate[:, 3] - sensor_rate[:, 3]),
-        ]
-    )
+def relative_rates(seen: Matrix, body_rates: Matrix, sensor: Matrix, sensor_rate: Matrix) -> Matrix:
+    """Time derivatives of `relative_poses`, (..., body, 3, 4).
+
+    From these, `seen`, and the time derivatives of the places in the world, as there.
+    """
+    to_sensor, turning = np.swapaxes(sensor[..., :3], -1, -2), np.swapaxes(sensor_rate[..., :3], -1, -2)
+    drift = to_sensor[..., None, :, :] @ (body_rates - _moved_only(sensor_rate)[..., None, :, :])
+    rates: Matrix = drift + (turning @ sensor[..., :3])[..., None, :, :] @ seen
+    return rates
+
+
+def _moved_only(maps: Matrix) -> Matrix:
+    """Positions alone, as maps (..., 3, 4) without a rotation."""
+    moved = np.zeros_like(maps)
+    moved[..., 3] = maps[..., 3]
+    return moved
+
+
+def _maps(rotations: Matrix, positions: Matrix) -> Matrix:
+    """``[rotation | position]``, (..., 3, 4)."""
+    return np.concatenate([rotations, positions[..., None]], axis=-1)
 
 
 def _cross_matrix(v: Matrix) -> Matrix:
-    """The matrix of ``v x``."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """The matrix of ``v x``, (..., 3, 3)."""
+    matrix = np.zeros((*v.shape, 3))
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        matrix[..., k, j], matrix[..., j, k] = v[..., i], -v[..., i]
+    return matrix
 
 
-def _rotation(vector: Matrix) -> Matrix:
-    """Rotation about an axis by the length of the vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    k = _cross_matrix(vector / angle)
+def _rotations(vectors: Matrix) -> Matrix:
+    """Rotations about the directions of vectors (n, 3) by their lengths [rad], (n, 3, 3) (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
+    k = _cross_matrix(vectors / np.where(angle[..., 0] > 0.0, angle[..., 0], 1.0))
     # 1 - cos as 2 sin^2 keeps small angles exact.
     turned: Matrix = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(0.5 * angle) ** 2 * (k @ k)
     return turned

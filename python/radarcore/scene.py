@@ -1,4 +1,4 @@
-"""A scene: bodies and point targets, and where they are as the sensor sees them."""
+"""A scene: bodies and point targets, and their surfaces in the core."""
 
 from __future__ import annotations
 
@@ -11,20 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.body import Body, PointTarget
-from radarcore.motion import Motion, is_static, relative_pose, relative_rate
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Bodies and points at several times, in sensor axes about the centre of the array.
-
-    ``poses``: (time, body, 3, 4) maps of body coordinates; ``points``: (time, point, 3) [m]; ``vertices``: one array
-    (time, vertex, 3) in body coordinates [m] for each body that was asked for.
-    """
-
-    poses: NDArray[np.float64]
-    points: NDArray[np.float64]
-    vertices: list[NDArray[np.float64]]
+from radarcore.motion import is_static
 
 
 @dataclass(frozen=True)
@@ -114,37 +101,6 @@ class Scene:
         """Bodies with meshes that never move, (body,)."""
         still = [is_static(body.motion) and body.deformation is None for _, body in self._meshed]
         return np.array(still, dtype=np.bool_)
-
-    def _place(
-        self,
-        times: NDArray[np.float64],
-        sensor_motion: Motion,
-        center: NDArray[np.float64],
-        deforming: Iterable[int] = (),
-    ) -> Placement:
-        """Bodies and points at `times` (n,) [s], in sensor axes about the array's centre, and some bodies' vertices."""
-        poses = np.empty((len(times), len(self._meshed), 3, 4))
-        points = np.empty((len(times), len(self._targets), 3))
-        for k, time in enumerate(times.tolist()):
-            sensor = sensor_motion.at(time)
-            for b, (_, body) in enumerate(self._meshed):
-                poses[k, b] = relative_pose(body.motion.at(time), sensor)
-            points[k] = (self._positions + time * self._velocities - sensor.position) @ sensor.rotation
-        poses[..., 3] -= center
-        vertices = [np.array([self._vertices(b, time) for time in times.tolist()]) for b in deforming]
-        return Placement(poses, points - center, vertices)
-
-    def _place_rates(self, time: float, sensor_motion: Motion, deforming: Iterable[int] = ()) -> Placement:
-        """Time derivatives of `_place` at one time: poses (1, body, 3, 4), points (1, point, 3) [m/s] and vertices."""
-        sensor, sensor_rate = sensor_motion.at(time), sensor_motion.rate_at(time)
-        rates = [
-            relative_rate(body.motion.at(time), body.motion.rate_at(time), sensor, sensor_rate)
-            for _, body in self._meshed
-        ]
-        offsets = self._positions + time * self._velocities - sensor.position
-        velocities = (self._velocities - sensor_rate[:, 3]) @ sensor.rotation + offsets @ sensor_rate[:, :3]
-        vertices = [self._vertex_rates(b, time)[None] for b in deforming]
-        return Placement(np.array(rates, dtype=np.float64).reshape(1, -1, 3, 4), velocities[None], vertices)
 
     def _vertices(self, body: int, time: float) -> NDArray[np.float64]:
         """Vertices of a body with a mesh at a time [s], (n, 3) in body coordinates [m]."""

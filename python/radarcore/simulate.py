@@ -17,9 +17,10 @@ from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
 from radarcore.follow import Course, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
+from radarcore.places import Placement, Places
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.scene import Placement, Scene
+from radarcore.scene import Scene
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""
@@ -135,7 +136,7 @@ class Simulator:
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.scene = scene
         self.radar = radar
-        self.radar_motion: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
+        self.radar_motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
         self.field_of_view_deg = _field_of_view(field_of_view_deg)
         self.sampling = check.choice("sampling", sampling, SAMPLINGS)
         self.resolution = None if resolution is None else _resolution(resolution)
@@ -156,6 +157,15 @@ class Simulator:
             raise ValueError(f"seed: expected less than 2**64, got {seed}")
         self._has_warned_of_materials = self._has_warned_of_range = self._has_warned_of_series = False
         self.threads = check_threads(threads)
+
+    @property
+    def radar_motion(self) -> Motion:
+        """Sensor to world."""
+        return self._places.sensor_motion
+
+    @radar_motion.setter
+    def radar_motion(self, motion: AnyMotion) -> None:
+        self._places = Places(self.scene, as_motion("radar_motion", motion), self.radar.array_center)
 
     def _ray_budget(self, value: int) -> int:
         """Enough for the base grid."""
@@ -231,7 +241,7 @@ class Simulator:
         scatterers = self._scatterers(rays)
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
-        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        rates = self._places.rates_at(start, deforming)
         delay, amplitude = self._follow(scatterers, place)
         delay_rate = scatterers.delay_rates(
             place.poses[0],
@@ -259,6 +269,10 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
+        with self._places.kept():
+            return self._frame(start)
+
+    def _frame(self, start: float) -> Frame:
         rays = self._cast_rays(start + self._middle)
         scatterers, bounces = self._scatterers(rays), self._bounces(rays, start + self._middle)
         synthesis = synthesise(
@@ -271,9 +285,9 @@ class Simulator:
         )
         cube = receive(synthesis.cube, self.radar, start, seed=self.seed, tolerance=self.tolerance)
         if not self._has_warned_of_series:
-            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=2)
+            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=3)
         if not self._has_warned_of_range:
-            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=2)
+            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=3)
         body = rays.body().ravel()
         num_hit = int(np.count_nonzero(body >= 0))
         rays_cast, tiles_skipped, tiles_reused, *cells = rays.counts
@@ -345,7 +359,7 @@ class Simulator:
 
     def _place(self, times: NDArray[np.float64], deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
-        return self.scene._place(times, self.radar_motion, self.radar.array_center, deforming)
+        return self._places.at(times, deforming)
 
     @property
     def _half_sizes(self) -> tuple[float, float]:
@@ -483,7 +497,7 @@ class Simulator:
         """Their delays, rates and amplitudes at a time [s]."""
         deforming = bounces.deforming()
         place = self._place(np.array([start]), deforming)
-        rates = self.scene._place_rates(start, self.radar_motion, deforming)
+        rates = self._places.rates_at(start, deforming)
         delay, amplitude = self._follow_bounces(bounces, place)
         delay_rate = bounces.delay_rates(
             place.poses[0],
@@ -579,20 +593,21 @@ class Simulator:
         """Range, velocity and direction at `time` of the nearest point of every body that rays hit."""
         points = np.full((len(self.scene.bodies), 3), np.nan)
         velocities = np.full_like(points, np.nan)
-        place, rates = self._place(np.array([time])), self.scene._place_rates(time, self.radar_motion)
+        place, rates = self._place(np.array([time])), self._places.rates_at(time)
         distance = rays.distance().ravel()
-        for b, number in enumerate(self.scene._mesh_numbers):
-            those = np.flatnonzero(body == b)
-            if len(those) > 0:
-                nearest = int(those[distance[those].argmin()])
-                pose, rate = place.poses[0, b], rates.poses[0, b]
-                points[number] = distance[nearest] * np.array(rays.direction(nearest))
-                material_point = pose[:, :3].T @ (points[number] - pose[:, 3])
-                velocities[number] = rate[:, :3] @ material_point + rate[:, 3]
-                if self.scene._meshed[b][1].deformation is not None:
-                    corners, weights = rays.place_on_mesh(nearest)
-                    vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
-                    velocities[number] += pose[:, :3] @ (weights @ vertex_rates)
+        seen, nearest = _nearest(body, distance, len(self.scene._meshed))
+        directions = np.array([rays.direction(ray) for ray in nearest.tolist()]).reshape(-1, 3)
+        hits = distance[nearest, None] * directions
+        poses, pose_rates = place.poses[0, seen], rates.poses[0, seen]
+        material_points = np.swapaxes(poses[..., :3], 1, 2) @ (hits - poses[..., 3])[..., None]
+        speeds = (pose_rates[..., :3] @ material_points)[..., 0] + pose_rates[..., 3]
+        for k, (b, ray) in enumerate(zip(seen.tolist(), nearest.tolist(), strict=True)):
+            if b in self.scene._deforming:
+                corners, weights = rays.place_on_mesh(ray)
+                vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
+                speeds[k] += poses[k, :, :3] @ (weights @ vertex_rates)
+        numbers = self.scene._mesh_numbers[seen]
+        points[numbers], velocities[numbers] = hits, speeds
         points[self.scene._point_numbers] = place.points[0]
         velocities[self.scene._point_numbers] = rates.points[0]
 
@@ -640,8 +655,24 @@ class Simulator:
 
 def _num_cells_of(scatterers: _core.Scatterers) -> int:
     """Cells that have a material point."""
-    cells = np.unique(scatterers.cell())
-    return len(cells) - int(len(cells) > 0 and cells[-1] == _NO_CELL)
+    cells = scatterers.cell()
+    cells = cells[cells != _NO_CELL]
+    has_point = np.zeros(1 + int(cells.max(initial=0)), dtype=np.bool_)
+    has_point[cells] = True
+    return int(np.count_nonzero(has_point))
+
+
+def _nearest(
+    body: NDArray[np.int32], distance: NDArray[np.float64], num_bodies: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The bodies that rays hit, and which ray hits each of them the nearest: the first of several."""
+    least = np.full(num_bodies + 1, np.inf)  # the last for rays that hit nothing, whose body is -1
+    np.minimum.at(least, body, distance)
+    rays = np.flatnonzero((distance == least[body]) & (body >= 0))[::-1]
+    nearest = np.full(num_bodies, -1)
+    nearest[body[rays]] = rays
+    seen = np.flatnonzero(nearest >= 0)
+    return seen, nearest[seen]
 
 
 def _joined(first: Paths, second: Paths) -> Paths:

@@ -16,7 +16,8 @@ from radarcore.body import Body
 from radarcore.material import Material
 from radarcore.mesh import Mesh
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
-from radarcore.motion import AnyMotion, Attached, Motion, Pose, as_motion
+from radarcore.models.recent import Recent
+from radarcore.motion import AnyMotion, Attached, Motion, Pose, as_motion, as_pose, poses_at
 
 __all__ = [
     "RADAR_AT_TOOL0",
@@ -238,7 +239,7 @@ class RobotArm:
     def link_pose(self, link: str, joint_angles: JointAngles) -> Pose:
         """Pose of a link in the coordinates of the root link."""
         number = self.link_number(link)
-        return _pose(self.link_poses(self.joint_array(joint_angles))[number])
+        return as_pose(self.link_poses(self.joint_array(joint_angles))[number])
 
     def jacobian(self, link: str, joint_angles: JointAngles) -> Matrix:
         """Geometric Jacobian of a link, (6, num_joints), in the coordinates of the root link.
@@ -271,39 +272,41 @@ class RobotArm:
             raise KeyError(_unknown("link", link, self.links)) from None
 
     def link_poses(self, angles: Matrix, root: Matrix | None = None) -> Matrix:
-        """Maps of all links to the root's surroundings, (num_links, 4, 4), in the order of `links`.
+        """Maps of all links to the root's surroundings, (..., num_links, 4, 4), in the order of `links`.
 
-        Neither `angles` (num_joints,) nor `root` (4, 4), default: identity, are checked.
+        Neither `angles` (..., num_joints) nor `root` (..., 4, 4), default: identity, are checked.
         """
-        poses = np.empty((len(self.links), 4, 4))
-        poses[0] = np.eye(4) if root is None else root
-        for k, (parent, local) in enumerate(zip(self._parents, self._local(angles), strict=True), start=1):
-            np.matmul(poses[parent], local, out=poses[k])
+        poses = np.empty((*angles.shape[:-1], len(self.links), 4, 4))
+        poses[..., 0, :, :] = np.eye(4) if root is None else root
+        local = self._local(angles)
+        for k, parent in enumerate(self._parents):
+            poses[..., k + 1, :, :] = poses[..., parent, :, :] @ local[..., k, :, :]
         return poses
 
     def link_rates(self, angles: Matrix, rates: Matrix, poses: Matrix, root_rate: Matrix) -> Matrix:
-        """Time derivatives of `link_poses`, (num_links, 4, 4), by the product rule along the tree."""
+        """Time derivatives of `link_poses`, (..., num_links, 4, 4), by the product rule along the tree."""
         derivatives = np.empty_like(poses)
-        derivatives[0] = root_rate
+        derivatives[..., 0, :, :] = root_rate
         local, local_rate = self._local(angles), self._local_rate(angles, rates)
         for k, parent in enumerate(self._parents):
-            derivatives[k + 1] = derivatives[parent] @ local[k] + poses[parent] @ local_rate[k]
+            turning = derivatives[..., parent, :, :] @ local[..., k, :, :]
+            derivatives[..., k + 1, :, :] = turning + poses[..., parent, :, :] @ local_rate[..., k, :, :]
         return derivatives
 
     def _local(self, angles: Matrix) -> Matrix:
-        """Map of every link but the root to its parent, (num_links - 1, 4, 4)."""
-        q = np.zeros(len(self._fixed))
-        q[self._slots] = angles
+        """Map of every link but the root to its parent, (..., num_links - 1, 4, 4)."""
+        q = np.zeros((*angles.shape[:-1], len(self._fixed)))
+        q[..., self._slots] = angles
         # 1 - cos as 2 sin^2 keeps small angles exact.
         first, second = np.where(self._turns, np.sin(q), q), 2.0 * np.sin(0.5 * q) ** 2
-        result: Matrix = self._fixed + first[:, None, None] * self._first + second[:, None, None] * self._second
+        result: Matrix = self._fixed + first[..., None, None] * self._first + second[..., None, None] * self._second
         return result
 
     def _local_rate(self, angles: Matrix, rates: Matrix) -> Matrix:
-        q, rate = np.zeros((2, len(self._fixed)))
-        q[self._slots], rate[self._slots] = angles, rates
+        q, rate = np.zeros((2, *angles.shape[:-1], len(self._fixed)))
+        q[..., self._slots], rate[..., self._slots] = angles, rates
         first, second = np.where(self._turns, np.cos(q), 1.0) * rate, np.sin(q) * rate
-        result: Matrix = first[:, None, None] * self._first + second[:, None, None] * self._second
+        result: Matrix = first[..., None, None] * self._first + second[..., None, None] * self._second
         return result
 
     def _jacobian(self, number: int, poses: Matrix) -> Matrix:
@@ -350,14 +353,14 @@ class MovingArm:
         self._resting: Matrix | None = None
         if hasattr(joint_motion, "angles") and hasattr(joint_motion, "rates"):
             self.joint_motion = cast(JointMotion, joint_motion)
-            self._angles(joint_motion.times[0] if isinstance(joint_motion, JointTrajectory) else 0.0)
+            first = joint_motion.times[0] if isinstance(joint_motion, JointTrajectory) else 0.0
+            check.array("joint_motion", self.joint_motion.angles(first), (len(arm.joint_names),))
         elif callable(joint_motion):
             self.joint_motion = _JointFunction(joint_motion)
         else:
             self._resting = check.frozen(arm.joint_array(joint_motion))
-        # The simulator asks link after link for the same few times.
-        self._poses: dict[float, Matrix] = {}
-        self._rates: dict[float, Matrix] = {}
+        # The simulator asks link after link for the same times.
+        self._poses, self._rates = Recent(self._link_poses), Recent(self._link_rates)
 
     def link_motion(self, link: str) -> Motion:
         """Motion of a link in the world: that of a body on it, or the parent of what is `Attached` to it."""
@@ -386,32 +389,41 @@ class MovingArm:
 
     def link_poses_at(self, time: float) -> Matrix:
         """Maps of all links to the world at a time [s], (num_links, 4, 4), in the order of ``arm.links``."""
-        found = self._poses.get(time)
-        if found is None:
-            found = self.arm.link_poses(self._angles(time), _matrix(self.base.at(time)))
-            found.flags.writeable = False
-            _remember(self._poses, time, found)
-        return found
+        poses: Matrix = self._poses(np.array([time], dtype=np.float64))[0]
+        return poses
 
     def link_rates_at(self, time: float) -> Matrix:
         """Time derivatives of `link_poses_at`, (num_links, 4, 4)."""
-        found = self._rates.get(time)
-        if found is None:
-            root_rate = np.zeros((4, 4))
-            root_rate[:3] = self.base.rate_at(time)
-            rates = np.zeros(len(self.arm.joint_names))
-            if self.joint_motion is not None:
-                rates = check.array("joint_motion", self.joint_motion.rates(time), rates.shape)
-            found = self.arm.link_rates(self._angles(time), rates, self.link_poses_at(time), root_rate)
-            found.flags.writeable = False
-            _remember(self._rates, time, found)
-        return found
+        rates: Matrix = self._rates(np.array([time], dtype=np.float64))[0]
+        return rates
 
-    def _angles(self, time: float) -> Matrix:
+    def _link_poses(self, times: Matrix) -> Matrix:
+        """Maps of all links to the world at several times, (n, num_links, 4, 4)."""
+        root = np.zeros((len(times), 4, 4))
+        root[:, :3], root[:, 3, 3] = poses_at(self.base, times), 1.0
+        return self.arm.link_poses(self._angles(times), root)
+
+    def _link_rates(self, times: Matrix) -> Matrix:
+        """Time derivatives of `_link_poses`."""
+        root_rate = np.zeros((len(times), 4, 4))
+        root_rate[:, :3] = [self.base.rate_at(time) for time in times.tolist()]
+        rates = np.zeros((len(times), len(self.arm.joint_names)))
+        if self.joint_motion is not None:
+            for k, time in enumerate(times.tolist()):
+                rates[k] = check.array("joint_motion", self.joint_motion.rates(time), rates[k].shape)
+        return self.arm.link_rates(self._angles(times), rates, self._poses(times), root_rate)
+
+    def _angles(self, times: Matrix) -> Matrix:
+        """Joint angles at several times, (n, num_joints)."""
         if self.joint_motion is None:
             assert self._resting is not None  # one of the two is there
-            return self._resting
-        return check.array("joint_motion", self.joint_motion.angles(time), (len(self.arm.joint_names),))
+            return np.broadcast_to(self._resting, (len(times), len(self._resting)))
+        if isinstance(self.joint_motion, JointTrajectory):
+            return self.joint_motion.angles(times)
+        angles = np.empty((len(times), len(self.arm.joint_names)))
+        for k, time in enumerate(times.tolist()):
+            angles[k] = check.array("joint_motion", self.joint_motion.angles(time), angles[k].shape)
+        return angles
 
 
 class _LinkMotion:
@@ -422,7 +434,11 @@ class _LinkMotion:
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
-        return _pose(self._moving.link_poses_at(time)[self._number])
+        return as_pose(self._moving.link_poses_at(time)[self._number])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self._moving._poses(np.asarray(times, dtype=np.float64))[:, self._number, :3]
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
@@ -448,9 +464,6 @@ class _JointFunction:
 
 # Step of the finite differences of a function of time [s].
 _STEP = 5e-4
-
-# Times whose link poses are kept: more than a frame asks for.
-_NUM_REMEMBERED = 64
 
 
 def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
@@ -494,17 +507,6 @@ def _matrix(pose: Pose) -> Matrix:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
     return matrix
-
-
-def _pose(matrix: Matrix) -> Pose:
-    """The pose of a (4, 4) map that is a product of rotations."""
-    return Pose._unchecked(matrix[:3, 3], matrix[:3, :3])
-
-
-def _remember(table: dict[float, Matrix], time: float, value: Matrix) -> None:
-    if len(table) >= _NUM_REMEMBERED:
-        table.clear()
-    table[time] = value
 
 
 def _unknown(kind: str, name: object, known: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ D. A. Winter, "Biomechanics and Motor Control of Human Movement".
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import cache
 from math import pi, sqrt
 from typing import NamedTuple
 
@@ -22,7 +22,8 @@ from radarcore.material import Material
 from radarcore.mesh import Mesh
 from radarcore.models import gait, robots
 from radarcore.models.path import FloorPath
-from radarcore.motion import Motion, Pose
+from radarcore.models.recent import Recent
+from radarcore.motion import Motion, Pose, as_pose
 
 _Floats = NDArray[np.float64]
 
@@ -185,17 +186,17 @@ class _Spheroid(NamedTuple):
 
 
 class _Figure:
-    """A skeleton that walks as a person does; all segments are posed at once and kept for the ones asked for next."""
+    """A skeleton that walks as a person does: `poses` and `rates` of all segments at some times (n,) [s] at once."""
 
     def __init__(self, human: Human, skeleton: _Skeleton, lowest: _Support) -> None:
-        self._human, self._skeleton = human, skeleton
+        self._human, self._offsets = human, _offsets(skeleton)
         self._hip_height = HIP_HEIGHT * human.height
         self._lift = 0.0
         # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
-        rotation, position = (jet[0] for jet in self._chain(np.linspace(0.0, 1.0, _LIFT_PHASES)))
+        rotation, position = (jet[0] for jet in self._chain(np.linspace(0.0, 1.0, _LIFT_PHASES), 1))
         foot = SEGMENTS.index("right_foot")
         self._lift = -float((position[:, foot, 2] + lowest(rotation[:, foot, 2])).min())
-        self._segments = lru_cache(maxsize=_KEPT_TIMES)(self._segments_at)
+        self.poses, self.rates = Recent(self._poses), Recent(self._rates)
 
     def motion(self, name: str) -> Motion:
         """Motion of a segment; a `Pose` when the person stands."""
@@ -211,80 +212,72 @@ class _Figure:
             for segment in SEGMENTS
         ]
 
-    def segment(self, index: int, time: float) -> _Floats:
-        """``[rotation | position]`` of a segment in the world, and its time derivative, (2, 3, 4)."""
-        return np.asarray(self._segments(float(time))[:, index])
+    def _poses(self, times: _Floats) -> _Floats:
+        """``[rotation | position]`` of all segments in the world, (n, segment, 3, 4)."""
+        return np.asarray(self._segments(times, 1)[0])
 
-    def _segments_at(self, time: float) -> _Floats:
-        """The same of all segments, (2, segment, 3, 4)."""
+    def _rates(self, times: _Floats) -> _Floats:
+        """Their time derivatives, (n, segment, 3, 4)."""
+        return np.asarray(self._segments(times, 2)[1])
+
+    def _segments(self, times: _Floats, orders: int) -> _Floats:
+        """Both, (orders, n, segment, 3, 4): with one order only the poses."""
         human = self._human
-        elapsed = time - human.start_time
-        cycles = elapsed / human.cycle_duration
-        rotation, position = self._chain(np.asarray(human.phase + cycles))
+        elapsed = times - human.start_time
+        rotation, position = self._chain(human.phase + elapsed / human.cycle_duration, orders)
         # Along the path: turned by its heading, which changes as fast as it bends.
-        x, heading, curvature = human.path.at(human.speed * elapsed)
-        turn = _about("z", np.array([heading, human.speed * curvature]))
-        forward = human.speed * np.exp(1j * heading)
-        place = np.array([[x.real, x.imag, 0.0], [forward.real, forward.imag, 0.0]])
-        position = _applied(turn, position) + place[:, None]
-        return check.frozen(np.concatenate([_product(turn[:, None], rotation), position[..., None]], axis=-1))
+        x, heading, curvature = np.array([human.path.at(way) for way in (human.speed * elapsed).tolist()]).T
+        forward = human.speed * np.exp(1j * heading.real)
+        turn = _about("z", np.array([heading.real, human.speed * curvature.real])[:orders])
+        place = np.array([[x.real, x.imag, 0.0 * x.real], [forward.real, forward.imag, 0.0 * x.real]])[:orders]
+        position = _applied(turn, position) + np.moveaxis(place, 1, 2)[:, :, None]
+        return np.concatenate([_product(turn[:, :, None], rotation), position[..., None]], axis=-1)
 
-    def _chain(self, phase: _Floats) -> tuple[_Floats, _Floats]:
-        """Rotations (2, ..., segment, 3, 3) and origins (2, ..., segment, 3) with respect to even motion along x.
+    def _chain(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats]:
+        """Rotations (orders, ..., segment, 3, 3) and origins (orders, ..., segment, 3), less even motion along x.
 
-        The first axis holds value and time derivative.
+        The first axis holds the value and, with two orders, the time derivative.
         """
-        bones = self._skeleton
-        limb, body, root = self._angles(phase)
-        roll, torsion, thorax, lean = np.moveaxis(body, 1, 0)
+        limb, body, root = self._angles(phase, orders)
+        roll, torsion, thorax, lean = (body[..., angle] for angle in range(4))
 
-        # Rotations from the pelvis outwards; limbs have an axis (left, right) before those of the matrix.
+        # Rotations from the pelvis outwards; limbs have axes (joint, side) before those of the matrix. The joints of a
+        # limb turn about one direction: their angles add up. The hand is stiff in the wrist.
+        for joint in (1, 2, 4):
+            limb[..., joint, :] += limb[..., joint - 1, :]
         pelvis = _product(_about("z", -torsion), _about("x", roll))
         trunk = _product(_about("z", -thorax), _about("y", -lean))
-        hip, knee, ankle, shoulder, elbow = np.moveaxis(_about("y", -limb), 1, 0)
-        thigh = _product(pelvis[..., None, :, :], hip)
-        shank = _product(thigh, knee)
-        foot = _product(shank, ankle)
-        upper_arm = _product(trunk[..., None, :, :], shoulder)
-        forearm = _product(upper_arm, elbow)
+        turns = _about("y", -limb)
+        legs = _product(pelvis[..., None, None, :, :], turns[..., :3, :, :, :])
+        arms = _product(trunk[..., None, None, :, :], turns[..., [3, 4, 4], :, :, :])
+        in_order = (*pelvis.shape[:-2], 6, 3, 3)
+        middle = [pelvis[..., None, :, :], *3 * [trunk[..., None, :, :]]]
+        rotation = np.concatenate([*middle, legs.reshape(in_order), arms.reshape(in_order)], axis=-3)
 
-        # Joints likewise. Constant offsets turn with the segment that they belong to.
-        waist = root + pelvis @ bones.waist
-        neck, head = waist + trunk @ bones.neck, waist + trunk @ bones.head
-        hips = root[..., None, :] + _both_sides(pelvis, bones.hip)
-        knees = hips + thigh @ bones.knee
-        ankles = knees + shank @ bones.ankle
-        shoulders = waist[..., None, :] + _both_sides(trunk, bones.shoulder)
-        elbows = shoulders + upper_arm @ bones.elbow
-        wrists = elbows + forearm @ bones.wrist
+        # Joints likewise: what leads to them turns with the segments that it belongs to.
+        steps = (rotation[..., _CARRIERS, :, :] @ self._offsets[..., None])[..., 0]
+        return rotation, root[..., None, :] + _WAYS @ steps
 
-        # In the order of SEGMENTS; the hand is stiff in the wrist.
-        middle = np.stack([pelvis, trunk, trunk, trunk], axis=-3)
-        rotation = np.concatenate([middle, thigh, shank, foot, upper_arm, forearm, forearm], axis=-3)
-        middle = np.stack([waist, waist, neck, head], axis=-2)
-        position = np.concatenate([middle, hips, knees, ankles, shoulders, elbows, wrists], axis=-2)
-        return rotation, position
+    def _angles(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats, _Floats]:
+        """Angles of limbs (orders, ..., angle, side) and trunk (orders, ..., angle) [rad], and the root [m].
 
-    def _angles(self, phase: _Floats) -> tuple[_Floats, _Floats, _Floats]:
-        """Angles of limbs (2, angle, ..., side) and trunk (2, angle, ...) [rad], and the root (2, ..., 3) [m].
-
-        The first axis holds value and time derivative; sides are left and right; the knee is negative.
+        The root is (orders, ..., 3); sides are left and right; the knee is negative.
         """
         sides = phase[..., None] + np.array([0.5, 0.0])
-        limb = np.zeros((2, 5, *sides.shape))
-        body = np.zeros((2, 4, *phase.shape))
-        root = np.zeros((2, *phase.shape, 3))
+        limb = np.zeros((orders, *phase.shape, 5, 2))
+        body = np.zeros((orders, *phase.shape, 4))
+        root = np.zeros((orders, *phase.shape, 3))
         RV = self._human.relative_speed
         if RV > 0.0:
-            for order in (0, 1):
-                limb[order] = gait.limb_angles(sides, RV, order)
-                body[order] = gait.trunk_angles(phase, RV, order)
+            for order in range(orders):
+                limb[order] = np.stack(gait.limb_angles(sides, RV, order), axis=-2)
+                body[order] = np.stack(gait.trunk_angles(phase, RV, order), axis=-1)
                 root[order] = gait.root_translation(phase, RV, order)
             for derivative in (limb, body, root):
-                derivative[1] /= self._human.cycle_duration
+                derivative[1:] /= self._human.cycle_duration
         else:
-            limb[0, 3:] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
-        limb[:, 1] *= -1.0
+            limb[0, ..., 3:, :] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
+        limb[..., 1, :] *= -1.0
         root *= self._hip_height
         root[0, ..., 2] += self._hip_height + self._lift
         return np.deg2rad(limb), np.deg2rad(body), root
@@ -298,17 +291,33 @@ class _SegmentMotion:
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
-        place = self._figure.segment(self._index, time)[0]
-        return Pose._unchecked(place[:, 3].copy(), place[:, :3].copy())
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> _Floats:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self._figure.poses(np.asarray(times, dtype=np.float64))[:, self._index]
 
     def rate_at(self, time: float) -> _Floats:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        rate: _Floats = self._figure.segment(self._index, time)[1]
+        rate: _Floats = self._figure.rates(np.array([time], dtype=np.float64))[0, self._index]
         return rate
 
 
-# Times at which the poses of all segments are kept: the nodes of a frame and its start, for a few threads.
-_KEPT_TIMES = 64
+# The segment that carries the origin of each of SEGMENTS: where that is, is fixed in the carrier's axes.
+_CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
+
+
+def _ways() -> _Floats:
+    """Whose steps lead from midway between the hips to the origin of each segment: 1 for those, else 0."""
+    ways = np.eye(len(SEGMENTS))
+    for segment, carrier in enumerate(_CARRIERS):
+        if carrier > 0:  # what the pelvis carries begins midway between the hips, not at its origin
+            ways[segment] += ways[carrier]
+    return ways
+
+
+_WAYS = _ways()
+
 # Phases at which the height of the soles is compared.
 _LIFT_PHASES = 2048
 
@@ -340,6 +349,13 @@ def _skeleton(height: float) -> _Skeleton:
         elbow=-0.186 * z,
         wrist=-0.146 * z,
     )
+
+
+def _offsets(skeleton: _Skeleton) -> _Floats:
+    """Origins of the segments from those of their carriers, in the carriers' axes, (segment, 3) [m]."""
+    waist, hip, knee, ankle, neck, head, shoulder, elbow, wrist = skeleton
+    limbs = np.array([[joint, joint * [1.0, -1.0, 1.0]] for joint in (hip, knee, ankle, shoulder, elbow, wrist)])
+    return np.concatenate([[waist, waist, neck, head], limbs.reshape(-1, 3)])
 
 
 def _spheroids(height: float, mass: float) -> dict[str, _Spheroid]:
@@ -445,38 +461,37 @@ def _real_skeleton(rest: dict[str, _Floats], scale: float) -> _Skeleton:
     )
 
 
-# What changes with time is an array whose first axis holds value and time derivative; these follow the product rule.
+# What changes with time is an array whose first axis holds the value and, where it has a second entry, the time
+# derivative; these follow the product rule.
 
 
 def _product(a: _Floats, b: _Floats) -> _Floats:
     """Product of matrices that change with time."""
     product = a @ b[:1]
-    product[1] += a[0] @ b[1]
+    if len(product) > 1:
+        product[1] += a[0] @ b[1]
     return product
 
 
 def _applied(matrix: _Floats, vectors: _Floats) -> _Floats:
-    """Product of a matrix and vectors (2, n, 3) that change with time."""
+    """Product of matrices (orders, n, 3, 3) and vectors (orders, n, m, 3) that change with time."""
     product = vectors[:1] @ np.swapaxes(matrix, -1, -2)
-    product[1] += vectors[1] @ matrix[0].T
+    if len(product) > 1:
+        product[1] += vectors[1] @ np.swapaxes(matrix[0], -1, -2)
     return product
 
 
-def _both_sides(matrix: _Floats, offset: _Floats) -> _Floats:
-    """Products of a matrix with an offset to the left and its mirror image to the right, (2, ..., side, 3)."""
-    return np.asarray(np.array([offset, offset * [1.0, -1.0, 1.0]]) @ np.swapaxes(matrix, -1, -2))
-
-
 def _about(axis: str, angle: _Floats) -> _Floats:
-    """Rotation about a coordinate axis by angles (2, ...) [rad] that change with time, (2, ..., 3, 3)."""
+    """Rotation about a coordinate axis by angles (orders, ...) [rad] that change with time, (orders, ..., 3, 3)."""
     i, j, k = _AXES[axis]
-    cosine, sine, rate = np.cos(angle[0]), np.sin(angle[0]), angle[1]
+    cosine, sine = np.cos(angle[0]), np.sin(angle[0])
     turn = np.zeros((*angle.shape, 3, 3))
     turn[0, ..., i, i] = 1.0
     turn[0, ..., j, j] = turn[0, ..., k, k] = cosine
     turn[0, ..., k, j], turn[0, ..., j, k] = sine, -sine
-    turn[1, ..., j, j] = turn[1, ..., k, k] = -rate * sine
-    turn[1, ..., k, j], turn[1, ..., j, k] = rate * cosine, -rate * cosine
+    for derivative, rate in zip(turn[1:], angle[1:], strict=True):
+        derivative[..., j, j] = derivative[..., k, k] = -rate * sine
+        derivative[..., k, j], derivative[..., j, k] = rate * cosine, -rate * cosine
     return turn
 
 

@@ -70,9 +70,9 @@ class JointTrajectory:
         """Number of joints."""
         return int(self._spline.c.shape[2])
 
-    def angles(self, time: float) -> Matrix:
-        """Joint angles at a time [s], (num_joints,) [rad or m]."""
-        result: Matrix = self._spline(min(max(time, self.times[0]), self.times[-1]))
+    def angles(self, time: ArrayLike) -> Matrix:
+        """Joint angles at a time [s], (num_joints,) [rad or m], or at several, (n, num_joints)."""
+        result: Matrix = self._spline(np.clip(time, self.times[0], self.times[-1]))
         return result
 
     def rates(self, time: float) -> Matrix:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.body import Body
+from radarcore.places import Places
 from radarcore.scenefile import Simulation
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
@@ -21,7 +22,7 @@ def check_antennas(simulation: Simulation) -> None:
     """
     scene = simulation.scene
     antennas = np.concatenate([simulation.radar.tx, simulation.radar.rx])
-    place = scene._place(np.array([simulation.run.start]), simulation.radar_motion, np.zeros(3))
+    place = Places(scene, simulation.radar_motion, np.zeros(3)).at(np.array([simulation.run.start]))
     for pose, number in zip(place.poses[0], scene._mesh_numbers, strict=True):
         body = scene.bodies[number]
         assert isinstance(body, Body)  # the scene says so
