@@ -107,6 +107,11 @@ def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: fl
     return Nodes(times, phase, weight)
 
 
+def first_times(waveform: Waveform, start: float) -> list[NDArray[np.float64]]:
+    """The sets of times [s] that `follow_nodes` begins with: few courses need others."""
+    return [start + waveform.delay_times(num_nodes) for num_nodes in _NODE_COUNTS[:3]]
+
+
 @dataclass(frozen=True, eq=False)
 class Synthesis:
     """The ideal beat signal of some courses and how it came about.

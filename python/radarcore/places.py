@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -62,6 +62,7 @@ class Places:
         self._still_as_seen: Matrix | None = None
         if is_static(sensor_motion):
             self._still_as_seen = relative_poses(self._still_in_world, poses_at(sensor_motion, np.zeros(1)))
+        self._anything_moves = bool(self._moving or self._still_as_seen is None or scene._velocities.any())
         self._kept: _Kept | None = None
 
     @contextmanager
@@ -72,6 +73,15 @@ class Places:
             yield
         finally:
             self._kept = None
+
+    def place_ahead(self, sets: Sequence[Matrix]) -> None:
+        """Place what moves at all sets of times that will be asked for, which takes hardly longer than one of them."""
+        if self._kept is None or not self._anything_moves:
+            return
+        ends = np.cumsum([len(times) for times in sets])[:-1]
+        parts = (np.split(values, ends) for values in self._place(np.concatenate(sets)))
+        for times, sensor, poses, points in zip(sets, *parts, strict=True):
+            self._kept.placed[times.tobytes()] = sensor, check.frozen(poses), check.frozen(points)
 
     def at(self, times: Matrix, deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` (n,) [s], and the vertices of some bodies."""

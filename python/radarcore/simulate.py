@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check, library
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
-from radarcore.follow import Course, receive, synthesise, warn_beyond_range
+from radarcore.follow import Course, first_times, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.places import Placement, Places
 from radarcore.radar import Radar
@@ -273,6 +273,7 @@ class Simulator:
             return self._frame(start)
 
     def _frame(self, start: float) -> Frame:
+        self._places.place_ahead([np.array([start + self._middle]), *first_times(self.radar.waveform, start)])
         rays = self._cast_rays(start + self._middle)
         scatterers, bounces = self._scatterers(rays), self._bounces(rays, start + self._middle)
         synthesis = synthesise(
