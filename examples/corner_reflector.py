@@ -26,7 +26,6 @@ simulator = rc.Simulator(
     rc.Scene([corner, plate]),
     radar,
     radar_motion=rc.Pose([0.0, 0.0, 1.0]),
-    resolution=256,
     field_of_view_deg=(24.0, 8.0),
     max_bounces=3,
 )

@@ -20,7 +20,6 @@ simulator = rc.Simulator(
     rc.Scene([part, table]),
     radar,
     radar_motion=rc.Pose.look_at([0.0, 0.0, 0.6], [0.8, 0.0, 0.25]),
-    resolution=(96, 128),
 )
 
 if __name__ == "__main__":

@@ -26,7 +26,6 @@ simulator = rc.Simulator(
     rc.Scene([cylinder, *moving.bodies(name="arm")]),
     radar,
     radar_motion=rc.Attached(moving.link_motion("tool0"), mounting),
-    resolution=96,
 )
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ simulator = rc.Simulator(
     rc.Scene(person.bodies(name="person")),
     radar,
     radar_motion=rc.Pose([0.0, 0.0, 1.0]),
-    resolution=256,
     field_of_view_deg=(60.0, 60.0),
 )
 

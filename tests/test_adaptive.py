@@ -19,7 +19,9 @@ def simulator(bodies: list[rc.Body], **options: Any) -> rc.Simulator:
     """One chirp over the band, isotropic antennas at one place, 1 W."""
     waveform = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
     radar = rc.Radar(waveform, pattern=options.pop("pattern", None))
-    return rc.Simulator(rc.Scene(bodies), radar, **{"sampling": "adaptive", "tolerance": 1e-9, **options})
+    return rc.Simulator(
+        rc.Scene(bodies), radar, **{"sampling": "adaptive", "ray_budget": np.inf, "tolerance": 1e-9, **options}
+    )
 
 
 def spectrum(sim: rc.Simulator) -> NDArray[np.complex128]:

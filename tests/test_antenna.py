@@ -42,7 +42,9 @@ def spheres() -> rc.Scene:
 
 def simulator(scene: rc.Scene | None = None, **radar: Any) -> rc.Simulator:
     sensor = rc.Radar(WAVEFORM, **({"tx": TX, "rx": RX} | radar))
-    return rc.Simulator(scene or spheres(), sensor, resolution=96, tolerance=1e-9, method="direct")
+    return rc.Simulator(
+        scene or spheres(), sensor, sampling="footprint", resolution=96, tolerance=1e-9, method="direct"
+    )
 
 
 def one_way_db(pattern: Any, azimuth_deg: float, elevation_deg: float) -> float:

@@ -35,7 +35,7 @@ def simulator(mesh: rc.Mesh, pose: rc.Pose, frequency: float = 60e9, **options: 
     return rc.Simulator(
         rc.Scene([rc.Body(mesh, material=material, motion=pose)]),
         rc.Radar(wf, tx=options.pop("tx", TX), rx=options.pop("rx", RX)),
-        **{"resolution": 512, "tolerance": 1e-9, **options},
+        **{"sampling": "footprint", "resolution": 512, "tolerance": 1e-9, **options},
     )
 
 

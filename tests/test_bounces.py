@@ -32,7 +32,7 @@ def body(mesh: rc.Mesh, position: Any, *, rpy: Any = (0.0, 0.0, 0.0), material: 
 
 def simulator(bodies: list[rc.Body], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:
     settings: dict[str, Any] = {"resolution": 256, "max_bounces": 3, "tolerance": 1e-9} | options
-    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(tone()), **settings)
+    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(tone()), **{"sampling": "footprint", **settings})
 
 
 def transfer_function(sim: rc.Simulator) -> complex:
@@ -60,7 +60,11 @@ def reflector_db(
 def bounce_paths(sim: rc.Simulator, time: float = 0.0) -> rc.Paths:
     """Those of several reflections alone."""
     single = rc.Simulator(
-        sim.scene, sim.radar, resolution=sim.resolution, field_of_view_deg=sim.field_of_view_deg
+        sim.scene,
+        sim.radar,
+        sampling=sim.sampling,
+        resolution=sim.resolution,
+        field_of_view_deg=sim.field_of_view_deg,
     ).paths(time)
     paths, first = sim.paths(time), single.delay.shape[1]
     np.testing.assert_array_equal(paths.delay[:, :first], single.delay)
@@ -478,7 +482,7 @@ def test_beyond_the_near_field_they_may_do_so_whichever_way_a_corner_is_turned(
 
 
 def test_one_reflection_is_what_it_was_and_a_ball_alone_has_no_more() -> None:
-    default = rc.Simulator(rc.Scene(room()), rc.Radar(tone()), resolution=64, tolerance=1e-9)
+    default = rc.Simulator(rc.Scene(room()), rc.Radar(tone()), sampling="footprint", resolution=64, tolerance=1e-9)
     single = simulator(room(), resolution=64, max_bounces=1)
     np.testing.assert_array_equal(default.frame().cube, single.frame().cube)
     assert single.frame().stats["bounce_paths"] == 0
@@ -573,9 +577,13 @@ def test_recordings_and_other_radars_keep_the_settings() -> None:
 def test_adaptive_sampling_has_the_same_paths_of_several_reflections() -> None:
     target = body(rc.shapes.dihedral(0.1), [2.0, 0.0, 0.0])
     options: dict[str, Any] = {"field_of_view_deg": (5.0, 5.0), "max_bounces": 2}
-    pixels = rc.Simulator(rc.Scene([target]), rc.Radar(tone()), **options).paths()
+    pixels = rc.Simulator(rc.Scene([target]), rc.Radar(tone()), sampling="footprint", **options).paths()
     cells = rc.Simulator(rc.Scene([target]), rc.Radar(tone()), sampling="adaptive", **options).paths()
-    number = rc.Simulator(rc.Scene([target]), rc.Radar(tone()), **options).frame().stats["bounce_paths"]
+    number = (
+        rc.Simulator(rc.Scene([target]), rc.Radar(tone()), sampling="footprint", **options)
+        .frame()
+        .stats["bounce_paths"]
+    )
     assert number > 1000
     np.testing.assert_array_equal(cells.delay[:, -number:], pixels.delay[:, -number:])
     np.testing.assert_array_equal(cells.amplitude[:, -number:], pixels.amplitude[:, -number:])

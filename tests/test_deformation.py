@@ -39,7 +39,9 @@ def waveform(**changes: Any) -> rc.Waveform:
 
 def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:
     settings: dict[str, Any] = {"resolution": 48, "field_of_view_deg": (40.0, 40.0), "tolerance": 1e-9} | options
-    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **settings)
+    return rc.Simulator(
+        rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **{"sampling": "footprint", **settings}
+    )
 
 
 def instant() -> rc.Radar:

@@ -79,7 +79,7 @@ def test_human_stands_upright_on_the_floor() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--resolution", "0"], "resolution: expected at least 1, got 0"),
+        (["--ray-budget", "0"], "ray_budget: expected at least 1, got 0"),
         (["--duration", "-1"], "duration: expected a positive number [s], got -1.0"),
         (["--duration", "nan"], "duration: expected a finite number [s], got nan"),
         (["-o", "/dev/null/demo"], "/dev/null/demo"),
@@ -107,6 +107,6 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pyte
         return original(self, time)
 
     monkeypatch.setattr(rc.Simulator, "frame", interrupted)
-    assert cli.main(["demo", "--no-robots", "--resolution", "32", "-o", str(tmp_path)]) == 130
+    assert cli.main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
     with pytest.warns(UserWarning, match="2 of 200 planned frames"):
         assert len(rc.Recording.load(tmp_path / "recording")) == 2

@@ -47,7 +47,7 @@ def curved_bodies() -> list[rc.Body]:
 
 def simulator(bodies: list[Any], **options: Any) -> rc.Simulator:
     settings: dict[str, Any] = {"resolution": PIXELS, "field_of_view_deg": VIEW} | options
-    return rc.Simulator(rc.Scene(bodies), RADAR, **settings)
+    return rc.Simulator(rc.Scene(bodies), RADAR, **{"sampling": "footprint", **settings})
 
 
 def frame_of(distance: Any, reflectance: Any = 1.0, radar: rc.Radar = RADAR, **options: Any) -> rc.Frame:
@@ -384,7 +384,11 @@ def test_millimetres_are_warned_of_whatever_the_shape(name: str) -> None:
     waveform = rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=32)
     radar = rc.Radar(waveform)
     simulator = rc.Simulator(
-        rc.Scene(bodies), radar, radar_motion=rc.Pose([0.0, 0.0, 1.0 if name == "person" else 0.0]), resolution=128
+        rc.Scene(bodies),
+        radar,
+        radar_motion=rc.Pose([0.0, 0.0, 1.0 if name == "person" else 0.0]),
+        sampling="footprint",
+        resolution=128,
     )
     image = simulator.depth_image()
     planar = image.distance * image.directions[..., 0]

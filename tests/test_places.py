@@ -341,7 +341,7 @@ def test_nearest_point_is_the_first_ray_of_the_shortest_distance() -> None:
     # Seen from the axis, four pixels about the middle of the plate are equally near; the upper left one comes first.
     plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([2.0, 0.0, 0.0]))
     behind = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([-2.0, 0.0, 0.0]))
-    truth = simulator([behind, plate, plate]).frame().truth
+    truth = simulator([behind, plate, plate], sampling="footprint").frame().truth
     assert truth is not None
     assert np.isnan(truth.range[[0, 2]]).all()  # out of sight, and in the same place as what is seen
     half_pixel = np.tan(np.deg2rad(40.0)) / 48.0

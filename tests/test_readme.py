@@ -40,7 +40,7 @@ def test_readme_scene_file_and_its_commands_run(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     text = README.read_text(encoding="utf-8")
     (scene,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
-    Path("scene.toml").write_text(scene.replace("stop = 0.5", "stop = 0.05\nresolution = 32"), encoding="utf-8")
+    Path("scene.toml").write_text(scene.replace("stop = 0.5", "stop = 0.05\nray_budget = 10_000"), encoding="utf-8")
     Path("part.obj").write_text((README.parent / "examples" / "wedge.obj").read_text())
     (commands,) = re.findall(r"```sh\n(radarcore .*?)```", text, flags=re.DOTALL)
     for line in commands.splitlines():

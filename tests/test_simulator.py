@@ -36,7 +36,9 @@ def waveform(**changes: Any) -> rc.Waveform:
 
 def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:
     settings: dict[str, Any] = {"resolution": 32, "field_of_view_deg": (40.0, 40.0)} | options
-    return rc.Simulator(rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **settings)
+    return rc.Simulator(
+        rc.Scene(bodies), radar or rc.Radar(waveform(), tx=TX, rx=RX), **{"sampling": "footprint", **settings}
+    )
 
 
 def instant() -> rc.Radar:

@@ -30,7 +30,7 @@ def ten_bodies(velocity: float = 1.0) -> rc.Scene:
 
 
 def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
-    return rc.Simulator(scene or ten_bodies(), RADAR, **{"resolution": 128, **options})
+    return rc.Simulator(scene or ten_bodies(), RADAR, **{"sampling": "footprint", "resolution": 128, **options})
 
 
 def whole(sim: rc.Simulator) -> rc.Simulator:
@@ -134,7 +134,9 @@ def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> 
     wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
 
     def frame(gain_floor_db: float) -> rc.Frame:
-        return rc.Simulator(wall, radar, resolution=128, gain_floor_db=gain_floor_db, method="direct").frame()
+        return rc.Simulator(
+            wall, radar, sampling="footprint", resolution=128, gain_floor_db=gain_floor_db, method="direct"
+        ).frame()
 
     all_of_it, most = frame(np.inf), frame(80.0)
     assert all_of_it.stats["tiles_skipped"] < most.stats["tiles_skipped"]
@@ -161,7 +163,9 @@ def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> 
     for distance in (0.1, 0.3, 2.0):
         wall = rc.Body(rc.shapes.plate(8.0, 8.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([distance, 0, 0]))
         whole, most = (
-            rc.Simulator(rc.Scene([wall]), radar, resolution=128, gain_floor_db=floor, method="direct")
+            rc.Simulator(
+                rc.Scene([wall]), radar, sampling="footprint", resolution=128, gain_floor_db=floor, method="direct"
+            )
             for floor in (np.inf, 80.0)
         )
         expected, frame = whole.frame(), most.frame()
@@ -182,7 +186,7 @@ def test_tiles_outside_of_a_table_are_not_cast() -> None:
     radar = rc.Radar(RADAR.waveform, pattern=table)
     wall = rc.Scene([rc.Body(rc.shapes.plate(8.0, 8.0), motion=rc.Pose([2.0, 0.0, 0.0]))])
     some, whole = (
-        rc.Simulator(wall, radar, resolution=128, gain_floor_db=floor, method="direct").frame()
+        rc.Simulator(wall, radar, sampling="footprint", resolution=128, gain_floor_db=floor, method="direct").frame()
         for floor in (80.0, np.inf)
     )
     np.testing.assert_array_equal(some.cube, whole.cube)
@@ -197,7 +201,7 @@ def test_tiles_are_taken_over_behind_a_beam_too() -> None:
     radar = rc.Radar(RADAR.waveform, tx=[[0.0, 0.05, 0.0]], rx=[[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]], pattern=beam)
     ball = rc.Linear(rc.Pose([2.5, 0.3, 0.0]), velocity=[-2.0, 0.0, 0.0])
     scene = rc.Scene([*ten_bodies(0.0).bodies, rc.Body(rc.shapes.sphere(0.1), motion=ball)])
-    sim, fresh = (rc.Simulator(scene, radar, resolution=128) for _ in range(2))
+    sim, fresh = (rc.Simulator(scene, radar, sampling="footprint", resolution=128) for _ in range(2))
     fresh._reuses_tiles = False
     reused = []
     for time in np.arange(0.0, 1.15, 0.05):

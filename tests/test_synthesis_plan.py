@@ -255,13 +255,21 @@ def room() -> rc.Scene:
 def frame(method: str, tolerance: float = 1e-4, scene: rc.Scene | None = None, **options: Any) -> rc.Frame:
     radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]], **options)
     return rc.Simulator(
-        scene or room(), radar, resolution=48, field_of_view_deg=(50.0, 50.0), tolerance=tolerance, method=method
+        scene or room(),
+        radar,
+        sampling="footprint",
+        resolution=48,
+        field_of_view_deg=(50.0, 50.0),
+        tolerance=tolerance,
+        method=method,
     ).frame(0.1)
 
 
 def amplitudes_norm(scene: rc.Scene | None = None) -> np.ndarray[Any, Any]:
     radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]])
-    simulator = rc.Simulator(scene or room(), radar, resolution=48, field_of_view_deg=(50.0, 50.0))
+    simulator = rc.Simulator(
+        scene or room(), radar, sampling="footprint", resolution=48, field_of_view_deg=(50.0, 50.0)
+    )
     return np.linalg.norm(simulator.paths(0.1).amplitude, axis=1)
 
 

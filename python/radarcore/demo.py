@@ -131,7 +131,7 @@ def run(
     directory: Path,
     *,
     duration: float | None = None,
-    resolution: int | None = None,
+    ray_budget: int | None = None,
     with_robots: bool | None = None,
     say: Callable[[str], None] = print,
 ) -> dict[str, Any]:
@@ -143,16 +143,16 @@ def run(
         Where scene file, recording and picture go.
     duration : float, optional
         Length of the recording [s]; default: that of the scene file.
-    resolution : int, optional
-        Rays across the image; default: those of the scene file.
+    ray_budget : int, optional
+        Most rays of a frame; default: that of `Simulator`.
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """
     plot.require()
     if duration is not None:
         check.positive("duration", duration, "s")
-    if resolution is not None:
-        check.count("resolution", resolution)
+    if ray_budget is not None:
+        check.count("ray_budget", ray_budget)
     if with_robots is None:
         with_robots = robots.is_available()
     directory.mkdir(parents=True, exist_ok=True)
@@ -162,8 +162,8 @@ def run(
     changes: dict[str, Any] = {}
     if duration is not None:
         changes["stop"] = simulation.run.start + duration
-    if resolution is not None:
-        changes["resolution"] = (round(0.7 * resolution), resolution)
+    if ray_budget is not None:
+        changes["ray_budget"] = ray_budget
     simulation = replace(simulation, run=simulation.run.model_copy(update=changes))
     settings, waveform = simulation.run, simulation.radar.waveform
 

@@ -199,7 +199,9 @@ def frame_from_depth(
         threads=num_threads,
     )
     course = motion.course(scatterers, image, at, num_threads)
-    synthesis = synthesise([course], radar, start, tolerance=tolerance, method=method, threads=num_threads)
+    synthesis = synthesise(
+        [course], radar.waveform, radar.num_channels, start, tolerance=tolerance, method=method, threads=num_threads
+    )
     cube = receive(synthesis.cube, radar, start, seed=seed, tolerance=tolerance)
     synthesis.nodes.warn_beyond(tolerance, stacklevel=2)
     warn_beyond_range(synthesis.farthest, radar, stacklevel=2)

@@ -134,11 +134,17 @@ class Synthesis:
 
 
 def synthesise(
-    courses: Sequence[Course], radar: Radar, start: float, *, tolerance: float, method: str, threads: int | None
+    courses: Sequence[Course],
+    waveform: Waveform,
+    num_channels: int,
+    start: float,
+    *,
+    tolerance: float,
+    method: str,
+    threads: int | None,
 ) -> Synthesis:
     """Ideal beat signal of a frame that begins at `start` [s]."""
-    waveform = radar.waveform
-    cube = np.zeros((radar.num_channels, waveform.num_chirps, waveform.num_samples), sample_dtype(tolerance))
+    cube = np.zeros((num_channels, waveform.num_chirps, waveform.num_samples), sample_dtype(tolerance))
     worst, farthest = Nodes(np.array([start])), 0.0
     plans: list[str] = []
     rows = rows_skipped = num_still = 0
@@ -146,14 +152,16 @@ def synthesise(
         if course.num_paths == 0:
             continue
         nodes = follow_nodes(course, waveform, start, tolerance)
-        for samples, longest, report in _sum_pieces(course, nodes.times, radar, tolerance, method, threads):
+        for samples, longest, report in _sum_pieces(
+            course, nodes.times, waveform, num_channels, tolerance, method, threads
+        ):
             if course.order > 0:
                 samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
             cube = samples if not plans else cube + samples
             farthest = max(farthest, longest)
             rows += report.rows
             rows_skipped += report.rows_skipped
-            num_still += sum(part[1] for part in report.parts() if part[0] == "still") // radar.num_channels
+            num_still += sum(part[1] for part in report.parts() if part[0] == "still") // num_channels
             plans.append(f"delays at {len(nodes.times)} time{'s' * (len(nodes.times) > 1)}; {report}")
         if nodes.residual >= worst.residual:
             worst = nodes
@@ -176,13 +184,18 @@ def _over_frequency(waveform: Waveform, order: int) -> NDArray[np.float64]:
 
 
 def _sum_pieces(
-    course: Course, times: NDArray[np.float64], radar: Radar, tolerance: float, method: str, threads: int | None
+    course: Course,
+    times: NDArray[np.float64],
+    waveform: Waveform,
+    num_channels: int,
+    tolerance: float,
+    method: str,
+    threads: int | None,
 ) -> Iterator[tuple[NDArray[Any], float, _core.Report]]:
     """Samples of some paths after others, taken at the Chebyshev `times` of a frame, and the longest of them [m].
 
     Piece by piece: bounded memory, and Ctrl-C is heard between pieces.
     """
-    waveform, num_channels = radar.waveform, radar.num_channels
     size = max(1, _PIECE_NUMBERS // (num_channels * len(times)))
     if method == "direct":
         cube_size = num_channels * waveform.num_chirps * waveform.num_samples

@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check, library
+from radarcore import _core, check, library, retrace
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
-from radarcore.follow import Course, first_times, receive, synthesise, warn_beyond_range
+from radarcore.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.places import Placement, Places
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
+from radarcore.waveform import Waveform
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""
@@ -30,6 +31,12 @@ SAMPLINGS = ("adaptive", "footprint", "point")
 
 _CELLS_PER_DEGREE = 64.0 / 60.0
 """Of the base grid of adaptive sampling."""
+
+_RAY_BUDGET = 40_000
+"""Rays through cells of adaptive sampling, unless something else is asked for."""
+
+_RAYS_PER_CELL = 4
+"""Of the base grid, at least: all of its cells can be split once."""
 
 _NO_CELL = 2**32 - 1
 """Cell of material points that belong to none: those of diffuse surfaces."""
@@ -67,6 +74,16 @@ class Paths:
     order: NDArray[np.uint8]
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Chirps of a frame whose rays were cast at one time [s]."""
+
+    synthesis: Synthesis
+    rays: _core.Hits | _core.Samples
+    time: float
+    stats: dict[str, Any]
+
+
 class Simulator:
     """Simulates what a radar receives from a scene.
 
@@ -81,11 +98,11 @@ class Simulator:
         pixels, and 64 cells per 60 degrees.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle that is simulated [degrees], each below 180.
-    sampling : "footprint", "adaptive" or "point"
-        Footprint: the phase varies over the patch behind a pixel, which converges as pixels get smaller. Adaptive:
-        cells of the image plane are split where what is seen through them matters and is not yet known, and diffuse
-        surfaces are points that stay on them. Point: one phasor per pixel as in Stetco et al., ICRA 2020, for
-        comparison; it does not converge.
+    sampling : "adaptive", "footprint" or "point"
+        Adaptive: cells of the image plane are split where what is seen through them matters and is not yet known, and
+        diffuse surfaces are points that stay on them. Footprint: the pixels of an image, with a phase that varies over
+        the patch behind each, which converges as pixels get smaller. Point: one phasor per pixel as in Stetco et al.,
+        ICRA 2020, for comparison; it does not converge.
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
         the samples are in double precision.
@@ -96,7 +113,8 @@ class Simulator:
         40 dB below the echo of such a target at the peak of the gain and the same distance, or they have been halved
         six times.
     ray_budget : int, optional
-        Most rays through cells of adaptive sampling; the cells that leave the most open are split first. Rays to the
+        Most rays through cells of adaptive sampling; the cells that leave the most open are split first. Infinite: as
+        many as `rcs_floor` asks for. Default: 40 000, or four per cell of the base grid where that is more. Rays to the
         points of diffuse surfaces, at most 131 072 per body, come on top.
     end_points : bool
         With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
@@ -104,6 +122,10 @@ class Simulator:
     gain_floor_db : float
         Directions in which the gain of every pair of antennas, there and back, is this far below their peaks [dB] are
         not cast for frames and paths; infinite: none is left out. Depth images are always whole.
+    retrace_deg : float
+        Largest angle [degrees] by which a body may turn, as the sensor sees it, from the time when the rays of a frame
+        are cast: where one turns by more, parts of the frame have casts of their own. Infinite: one cast per frame.
+        Bodies that deform count as they turn and move as a whole.
     seed : int
         Changes speckle and noise, nothing else.
     threads : int, optional
@@ -118,15 +140,16 @@ class Simulator:
         radar_motion: AnyMotion | None = None,
         resolution: int | tuple[int, int] | None = None,
         field_of_view_deg: tuple[float, float] = (60.0, 60.0),
-        sampling: str = "footprint",
+        sampling: str = "adaptive",
         tolerance: float = 1e-4,
         method: str = "auto",
         rcs_floor: float = 1e-5,
-        ray_budget: int | None = None,
+        ray_budget: float | None = None,
         end_points: bool = True,
         gain_floor_db: float = 80.0,
         max_bounces: int = 1,
         bounce_floor_db: float = 80.0,
+        retrace_deg: float = 5.0,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
@@ -148,6 +171,7 @@ class Simulator:
         self.gain_floor_db = _floor("gain_floor_db", gain_floor_db)
         self.max_bounces = check_max_bounces(max_bounces)
         self.bounce_floor_db = _floor("bounce_floor_db", bounce_floor_db)
+        self.retrace_deg = np.inf if retrace_deg == np.inf else check.positive("retrace_deg", retrace_deg, "degrees")
         self._previous_image: _core.Hits | None = None
         self._previous_rays: _core.Hits | _core.Samples | None = None
         self._previous_tubes: _core.Hits | None = None
@@ -167,16 +191,26 @@ class Simulator:
     def radar_motion(self, motion: AnyMotion) -> None:
         self._places = Places(self.scene, as_motion("radar_motion", motion), self.radar.array_center)
 
-    def _ray_budget(self, value: int) -> int:
+    def _ray_budget(self, value: float) -> float:
         """Enough for the base grid."""
+        if value == np.inf:
+            return np.inf
         (rows, columns), budget = self._num_cells, check.count("ray_budget", value)
         if budget < rows * columns:
             raise ValueError(
                 f"ray_budget: expected at least the {rows} x {columns} rays of the base grid, got {budget}"
             )
         if budget >= 2**32:
-            raise ValueError(f"ray_budget: expected less than 2**32, got {budget}")
+            raise ValueError(f"ray_budget: expected less than 2**32, or inf, got {budget}")
         return budget
+
+    @property
+    def _most_rays(self) -> int | None:
+        """Through cells; none: as many as the floor asks for."""
+        if self.ray_budget is None:
+            rows, columns = self._num_cells
+            return max(_RAY_BUDGET, _RAYS_PER_CELL * rows * columns)
+        return None if self.ray_budget == np.inf else int(self.ray_budget)
 
     def with_radar(self, radar: Radar) -> Simulator:
         """The same with another radar in the place of this one's."""
@@ -195,6 +229,7 @@ class Simulator:
             gain_floor_db=self.gain_floor_db,
             max_bounces=self.max_bounces,
             bounce_floor_db=self.bounce_floor_db,
+            retrace_deg=self.retrace_deg,
             seed=self.seed,
             threads=self.threads,
         )
@@ -232,12 +267,13 @@ class Simulator:
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
 
-        The rays are cast at the middle of the frame; the points they hit are taken back to `time` with their bodies, or
-        with their facets where bodies deform.
+        The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
+        are taken back to `time` with their bodies, or with their facets where bodies deform.
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        rays = self._cast_rays(start + self._middle)
+        cast_time = start + _middle_of(retrace.waveform_of(self.radar.waveform, self._blocks(start)[0]))
+        rays = self._cast_rays(cast_time)
         scatterers = self._scatterers(rays)
         deforming = scatterers.deforming()
         place = self._place(np.array([start]), deforming)
@@ -256,7 +292,7 @@ class Simulator:
         orders = np.concatenate([scatterers.order(), np.zeros(len(self.scene._rcs), np.uint8)])
         channels = (len(delay_rate), 1)
         paths = Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), np.tile(orders, channels))
-        bounces = self._bounces(rays, start + self._middle)
+        bounces = self._bounces(rays, cast_time)
         return paths if bounces is None else _joined(paths, self._bounce_paths(bounces, start))
 
     def frame(self, time: float = 0.0) -> Frame:
@@ -264,8 +300,8 @@ class Simulator:
 
         The rays are cast once, at the middle of the frame. What they hit moves with its body, or with its facet where
         the body deforms, and delay and amplitude follow the exact geometry through the frame; which surfaces are seen
-        does not change within it.
-        `Frame.truth` holds for the middle of the frame.
+        does not change within it. Where a body turns by more than `retrace_deg` to either side, that holds for parts of
+        the frame. `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
@@ -274,23 +310,53 @@ class Simulator:
 
     def _frame(self, start: float) -> Frame:
         self._places.place_ahead([np.array([start + self._middle]), *first_times(self.radar.waveform, start)])
-        rays = self._cast_rays(start + self._middle)
-        scatterers, bounces = self._scatterers(rays), self._bounces(rays, start + self._middle)
+        blocks = self._blocks(start)
+        parts = [self._part(start, chirps) for chirps in blocks]
+        middle = parts[len(parts) // 2]
+        ideal = (
+            np.concatenate([part.synthesis.cube for part in parts], axis=1) if len(parts) > 1 else middle.synthesis.cube
+        )
+        cube = receive(ideal, self.radar, start, seed=self.seed, tolerance=self.tolerance)
+        if not self._has_warned_of_series:
+            worst = max((part.synthesis.nodes for part in parts), key=lambda nodes: nodes.residual)
+            self._has_warned_of_series = worst.warn_beyond(self.tolerance, stacklevel=3)
+        if not self._has_warned_of_range:
+            farthest = max(part.synthesis.farthest for part in parts)
+            self._has_warned_of_range = warn_beyond_range(farthest, self.radar, stacklevel=3)
+        stats = {"casts": len(parts), **_summed([{**part.stats, **part.synthesis.stats} for part in parts])}
+        truth = self._truth(middle.rays, middle.rays.body().ravel(), middle.time)
+        return Frame(cube, start, self.radar, truth, stats)
+
+    def _blocks(self, start: float) -> list[slice]:
+        """Chirps whose rays are cast together, in the frame that begins at `start` [s]."""
+        waveform = self.radar.waveform
+        is_still = self.scene.is_static and is_static(self.radar_motion)
+        if is_still or self.retrace_deg == np.inf or not self.scene._meshed:
+            return [slice(0, waveform.num_chirps)]
+        time = start + self._middle
+        place, rates = self._place(np.array([time])), self._places.rates_at(time)
+        fastest = retrace.turn_rates(place.poses[0], rates.poses[0], self._corners).max()
+        return retrace.blocks(waveform, float(fastest), np.deg2rad(self.retrace_deg))
+
+    def _part(self, start: float, chirps: slice) -> _Part:
+        """Some chirps of the frame that begins at `start` [s]."""
+        waveform = retrace.waveform_of(self.radar.waveform, chirps)
+        first = start if waveform is self.radar.waveform else start + float(self.radar.waveform.chirp_times[chirps][0])
+        time = first + _middle_of(waveform)
+        if waveform is not self.radar.waveform:
+            self._places.place_ahead([np.array([time]), *first_times(waveform, first)])
+        rays = self._cast_rays(time)
+        scatterers, bounces = self._scatterers(rays), self._bounces(rays, time)
         synthesis = synthesise(
             self._courses(scatterers) + ([] if bounces is None else self._bounce_courses(bounces)),
-            self.radar,
-            start,
+            waveform,
+            self.radar.num_channels,
+            first,
             tolerance=self.tolerance,
             method=self.method,
             threads=self.threads,
         )
-        cube = receive(synthesis.cube, self.radar, start, seed=self.seed, tolerance=self.tolerance)
-        if not self._has_warned_of_series:
-            self._has_warned_of_series = synthesis.nodes.warn_beyond(self.tolerance, stacklevel=3)
-        if not self._has_warned_of_range:
-            self._has_warned_of_range = warn_beyond_range(synthesis.farthest, self.radar, stacklevel=3)
-        body = rays.body().ravel()
-        num_hit = int(np.count_nonzero(body >= 0))
+        num_hit = int(np.count_nonzero(rays.body() >= 0))
         rays_cast, tiles_skipped, tiles_reused, *cells = rays.counts
         bounce_paths, bounce_rays, bounces_stopped = (0, 0, 0) if bounces is None else (len(bounces), *bounces.counts)
         stats = {
@@ -304,10 +370,8 @@ class Simulator:
             "bounce_paths": bounce_paths,
             "bounce_rays": bounce_rays,
             "bounces_stopped": bounces_stopped,
-            **synthesis.stats,
         }
-        truth = self._truth(rays, body, start + self._middle)
-        return Frame(cube, start, self.radar, truth, stats)
+        return _Part(synthesis, rays, time, stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -355,8 +419,7 @@ class Simulator:
     @property
     def _middle(self) -> float:
         """From the start of a frame to the middle of its chirps [s]."""
-        waveform = self.radar.waveform
-        return 0.5 * (float(waveform.chirp_times[0]) + waveform.duration)
+        return _middle_of(self.radar.waveform)
 
     def _place(self, times: NDArray[np.float64], deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` [s], in sensor axes about the centre of the array, and some bodies' vertices."""
@@ -416,7 +479,7 @@ class Simulator:
                 **self._grid(self._num_cells),
                 antennas=self.radar._core,
                 rcs_floor=self.rcs_floor,
-                budget=self.ray_budget,
+                budget=self._most_rays,
                 end_points=self.end_points,
                 seed=self.seed,
                 previous=previous,
@@ -445,6 +508,10 @@ class Simulator:
             _reflectance=self._reflectance,
             _threads=self.threads,
         )
+
+    @cached_property
+    def _corners(self) -> NDArray[np.float64]:
+        return retrace.corners(self.scene)
 
     @cached_property
     def _materials(self) -> list[_core.Material]:
@@ -555,7 +622,7 @@ class Simulator:
             step=part.step,
             threads=self.threads,
         )
-        if not np.isfinite(amplitude).all():
+        if not np.isfinite(amplitude.sum()):
             raise ValueError("scene: expected nothing at the place of an antenna, got a path of length zero")
         return delay, amplitude
 
@@ -587,7 +654,7 @@ class Simulator:
         ]
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name != "_materials"}
+        kept = {name: value for name, value in self.__dict__.items() if name not in ("_materials", "_corners")}
         return {**kept, "_previous_image": None, "_previous_rays": None, "_previous_tubes": None}
 
     def _truth(self, rays: _core.Hits | _core.Samples, body: NDArray[np.int32], time: float) -> Truth:
@@ -642,7 +709,7 @@ class Simulator:
             "field_of_view_deg": list(self.field_of_view_deg),
             "sampling": self.sampling,
             **(
-                {"rcs_floor": self.rcs_floor, "ray_budget": self.ray_budget, "end_points": self.end_points}
+                {"rcs_floor": self.rcs_floor, "ray_budget": self._most_rays, "end_points": self.end_points}
                 if self.sampling == "adaptive"
                 else {}
             ),
@@ -650,8 +717,26 @@ class Simulator:
             "gain_floor_db": self.gain_floor_db if np.isfinite(self.gain_floor_db) else None,
             "max_bounces": self.max_bounces,
             "bounce_floor_db": self.bounce_floor_db if np.isfinite(self.bounce_floor_db) else None,
+            "retrace_deg": self.retrace_deg if np.isfinite(self.retrace_deg) else None,
             "seed": self.seed,
         }
+
+
+def _middle_of(waveform: Waveform) -> float:
+    """From the start of a frame to the middle of its chirps [s]."""
+    return 0.5 * (float(waveform.chirp_times[0]) + waveform.duration)
+
+
+def _summed(stats: list[dict[str, Any]]) -> dict[str, Any]:
+    """Of all parts of a frame: the largest numbers of times and errors, all plans, and the sums of what is counted."""
+    summed = dict(stats[0])
+    for other in stats[1:]:
+        for name, value in other.items():
+            if name in ("delay_nodes", "series_residual"):
+                summed[name] = max(summed[name], value)
+            else:
+                summed[name] = f"{summed[name]}\n{value}" if name == "plan" else summed[name] + value
+    return summed
 
 
 def _num_cells_of(scatterers: _core.Scatterers) -> int:

@@ -60,6 +60,7 @@ class Simulation:
             gain_floor_db=run.gain_floor_db,
             max_bounces=run.max_bounces,
             bounce_floor_db=run.bounce_floor_db,
+            retrace_deg=run.retrace_deg,
             seed=run.seed,
             threads=threads,
         )

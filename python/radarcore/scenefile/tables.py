@@ -312,14 +312,15 @@ class RunTable(Table):
         None, "", "rays across and down, or rows and columns; default: 256, and 64 per 60 degrees for adaptive sampling"
     )
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
-    sampling: Literal["adaptive", "footprint", "point"] = _key("footprint", "", "where rays go and what they stand for")
+    sampling: Literal["adaptive", "footprint", "point"] = _key("adaptive", "", "where rays go and what they stand for")
     rcs_floor: float = _key(1e-5, "m^2", "smallest cross-section of interest, for adaptive sampling")
-    ray_budget: int | None = _key(None, "", "most rays of adaptive sampling; default: as many as rcs_floor asks for")
+    ray_budget: int | None = _key(None, "", "most rays of adaptive sampling; default: 40 000, or four per cell")
     end_points: bool = _key(True, "", "adaptive sampling: cells where the phase turns fast stand for their ends")
     tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
     max_bounces: int = _key(1, "", "most reflections of a path")
     bounce_floor_db: float = _key(80.0, "dB", "rays do not go on where surfaces have left so little of their power")
+    retrace_deg: float = _key(5.0, "degrees", "rays are cast again within a frame in which bodies turn by more")
     seed: int = _key(0, "", "of noise and speckle")
 
 
