@@ -1,0 +1,135 @@
+"""Corner reflectors in frames: paths of two and three reflections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import radarcore as rc
+from proof.measure import SPEED_OF_LIGHT, Run, conductor, decibels, simulator, tone
+
+FREQUENCY = 60e9
+WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
+LEG = 0.1
+"""Of all corners [m]."""
+
+FAR = 100.0
+"""A distance [m] at which the spheres of waves are flat over the corner to a tenth of a radian."""
+
+ON_PAPER = {
+    "dihedral": 8.0 * np.pi * LEG**4 / WAVELENGTH**2,
+    "triangular trihedral": 4.0 * np.pi * LEG**4 / (3.0 * WAVELENGTH**2),
+    "square trihedral": 12.0 * np.pi * LEG**4 / WAVELENGTH**2,
+}
+"""Far-field cross-sections [m²]."""
+
+NEAR_DB = {0.5: -16.4, 1.0: -1.8, 2.0: -0.05}
+"""Apparent cross-section of the triangular trihedral at a distance [m] of its apex, over that far away: numerical
+integration of physical optics, to the digits given."""
+
+SAMPLINGS = ("point", "footprint", "adaptive")
+
+
+@dataclass(frozen=True)
+class Corner:
+    """What was measured of one, by one sampling; cross-sections in dBsm, the phase re that on paper [rad]."""
+
+    name: str
+    distance: float
+    polarization: str | None
+    sampling: str
+    side: int
+    rays: int
+    level: float
+    on_paper: float
+    phase: float | None
+
+
+def corner_results(run: Run) -> Iterator[Corner]:
+    meshes = {
+        "dihedral": rc.shapes.dihedral(LEG),
+        "triangular trihedral": rc.shapes.trihedral(LEG),
+        "square trihedral": rc.shapes.trihedral(LEG, shape="square"),
+    }
+    for name, mesh in meshes.items():
+        on_paper = 10.0 * np.log10(ON_PAPER[name])
+        for polarization in (None, "vertical", "horizontal"):
+            for sampling in SAMPLINGS:
+                yield corner(run, name, mesh, FAR, polarization, sampling, on_paper)
+    for distance, difference in NEAR_DB.items():
+        for sampling in SAMPLINGS:
+            name = "triangular trihedral"
+            on_paper = 10.0 * np.log10(ON_PAPER[name]) + difference
+            yield corner(run, name, meshes[name], distance, None, sampling, on_paper)
+
+
+def corner(
+    run: Run, name: str, mesh: rc.Mesh, distance: float, polarization: str | None, sampling: str, on_paper: float
+) -> Corner:
+    """One corner, in an image a little wider than it."""
+    h, rays = echo_of(run, mesh, distance, polarization=polarization, sampling=sampling)
+    section = 4.0 * np.pi * (abs(h) * distance**2 * 4.0 * np.pi / WAVELENGTH) ** 2
+    # A plate at the apex returns -j exp(-2jkR) times a positive number. Three mirrors at right angles turn the field
+    # round once more, E -> 2 n (n.E) - E three times being +E; without a polarisation three changes of sign leave -1.
+    # Which sign a dihedral has depends on the polarisation. Near the radar the sphere of the wave counts.
+    phase = None
+    if distance == FAR:
+        turns = h * np.exp(2j * np.pi * FREQUENCY * 2.0 * distance / SPEED_OF_LIGHT) / -1j
+        if name == "dihedral":
+            phase = float(np.angle(turns**2) / 2.0)
+        else:
+            phase = float(np.angle(turns if polarization is None else -turns))
+    level = float(10.0 * np.log10(section))
+    return Corner(name, distance, polarization, sampling, run.corner_side, rays, level, float(on_paper), phase)
+
+
+def echo_of(run: Run, mesh: rc.Mesh, distance: float, **options: Any) -> tuple[complex, int]:
+    """H at one frequency of a corner whose apex is straight ahead, and the rays that it took."""
+    polarization, roll = options.pop("polarization", None), options.pop("roll", 0.0)
+    target = conductor(mesh, distance)
+    if roll:
+        pose = rc.Pose.from_rpy([distance, 0.0, 0.0], [roll, 0.0, 0.0])
+        target = rc.Body(mesh, material=target.material, motion=pose)
+    angle = 2.2 * np.rad2deg(np.arctan2(0.095, distance - LEG))
+    sim = simulator(
+        target,
+        rc.Radar(tone(FREQUENCY), polarization=polarization),
+        resolution=run.corner_side,
+        field_of_view_deg=(angle, angle),
+        max_bounces=3,
+        **options,
+    )
+    frame = sim.frame()
+    rays = frame.stats["rays_cast"] + frame.stats["bounce_rays"]
+    return complex(np.conj(frame.cube[0, 0, 0])), rays
+
+
+def corner_rows(results: list[Corner]) -> Iterator[list[str]]:
+    for c in results:
+        yield [
+            c.name,
+            f"{c.distance:g}",
+            c.polarization or "none",
+            c.sampling,
+            str(c.rays),
+            f"{c.level:.2f}",
+            f"{c.on_paper:.2f}",
+            f"{c.level - c.on_paper:+.2f}",
+            "" if c.phase is None else f"{c.phase:+.3f}",
+        ]
+
+
+def null_db(run: Run) -> float:
+    """What a dihedral returns that is turned by 45 degrees about the boresight, over what it returns upright [dB].
+
+    It turns vertical polarisation into horizontal: on paper nothing comes back to an antenna of the same.
+    """
+    mesh = rc.shapes.dihedral(LEG)
+    upright, turned = (
+        echo_of(run, mesh, FAR, polarization="vertical", sampling="footprint", roll=roll)[0]
+        for roll in (0.0, np.pi / 4)
+    )
+    return float(decibels(turned / upright))

@@ -1,0 +1,316 @@
+"""Range profiles of real meshes, an arm, a human and both in a room, against a dense integration of the same meshes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import radarcore as rc
+from proof.closed_forms import sphere_echo
+from proof.dense import dense
+from proof.measure import (
+    SPEED_OF_LIGHT,
+    Phasors,
+    Reals,
+    Run,
+    budget_options,
+    conductor,
+    decibels,
+    floor_text,
+    frame,
+    frequencies,
+    rms,
+    sweep,
+)
+from radarcore.models import robots
+from radarcore.models.arm import RobotArm
+from radarcore.models.human import Human
+
+INSTALL_HINT = "the extra `robots` is not installed, real meshes are left out: pip install radarcore[robots]"
+
+WAVEFORM = sweep(512)
+"""13.7 MHz between samples: ranges up to 11 m are told apart."""
+
+RADAR = rc.Radar(WAVEFORM)
+INDOOR_RADAR = rc.Radar(WAVEFORM, pattern=rc.GaussianPattern(0.0, 30.0, 30.0))
+"""Whose beam fades towards the border of the image, where walls end that do not end in truth."""
+
+OVERSAMPLING = 4
+"""Points of a range profile per range bin."""
+
+PEAKS_DB = 30.0
+"""Peaks within this of the strongest are compared."""
+
+EMPTY_DB = 40.0
+"""Ranges where the profile is this far below its strongest peak are empty: the error there is the floor."""
+
+POSTURES_DEG = (
+    (0.0, -100.0, 80.0, -70.0, -90.0, 0.0),
+    (40.0, -60.0, 70.0, -100.0, -60.0, 30.0),
+    (150.0, -120.0, -80.0, 20.0, 70.0, 0.0),
+    (-80.0, -80.0, 110.0, -120.0, -90.0, 45.0),
+)
+"""Joint angles of the arm."""
+
+HEADINGS_DEG = (0.0, 40.0, 90.0, 180.0)
+"""Of the human; at 0 he faces the radar."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A scene before the radar."""
+
+    group: str
+    scene: rc.Scene
+    radar: rc.Radar
+    radar_motion: rc.Pose
+    background: tuple[int, ...] = ()
+
+
+def views(run: Run) -> Iterator[View]:
+    if not robots.is_available():
+        return
+    for posture in POSTURES_DEG[: run.aspects]:
+        yield View("arm at 1.2 m", rc.Scene(arm(posture, [1.25, 0.0, -0.55])), RADAR, rc.Pose())
+    for heading in HEADINGS_DEG[: run.aspects]:
+        yield View("human at 2.5 m", rc.Scene(human(heading, [2.5, 0.0])), RADAR, rc.Pose([0.0, 0.0, 0.9]))
+    for number, yaw in list(enumerate(np.deg2rad([8.0, -5.0])))[: run.rooms]:
+        walls = rc.Body(
+            rc.shapes.box([5.2, 4.4, 2.6]), material=rc.Material(-0.25), motion=rc.Pose([1.6, 0.1, 1.3]), name="walls"
+        )
+        bodies = [
+            walls,
+            *arm(POSTURES_DEG[3 * number], [1.25, 0.25, 0.4]),
+            *human(HEADINGS_DEG[number], [2.5, -0.5]),
+        ]
+        motion = rc.Pose.from_rpy([0.0, 0.0, 1.0], [0.0, 0.0, yaw])
+        yield View("room with both", rc.Scene(bodies), INDOOR_RADAR, motion, background=(0,))
+
+
+@cache
+def arm_of_meshes() -> RobotArm:
+    return RobotArm.ur10_meshes()
+
+
+def arm(posture_deg: Iterable[float], base: list[float]) -> list[rc.Body]:
+    joint_angles = np.deg2rad(list(posture_deg))
+    return arm_of_meshes().moving(joint_angles, rc.Pose(base)).bodies(material=rc.materials["perfect_conductor"])
+
+
+@cache
+def human_of_meshes() -> list[rc.Body]:
+    """At the origin, facing +x."""
+    return Human(speed=0.0, path=[[0.0, 0.0], [1.0, 0.0]]).mesh_bodies(material=rc.materials["perfect_conductor"])
+
+
+def human(heading_deg: float, place: list[float]) -> list[rc.Body]:
+    floor = rc.Pose.from_rpy([*place, 0.0], [0.0, 0.0, np.pi + np.deg2rad(heading_deg)])
+    return [
+        rc.Body(body.mesh, material=body.material, motion=floor @ body.motion, name=body.name)
+        for body in human_of_meshes()
+    ]
+
+
+# Errors of profiles.
+
+
+def profile(transfer_function: Phasors) -> Phasors:
+    """Range profile with a Hann window, (range,); see `ranges`."""
+    windowed = transfer_function * np.hanning(len(transfer_function))
+    transformed: Phasors = np.fft.ifft(windowed, OVERSAMPLING * len(transfer_function))
+    return transformed
+
+
+def ranges() -> Reals:
+    step = WAVEFORM.slope / WAVEFORM.sample_rate
+    num_bins = OVERSAMPLING * WAVEFORM.num_samples
+    bins: Reals = SPEED_OF_LIGHT / (2.0 * step * num_bins) * np.arange(num_bins)
+    return bins
+
+
+def below(decibels_down: float) -> float:
+    return float(10.0 ** (-0.05 * decibels_down))
+
+
+@dataclass(frozen=True)
+class ProfileErrors:
+    """Of a range profile against a reference."""
+
+    strongest: float
+    """Of the level of the strongest peak [dB]."""
+    peaks: float
+    """Of the levels of all peaks within `PEAKS_DB` of it, rms [dB]."""
+    relative: float
+    """L2 norm of the complex difference over that of the reference."""
+    floor: float
+    """Rms difference where the reference is more than `EMPTY_DB` below the strongest peak, over that peak [dB]."""
+
+
+def profile_errors(got: Phasors, expected: Phasors, nearest: float, farthest: float) -> ProfileErrors:
+    """From transfer functions; floors between the nearest and the farthest surface [m]."""
+    mine, theirs = profile(got), profile(expected)
+    size = np.abs(theirs)
+    is_high, is_empty = size > below(PEAKS_DB) * size.max(), size < below(EMPTY_DB) * size.max()
+    is_peak = is_high & (size > np.roll(size, 1)) & (size >= np.roll(size, -1))
+    is_empty &= (ranges() > nearest) & (ranges() < farthest)
+    levels = decibels(np.abs(mine) / size)
+    difference = np.abs(mine - theirs)
+    return ProfileErrors(
+        strongest=float(levels[size.argmax()]),
+        peaks=rms(levels[is_peak]),
+        relative=float(np.linalg.norm(difference) / np.linalg.norm(size)),
+        floor=float(decibels(rms(difference[is_empty]) / size.max())) if is_empty.any() else -np.inf,
+    )
+
+
+# Ways to sample a scene.
+
+
+@dataclass(frozen=True)
+class Way:
+    """A sampling and its setting: `number` is pixels along a side, rays, or a floor [m²]."""
+
+    sampling: str
+    knob: str
+    number: float
+    end_points: bool = True
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Of a simulator."""
+        if self.knob == "pixels":
+            return {"sampling": self.sampling, "resolution": int(self.number)}
+        if self.knob == "floor":
+            return {"sampling": self.sampling, "rcs_floor": self.number}
+        return {"sampling": self.sampling, "end_points": self.end_points, **budget_options(int(self.number))}
+
+    @property
+    def name(self) -> str:
+        """Of the sampling, in tables."""
+        return self.sampling if self.end_points else f"{self.sampling}, centres"
+
+    @property
+    def text(self) -> str:
+        """Of the setting, in tables."""
+        return floor_text(self.number) if self.knob == "floor" else f"{int(self.number)} {self.knob}"
+
+
+def ways(run: Run) -> list[Way]:
+    return [
+        *(Way("point", "pixels", side) for side in run.mesh_resolutions),
+        *(Way("footprint", "pixels", side) for side in run.mesh_resolutions),
+        *(Way("adaptive", "floor", rcs_floor) for rcs_floor in run.mesh_floors),
+        *(Way("adaptive", "rays", budget) for budget in run.mesh_budgets),
+        *(Way("adaptive", "rays", budget, end_points=False) for budget in run.mesh_budgets),
+    ]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What a way gave and took."""
+
+    way: Way
+    rays: int
+    seconds: float
+    errors: ProfileErrors
+
+
+def sampled(
+    scene: rc.Scene, radar: rc.Radar, motion: rc.Pose, way: Way, expected: Phasors, span: tuple[float, float]
+) -> Sampled:
+    """One frame with nothing known from frames before."""
+    sim = rc.Simulator(scene, radar, radar_motion=motion, tolerance=1e-6, **way.options)
+    start = time.perf_counter()
+    got = frame(sim)
+    seconds = time.perf_counter() - start
+    errors = profile_errors(np.conj(got.cube[0, 0]), expected, *span)
+    return Sampled(way, got.stats["rays_cast"], seconds, errors)
+
+
+@dataclass(frozen=True)
+class ViewResult:
+    """All ways for one view."""
+
+    group: str
+    sampled: list[Sampled]
+    own_error: float
+    """Half the relative difference of the profiles from two halves of the images of the dense integration."""
+    num_rays: int
+
+
+def mesh_results(run: Run) -> Iterator[ViewResult]:
+    for view in views(run):
+        reference = dense(
+            view.scene,
+            view.radar,
+            view.radar_motion,
+            pitch=run.pitch,
+            shifts=run.shifts,
+            background=view.background,
+        )
+        span = reference.nearest, reference.farthest
+        expected = reference.transfer_function
+        own_error = 0.5 * profile_errors(*reference.halves, *span).relative
+        results = [
+            sampled(view.scene, view.radar, view.radar_motion, way, expected, span)
+            for way in ways(run)
+            # A room is large: down to the lowest floors it takes millions of rays.
+            if way.knob != "floor" or not view.background or way.number >= 1e-3
+        ]
+        yield ViewResult(view.group, results, own_error, reference.num_rays)
+
+
+@dataclass(frozen=True)
+class SphereCheck:
+    """The dense integration of spheres against their closed form."""
+
+    num_triangles: int
+    error: float
+    """Relative l2 error of the range profile."""
+    own_error: float
+    """As that of `ViewResult`."""
+
+
+def sphere_checks(run: Run) -> Iterator[SphereCheck]:
+    """As it comes, 20 480 triangles, and with four times as many."""
+    wavenumbers = 2.0 * np.pi * frequencies(WAVEFORM) / SPEED_OF_LIGHT
+    expected = sphere_echo(0.1, 1.0, wavenumbers)
+    for mesh in (rc.shapes.sphere(0.1), rc.shapes.sphere(0.1, subdivisions=6)):
+        got = dense(rc.Scene([conductor(mesh, 1.0)]), RADAR, rc.Pose(), pitch=run.pitch, shifts=run.shifts)
+        span = got.nearest, got.farthest
+        yield SphereCheck(
+            len(mesh.triangles),
+            profile_errors(got.transfer_function, expected, *span).relative,
+            0.5 * profile_errors(*got.halves, *span).relative,
+        )
+
+
+# Tables.
+
+
+def mesh_rows(results: list[ViewResult]) -> Iterator[list[str]]:
+    """Worst and median over the views of a group."""
+    for group in dict.fromkeys(result.group for result in results):
+        of_group = [result for result in results if result.group == group]
+        for rows in zip(*(result.sampled for result in of_group), strict=True):
+            errors = [row.errors for row in rows]
+            yield [
+                group,
+                rows[0].way.name,
+                rows[0].way.text,
+                str(round(np.mean([row.rays for row in rows]))),
+                f"{1e3 * np.median([row.seconds for row in rows]):.0f}",
+                worst_and_median([abs(e.strongest) for e in errors], 2),
+                worst_and_median([e.peaks for e in errors], 2),
+                worst_and_median([100.0 * e.relative for e in errors], 1),
+                worst_and_median([e.floor for e in errors], 0),
+            ]
+
+
+def worst_and_median(values: list[float], digits: int) -> str:
+    return f"{max(values):.{digits}f} ({np.median(values):.{digits}f})"
