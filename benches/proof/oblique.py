@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +51,16 @@ def ways(run: Run) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
         for side in run.resolutions:
             yield sampling, str(side), side, {"sampling": sampling, "resolution": side}
     for rcs_floor in run.floors:
-        yield "adaptive", floor_text(rcs_floor), num_cells(60.0), {"sampling": "adaptive", "rcs_floor": rcs_floor}
+        yield (
+            "adaptive",
+            floor_text(rcs_floor),
+            num_cells(60.0),
+            {
+                "sampling": "adaptive",
+                "rcs_floor": rcs_floor,
+                "ray_budget": math.inf,
+            },
+        )
 
 
 def oblique_results(run: Run) -> Iterator[Quiet]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -186,7 +187,7 @@ class Way:
         if self.knob == "pixels":
             return {"sampling": self.sampling, "resolution": int(self.number)}
         if self.knob == "floor":
-            return {"sampling": self.sampling, "rcs_floor": self.number}
+            return {"sampling": self.sampling, "rcs_floor": self.number, "ray_budget": math.inf}
         return {"sampling": self.sampling, "end_points": self.end_points, **budget_options(int(self.number))}
 
     @property

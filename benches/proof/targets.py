@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -137,7 +138,11 @@ def mirror_results(run: Run) -> Iterator[list[Measured]]:
         ]
         # Turned by parts of a cell, a target in the narrowest image would leave it.
         cells = max(num_cells(case.field_of_view_deg), 6)
-        ways += [("adaptive", floor_text(x), cells, {"rcs_floor": x}) for x in run.floors if not is_point]
+        ways += [
+            ("adaptive", floor_text(x), cells, {"rcs_floor": x, "ray_budget": math.inf})
+            for x in run.floors
+            if not is_point
+        ]
         yield [measured(case, run, *way, run.repeats) for way in ways]
 
 
@@ -215,7 +220,9 @@ def matt_results(run: Run) -> Iterator[MattPower]:
         ways: list[tuple[str, dict[str, Any]]] = [
             (str(side), {"sampling": "footprint", "resolution": side}) for side in run.resolutions
         ]
-        ways += [(floor_text(x), {"sampling": "adaptive", "rcs_floor": x}) for x in run.floors[:2]]
+        ways += [
+            (floor_text(x), {"sampling": "adaptive", "rcs_floor": x, "ray_budget": math.inf}) for x in run.floors[:2]
+        ]
         for setting, options in ways:
             paths = simulator(target, **view, **options).paths()
             powers = [

@@ -120,7 +120,7 @@ class Synthesis:
     ----------
     cube : (channel, chirp, sample) complex
     farthest : float
-        Half the length of the longest path that carries power [m].
+        Half the length of the longest path that carries power [m], of those of order 0.
     nodes : Nodes
         Of the course whose series is the worst.
     stats : dict
@@ -158,7 +158,7 @@ def synthesise(
             if course.order > 0:
                 samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
             cube = samples if not plans else cube + samples
-            farthest = max(farthest, longest)
+            farthest = max(farthest, longest) if course.order == 0 else farthest
             rows += report.rows
             rows_skipped += report.rows_skipped
             num_still += sum(part[1] for part in report.parts() if part[0] == "still") // num_channels

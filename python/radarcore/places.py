@@ -31,9 +31,10 @@ class Placement:
 
 @dataclass(frozen=True)
 class _Kept:
-    """What has been placed: sensor in the world, poses and points by times, vertices by times and body."""
+    """What has been placed: sensor, poses and points by times, rates by time, vertices by times and body."""
 
     placed: dict[bytes, tuple[Matrix, Matrix, Matrix]] = field(default_factory=dict)
+    rates: dict[float, tuple[Matrix, Matrix]] = field(default_factory=dict)
     vertices: dict[tuple[bytes, int], Matrix] = field(default_factory=dict)
 
 
@@ -96,8 +97,16 @@ class Places:
 
     def rates_at(self, time: float, deforming: Iterable[int] = ()) -> Placement:
         """Time derivatives of all that at one time: poses (1, body, 3, 4), points (1, point, 3) and vertices [m/s]."""
+        kept = self._kept or _Kept()
+        if time not in kept.rates:
+            kept.rates[time] = self._rates(kept, time)
+        poses, points = kept.rates[time]
+        return Placement(poses, points, [self.scene._vertex_rates(body, time)[None] for body in deforming])
+
+    def _rates(self, kept: _Kept, time: float) -> tuple[Matrix, Matrix]:
+        """Of poses and points."""
         scene = self.scene
-        sensor, poses, points = self._placed(self._kept or _Kept(), np.array([time]))
+        sensor, poses, points = self._placed(kept, np.array([time]))
         sensor_rate = self.sensor_motion.rate_at(time)[None]
         rates = np.zeros_like(poses)
         for body, motion in zip(self._moving, self._motions, strict=True):
@@ -107,11 +116,8 @@ class Places:
         poses[..., 3] += self.center
         turning = np.swapaxes(sensor_rate[..., :3], 1, 2) @ sensor[..., :3]
         drift = (scene._velocities - sensor_rate[:, None, :, 3]) @ sensor[..., :3]
-        return Placement(
-            relative_rates(poses, rates, sensor, sensor_rate),
-            drift + (points + self.center) @ np.swapaxes(turning, 1, 2),
-            [scene._vertex_rates(body, time)[None] for body in deforming],
-        )
+        seen = relative_rates(poses, rates, sensor, sensor_rate)
+        return check.frozen(seen), check.frozen(drift + (points + self.center) @ np.swapaxes(turning, 1, 2))
 
     def _placed(self, kept: _Kept, times: Matrix) -> tuple[Matrix, Matrix, Matrix]:
         """The sensor in the world, poses and points, new ones into what is kept."""

@@ -81,6 +81,8 @@ class _Part:
     synthesis: Synthesis
     rays: _core.Hits | _core.Samples
     time: float
+    farthest: float
+    """Of what sends something back [m]."""
     stats: dict[str, Any]
 
 
@@ -149,7 +151,7 @@ class Simulator:
         gain_floor_db: float = 80.0,
         max_bounces: int = 1,
         bounce_floor_db: float = 80.0,
-        retrace_deg: float = 5.0,
+        retrace_deg: float = 10.0,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
@@ -321,7 +323,7 @@ class Simulator:
             worst = max((part.synthesis.nodes for part in parts), key=lambda nodes: nodes.residual)
             self._has_warned_of_series = worst.warn_beyond(self.tolerance, stacklevel=3)
         if not self._has_warned_of_range:
-            farthest = max(part.synthesis.farthest for part in parts)
+            farthest = max(part.farthest for part in parts)
             self._has_warned_of_range = warn_beyond_range(farthest, self.radar, stacklevel=3)
         stats = {"casts": len(parts), **_summed([{**part.stats, **part.synthesis.stats} for part in parts])}
         truth = self._truth(middle.rays, middle.rays.body().ravel(), middle.time)
@@ -371,7 +373,10 @@ class Simulator:
             "bounce_rays": bounce_rays,
             "bounces_stopped": bounces_stopped,
         }
-        return _Part(synthesis, rays, time, stats)
+        # Ends of cells may lie beyond the surfaces that these show.
+        shown = scatterers.cell()[scatterers.order() > 0]
+        farthest = max(synthesis.farthest, float(rays.distance().ravel()[shown].max(initial=0.0)))
+        return _Part(synthesis, rays, time, farthest, stats)
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""

@@ -320,7 +320,7 @@ class RunTable(Table):
     gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
     max_bounces: int = _key(1, "", "most reflections of a path")
     bounce_floor_db: float = _key(80.0, "dB", "rays do not go on where surfaces have left so little of their power")
-    retrace_deg: float = _key(5.0, "degrees", "rays are cast again within a frame in which bodies turn by more")
+    retrace_deg: float = _key(10.0, "degrees", "rays are cast again within a frame in which bodies turn by more")
     seed: int = _key(0, "", "of noise and speckle")
 
 

@@ -86,7 +86,7 @@ class VirtualBoard:
             found[str(self._measures.failure)] = f"the client's settings give no frames: {self._measures.failure}"
         if isinstance(self._measures, Chip) and self._measures.slowest < 0.95:
             pace = f"{self._measures.slowest:.2g} x the speed that was asked for"
-            found["slow"] = f"the scene takes long to simulate and runs at {pace}; a lower run.resolution helps"
+            found["slow"] = f"the scene takes long to simulate and runs at {pace}; a lower run.ray_budget helps"
         news = [line for what, line in found.items() if what not in self._told]
         self._told.update(found)
         return news
