@@ -138,7 +138,7 @@ def main() -> None:
     num_frames = 1 if options.tiny else 60
     bodies, sensors, triangles = scene()
     radar = rc.bgt60tr13c(
-        start_frequency=60e9, stop_frequency=61.5e9, num_samples=128, num_chirps=64, chirp_interval=300e-6
+        start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=64, chirp_interval=300e-6
     )
     columns: list[tuple[str, dict[str, float], dict[str, float]]] = []
     for name, motion in sensors.items():
