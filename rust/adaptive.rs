@@ -4,6 +4,7 @@
 //! (README eq. (2) and its footprint). A cell is compared with its neighbours: where they differ by more than that allows, and
 //! the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are one batch of rays.
 
+use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
@@ -83,6 +84,10 @@ pub struct Quadtree {
     parts: Vec<u32>,
     /// The node of every four parts.
     wholes: Vec<u32>,
+    /// What rays have hit whose cells were taken back.
+    spare: HashMap<Place, Found>,
+    /// Cells whose rays were cast, these included.
+    num_cast: usize,
     /// What was done for them.
     pub counts: Counts,
     /// Cells that were not split, though they could have been: nothing was to be gained.
@@ -140,7 +145,7 @@ struct Ends {
 }
 
 /// Where a cell is on the grid of its level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Place {
     level: u8,
     row: u32,
@@ -197,6 +202,15 @@ struct Look {
 }
 
 impl Place {
+    /// The four parts, in Morton's order.
+    fn parts(self) -> [Self; 4] {
+        [0, 1, 2, 3].map(|part| Self {
+            level: self.level + 1,
+            row: 2 * self.row + part / 2,
+            column: 2 * self.column + part % 2,
+        })
+    }
+
     /// Near for cells that are near, of whatever level: Morton's order of their first finest cells.
     fn order(&self) -> u64 {
         let finer = MAX_LEVEL as u8 - self.level;
@@ -256,6 +270,8 @@ impl Quadtree {
             nodes: Vec::new(),
             parts: Vec::new(),
             wholes: Vec::new(),
+            spare: HashMap::new(),
+            num_cast: 0,
             counts: Counts::default(),
             num_coarse: 0,
             allowed: 1.0,
@@ -286,29 +302,32 @@ impl Quadtree {
         tree.measure(&all);
         tree.raise_coarse(&all);
         tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
-        let (mut step, mut left) = (FIRST_STEP, rule.budget.unwrap_or(usize::MAX));
+        let (mut step, most) = (FIRST_STEP, rule.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
             let before = tree.allowed;
             tree.allowed = (before / step).max(1.0);
             let open: Vec<f64> = tree.nodes.iter().map(|node| node.open).collect();
-            if !tree.refine(left, add)? {
-                left -= tree.nodes.len() - open.len();
+            if !tree.refine(most, add)? {
                 tree.go_back(&open);
                 tree.allowed = before;
                 step = step.sqrt();
             }
         }
+        tree.spare = HashMap::new();
         tree.num_coarse = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node)).count();
         Ok(tree)
     }
 
-    /// Split cells until none leaves more open than is allowed, unless that takes more cells than some number.
+    /// Split cells until none leaves more open than is allowed, unless that takes more rays than some number.
     fn refine(&mut self, most: usize, mut add: impl FnMut(&mut Self, Vec<Place>) -> Result<()>) -> Result<bool> {
-        let all = 0..self.nodes.len() as u32;
-        let mut split: Vec<u32> = all.filter(|node| self.is_open(*node)).collect();
+        let mut split: Vec<u32> = (0..self.nodes.len() as u32).collect();
+        self.raise_coarse(&split);
+        split.retain(|node| self.is_open(*node));
         while !split.is_empty() {
             let first = self.nodes.len();
-            if first.saturating_add(4 * split.len()) > most {
+            let parts = split.iter().flat_map(|node| self.nodes[*node as usize].place.parts());
+            let number = parts.filter(|part| !self.spare.contains_key(part)).count();
+            if self.num_cast.saturating_add(number) > most {
                 return Ok(false);
             }
             let cells = self.split(&mut split);
@@ -330,7 +349,8 @@ impl Quadtree {
     /// Take back the last cells, and how much the others had left open.
     fn go_back(&mut self, open: &[f64]) {
         let number = open.len();
-        self.nodes.truncate(number);
+        self.spare
+            .extend(self.nodes.drain(number..).map(|node| (node.place, node.found)));
         self.wholes.truncate((number - self.roots.len()) / 4);
         self.parts.truncate(number);
         for (node, open) in open.iter().enumerate() {
@@ -423,7 +443,9 @@ impl Quadtree {
             ));
         }
         fits_memory("cells", &[number], 2 * (size_of::<Node>() + size_of::<u32>()))?;
-        let points: Vec<[f64; 2]> = cells
+        let is_new = |place: &&Place| !self.spare.contains_key(*place);
+        let new: Vec<Place> = cells.iter().filter(is_new).copied().collect();
+        let points: Vec<[f64; 2]> = new
             .iter()
             .map(|place| {
                 let Cell { u, v, .. } = cell(&self.planes, place);
@@ -433,14 +455,24 @@ impl Quadtree {
         let known = previous.map(|(tree, moved)| Known {
             moved,
             found: |ray: usize| {
-                let node = tree.find(&cells[ray])?;
-                (tree.nodes[node].place == cells[ray]).then_some(tree.nodes[node].found)
+                let node = tree.find(&new[ray])?;
+                (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = judge
-            .snapshot
-            .cast_batch(&points, &bundles(cells), cast, known.as_ref());
+        let (found, counts) = judge.snapshot.cast_batch(&points, &bundles(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
+        self.num_cast += new.len();
+        let mut found = found.into_iter();
+        let found: Vec<Found> = cells
+            .iter()
+            .map(|place| {
+                self.spare
+                    .get(place)
+                    .copied()
+                    .or_else(|| found.next())
+                    .unwrap_or(Found::NOTHING)
+            })
+            .collect();
         let planes = &self.planes;
         let node = |(place, found): (&Place, Found)| {
             let cell = cell(planes, place);
@@ -467,14 +499,7 @@ impl Quadtree {
             self.wholes.push(*node);
             self.parts[*node as usize] = next;
             next += 4;
-            let place = self.nodes[*node as usize].place;
-            for part in 0..4 {
-                cells.push(Place {
-                    level: place.level + 1,
-                    row: 2 * place.row + part / 2,
-                    column: 2 * place.column + part % 2,
-                });
-            }
+            cells.extend(self.nodes[*node as usize].place.parts());
         }
         cells
     }
@@ -532,7 +557,7 @@ impl Quadtree {
 
     /// How many cells can be split within a budget.
     fn affordable(&self, budget: usize) -> usize {
-        budget.saturating_sub(self.nodes.len()) / 4
+        budget.saturating_sub(self.num_cast) / 4
     }
 
     /// How much a cell leaves open, at most, relative to what it may.
@@ -865,7 +890,9 @@ fn bundles(cells: &[Place]) -> Vec<usize> {
             first = index;
         }
     }
-    ends.push(cells.len());
+    if !cells.is_empty() {
+        ends.push(cells.len());
+    }
     ends
 }
 

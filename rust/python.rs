@@ -790,7 +790,7 @@ impl Scene {
     }
 
     /// Cast rays where they are needed with the bodies at `poses` (body, 3, 4), body to sensor: through a base grid of `rows`
-    /// x `columns` cells, which are split until they leave open less than `rcs_floor` asks for, or `budget` rays are cast.
+    /// x `columns` cells, which are split until they leave open less than `rcs_floor` asks for, as far as `budget` rays go.
     /// `end_points`: cells whose phase turns fast stand for their ends.
     /// What was sampled of the same scene before is taken over where no body has moved. `beam` and `skip_empty` as in `cast`.
     #[pyo3(signature = (

@@ -81,12 +81,12 @@ pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; 
     (cos, sin)
 }
 
-/// The magnitudes of `atan2(y, x)`: angles from 0 to pi, to 3e-16; not where both are zero.
+/// The magnitudes of `atan2(y, x)`: angles from 0 to pi, to 3e-16; 0 where both are zero.
 #[inline(always)]
 pub fn angle<V: Vector<Scalar = f64>>(y: V, x: V) -> V {
     let splat = V::splat;
     let (across, along) = (y.max(splat(0.0).sub(y)), x.max(splat(0.0).sub(x)));
-    let ratio = across.min(along).div(across.max(along));
+    let ratio = across.min(along).div(across.max(along).max(splat(f64::MIN_POSITIVE)));
     // atan(t) = pi/4 + atan((t - 1) / (t + 1))
     let is_large = splat(TAN_EIGHTH).at_most(ratio);
     let turned = ratio.sub(splat(1.0)).div(ratio.add(splat(1.0)));
@@ -97,8 +97,8 @@ pub fn angle<V: Vector<Scalar = f64>>(y: V, x: V) -> V {
         sum = sum.mul_add(square, splat(ATAN[k]));
     }
     let angle = t.mul_add(sum, splat(FRAC_PI_4).select(is_large, splat(0.0)));
-    let angle = splat(FRAC_PI_2).sub(angle).select(along.at_most(across), angle);
-    splat(PI).sub(angle).select(x.at_most(splat(0.0)), angle)
+    let angle = angle.select(across.at_most(along), splat(FRAC_PI_2).sub(angle));
+    angle.select(splat(0.0).at_most(x), splat(PI).sub(angle))
 }
 
 /// exp(x) of numbers that are not positive, to 3e-16; zero below -700.
@@ -187,7 +187,7 @@ mod tests {
             }
             let axes = level.run(Angle(
                 [0.0, 0.0, 1.0, -1.0, 0.0, 1e-300, 0.0, -2.0],
-                [1.0, -1.0, 0.0, 0.0, 1e-300, 1.0, -1e300, -2.0],
+                [1.0, -1.0, 0.0, -0.0, 0.0, 1.0, -1e300, -2.0],
             ));
             let expected = [0.0, PI, FRAC_PI_2, FRAC_PI_2, 0.0, 0.0, PI, 0.75 * PI];
             for lane in 0..8 {

@@ -77,12 +77,13 @@ class Places:
 
     def place_ahead(self, sets: Sequence[Matrix]) -> None:
         """Place what moves at all sets of times that will be asked for, which takes hardly longer than one of them."""
-        if self._kept is None or not self._anything_moves:
+        kept = self._kept
+        if kept is None or not self._anything_moves:
             return
         ends = np.cumsum([len(times) for times in sets])[:-1]
         parts = (np.split(values, ends) for values in self._place(np.concatenate(sets)))
         for times, sensor, poses, points in zip(sets, *parts, strict=True):
-            self._kept.placed[times.tobytes()] = sensor, check.frozen(poses), check.frozen(points)
+            kept.placed[times.tobytes()] = sensor, check.frozen(poses), check.frozen(points)
 
     def at(self, times: Matrix, deforming: Iterable[int] = ()) -> Placement:
         """Bodies and points at `times` (n,) [s], and the vertices of some bodies."""

@@ -20,16 +20,20 @@ def turn_rates(
     ----------
     poses, rates : (body, 3, 4) array
         Maps of body coordinates to those of the sensor [m], and their rates [m/s].
-    corners : (body, corner, 3) array
-        Points of the bodies [m].
+    corners : (body, 8, 3) array
+        Of the boxes round the bodies [m].
 
     Returns
     -------
     rates : (body,) array
-        Of the direction, in the axes of the body, from that corner to the sensor for which it turns fastest [rad/s].
+        Of the direction, in the axes of the body, to the sensor from that corner of its box for which it turns fastest,
+        or from the nearest point of the box where the sensor is outside [rad/s].
     """
     turn, place = poses[..., :3], poses[..., 3]
     sensor = -np.einsum("bij,bi->bj", turn, place)
+    nearest = np.clip(sensor, corners.min(axis=1), corners.max(axis=1))
+    is_outside = (nearest != sensor).any(axis=-1, keepdims=True)
+    corners = np.concatenate([corners, np.where(is_outside, nearest, corners[:, 0])[:, None]], axis=1)
     velocity = -np.einsum("bij,bi->bj", rates[..., :3], place) - np.einsum("bij,bi->bj", turn, rates[..., 3])
     offsets = sensor[:, None] - corners
     distances = np.maximum(np.linalg.norm(offsets, axis=-1), np.finfo(float).tiny)
@@ -52,14 +56,15 @@ def corners(scene: Scene) -> NDArray[np.float64]:
 def blocks(waveform: Waveform, turn_rate: float, most: float) -> list[slice]:
     """Chirps that follow each other, within which nothing turns by more than `most` [rad] from the middle on.
 
-    Their number is odd, so that one of them has the middle of the frame.
+    They are parts of the frame of the same duration, an odd number of them, so that one has its middle; a chirp is not
+    cut.
     """
-    turn = 0.5 * turn_rate * waveform.duration
-    number = min(max(1.0, np.ceil(turn / most)), waveform.num_chirps)
-    odd = int(number) + 1 - int(number) % 2
-    if odd > waveform.num_chirps:
-        odd -= 2
-    ends = np.round(np.linspace(0, waveform.num_chirps, max(1, odd) + 1)).astype(int).tolist()
+    starts = waveform.chirp_times
+    first, last = float(starts[0]), waveform.duration
+    number = int(min(max(1.0, np.ceil(0.5 * turn_rate * (last - first) / most)), 2.0 * waveform.num_chirps))
+    number += 1 - number % 2
+    ends = np.searchsorted(starts, np.linspace(first, last, number + 1)[1:-1] - 1e-9 * (last - first))
+    ends = np.unique([0, *ends, waveform.num_chirps]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 

@@ -111,13 +111,13 @@ class Simulator:
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
     rcs_floor : float
-        Smallest cross-section of interest [m^2]: cells of adaptive sampling are split until what each leaves open is
-        40 dB below the echo of such a target at the peak of the gain and the same distance, or they have been halved
-        six times.
+        Smallest cross-section of interest [m^2]: as far as the budget goes, cells of adaptive sampling are split until
+        what each leaves open is 40 dB below the echo of such a target at the peak of the gain and the same distance, or
+        they have been halved six times.
     ray_budget : int, optional
-        Most rays through cells of adaptive sampling; the cells that leave the most open are split first. Infinite: as
-        many as `rcs_floor` asks for. Default: 40 000, or four per cell of the base grid where that is more. Rays to the
-        points of diffuse surfaces, at most 131 072 per body, come on top.
+        Most rays of a cast through cells of adaptive sampling; what cells may leave open shrinks from step to step, as
+        far as they go. Infinite: as many as `rcs_floor` asks for. Default: 40 000, or four per cell of the base grid
+        where that is more. Rays to the points of diffuse surfaces, at most 131 072 per body, come on top.
     end_points : bool
         With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
         the whole band and which neighbours cancel; otherwise for their centre, tapered as pixels are.
@@ -274,7 +274,7 @@ class Simulator:
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
-        cast_time = start + _middle_of(retrace.waveform_of(self.radar.waveform, self._blocks(start)[0]))
+        _, _, cast_time = self._times_of(start, self._blocks(start)[0])
         rays = self._cast_rays(cast_time)
         scatterers = self._scatterers(rays)
         deforming = scatterers.deforming()
@@ -303,7 +303,7 @@ class Simulator:
         The rays are cast once, at the middle of the frame. What they hit moves with its body, or with its facet where
         the body deforms, and delay and amplitude follow the exact geometry through the frame; which surfaces are seen
         does not change within it. Where a body turns by more than `retrace_deg` to either side, that holds for parts of
-        the frame. `Frame.truth` holds for the middle of the frame.
+        the frame. `Frame.truth` holds for the middle of the frame, or of that part of it.
         """
         start = check.number("time", time, "s")
         self._warn_of_materials(stacklevel=3)
@@ -314,7 +314,7 @@ class Simulator:
         self._places.place_ahead([np.array([start + self._middle]), *first_times(self.radar.waveform, start)])
         blocks = self._blocks(start)
         parts = [self._part(start, chirps) for chirps in blocks]
-        middle = parts[len(parts) // 2]
+        middle = min(parts, key=lambda part: abs(part.time - start - self._middle))
         ideal = (
             np.concatenate([part.synthesis.cube for part in parts], axis=1) if len(parts) > 1 else middle.synthesis.cube
         )
@@ -340,11 +340,15 @@ class Simulator:
         fastest = retrace.turn_rates(place.poses[0], rates.poses[0], self._corners).max()
         return retrace.blocks(waveform, float(fastest), np.deg2rad(self.retrace_deg))
 
-    def _part(self, start: float, chirps: slice) -> _Part:
-        """Some chirps of the frame that begins at `start` [s]."""
+    def _times_of(self, start: float, chirps: slice) -> tuple[Waveform, float, float]:
+        """Some chirps of the frame that begins at `start`; when they begin, and when their rays are cast [s]."""
         waveform = retrace.waveform_of(self.radar.waveform, chirps)
         first = start if waveform is self.radar.waveform else start + float(self.radar.waveform.chirp_times[chirps][0])
-        time = first + _middle_of(waveform)
+        return waveform, first, first + _middle_of(waveform)
+
+    def _part(self, start: float, chirps: slice) -> _Part:
+        """Some chirps of the frame that begins at `start` [s]."""
+        waveform, first, time = self._times_of(start, chirps)
         if waveform is not self.radar.waveform:
             self._places.place_ahead([np.array([time]), *first_times(waveform, first)])
         rays = self._cast_rays(time)

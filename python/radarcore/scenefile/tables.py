@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field
 
 Vector = tuple[float, float, float]
 
@@ -314,7 +314,9 @@ class RunTable(Table):
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
     sampling: Literal["adaptive", "footprint", "point"] = _key("adaptive", "", "where rays go and what they stand for")
     rcs_floor: float = _key(1e-5, "m^2", "smallest cross-section of interest, for adaptive sampling")
-    ray_budget: int | None = _key(None, "", "most rays of adaptive sampling; default: 40 000, or four per cell")
+    ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
+        None, "", "most rays of a cast with adaptive sampling, inf: no limit; default: 40 000, or four per cell"
+    )
     end_points: bool = _key(True, "", "adaptive sampling: cells where the phase turns fast stand for their ends")
     tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
