@@ -51,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="simulate the experiment and compare it with its truth")
     demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), help="directory (default: %(default)s)")
     demo.add_argument("--duration", type=float, metavar="S", help="seconds (default: 5)")
-    demo.add_argument("--ray-budget", type=int, metavar="N", help="most rays of a frame (default: 40000)")
+    demo.add_argument("--ray-budget", type=int, metavar="N", help="most rays of a cast (default: 40000)")
     demo.add_argument(
         "--robots",
         action=argparse.BooleanOptionalAction,

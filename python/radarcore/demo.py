@@ -144,7 +144,7 @@ def run(
     duration : float, optional
         Length of the recording [s]; default: that of the scene file.
     ray_budget : int, optional
-        Most rays of a frame; default: that of `Simulator`.
+        Most rays of a cast; default: that of `Simulator`.
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """
