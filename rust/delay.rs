@@ -26,7 +26,7 @@ pub struct PathSeries<'a> {
     pub basis: Basis,
     /// One row `(num_channels, num_paths)` per term [s].
     pub delay: &'a [&'a [f64]],
-    /// One row `(num_channels, num_paths)`: constant; or as many as there are Chebyshev delays.
+    /// One row `(num_channels, num_paths)`: constant; or values at their own Chebyshev times together with such delays.
     pub amplitude: &'a [&'a [Complex64]],
     /// Number of channels.
     pub num_channels: usize,
@@ -63,11 +63,12 @@ impl PathSeries<'_> {
             let expected = format!("1 to {max_terms} {terms}");
             return Err(Error::value("delay", expected, self.delay.len()));
         }
-        let follows = self.basis == Basis::Chebyshev && self.amplitude.len() == self.delay.len();
-        if self.amplitude.len() != 1 && !follows {
-            let expected = "one amplitude per path, or one per node together with delays at the same nodes";
-            let got = format!("{} terms", self.amplitude.len());
-            return Err(Error::value("amplitude", expected, got));
+        let (most, expected) = match self.basis {
+            Basis::Taylor => (1, "one amplitude per path".to_owned()),
+            Basis::Chebyshev => (MAX_NODES, format!("1 to {MAX_NODES} nodes")),
+        };
+        if self.amplitude.is_empty() || self.amplitude.len() > most {
+            return Err(Error::value("amplitude", expected, self.amplitude.len()));
         }
         Ok(())
     }

@@ -93,7 +93,8 @@ impl Records {
     fn still_and_moving(waveform: &Waveform, series: &PathSeries, channel: usize) -> [Self; 2] {
         let at = |path: usize| channel * series.num_paths + path;
         let (num_delays, num_amplitudes) = (series.num_delay_terms(), series.num_amplitude_terms());
-        let matrix = (series.basis == Basis::Chebyshev).then(|| chebyshev_matrix(num_delays));
+        let is_nodal = series.basis == Basis::Chebyshev;
+        let matrices = is_nodal.then(|| [num_delays, num_amplitudes].map(chebyshev_matrix));
 
         // Terms of every path: given, or from values at the nodes. Differences from the first node are exact enough to
         // keep small terms, and vanish where nothing changes.
@@ -104,21 +105,21 @@ impl Records {
             let amplitudes = &mut amplitude_terms[path * num_amplitudes..][..num_amplitudes];
             let first = (series.delay[0][at(path)], series.amplitude[0][at(path)]);
             amplitudes[0] = first.1.conj();
-            match &matrix {
+            match &matrices {
                 None => (0..num_delays).for_each(|k| delays[k] = series.delay[k][at(path)]),
-                Some(matrix) => {
-                    for (k, row) in matrix.chunks(num_delays).enumerate() {
+                Some([of_delays, of_amplitudes]) => {
+                    for (k, row) in of_delays.chunks(num_delays).enumerate() {
                         delays[k] = (0..num_delays)
                             .map(|j| row[j] * (series.delay[j][at(path)] - first.0))
                             .sum();
-                        if num_amplitudes > 1 {
-                            let change: Complex64 = (0..num_amplitudes)
-                                .map(|j| (series.amplitude[j][at(path)] - first.1).conj() * row[j])
-                                .sum();
-                            amplitudes[k] = if k == 0 { amplitudes[0] + change } else { change };
-                        }
                     }
                     delays[0] += first.0;
+                    for (k, row) in of_amplitudes.chunks(num_amplitudes).enumerate() {
+                        let change: Complex64 = (0..num_amplitudes)
+                            .map(|j| (series.amplitude[j][at(path)] - first.1).conj() * row[j])
+                            .sum();
+                        amplitudes[k] = if k == 0 { amplitudes[0] + change } else { change };
+                    }
                 }
             }
         }

@@ -214,14 +214,16 @@ impl<'py> PathArrays<'py> {
         if is_nodal && shape[0] == 0 {
             return Err(Error::value("delay", "1 to 4096 nodes", 0));
         }
-        let expected = if is_nodal && amplitude.shape().len() < 3 {
-            &shape[1..]
-        } else {
-            &shape[..]
+        let of_amplitudes = amplitude.shape();
+        let expected = if is_nodal { &shape[1..] } else { &shape[..] };
+        let fits = match of_amplitudes {
+            [nodes, rest @ ..] if is_nodal && rest.len() == 2 => *nodes > 0 && rest == expected,
+            _ => of_amplitudes == expected,
         };
-        if amplitude.shape() != expected {
-            let got = format!("{:?}", amplitude.shape());
-            return Err(Error::value("amplitude", format!("shape {expected:?}"), got));
+        if !fits {
+            let nodes = if is_nodal { ", or those with nodes in front" } else { "" };
+            let got = format!("{of_amplitudes:?}");
+            return Err(Error::value("amplitude", format!("shape {expected:?}{nodes}"), got));
         }
         let mut rows = vec![delay];
         for (name, row) in [("delay_rate", &delay_rate), ("delay_acceleration", &delay_acceleration)] {
@@ -1209,8 +1211,11 @@ impl Scatterers {
 
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
     /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-    /// (node, point, 3). `vertices` has those of the bodies of `deforming` (node, vertex, 3).
-    #[pyo3(signature = (poses, points, rcs, *, vertices=None, first=0, last=None, step=1, threads=None))]
+    /// (node, point, 3). `vertices` has those of the bodies of `deforming` (node, vertex, 3). Amplitudes are those at
+    /// `amplitudes_at`, which are such poses, points and vertices at other nodes.
+    #[pyo3(signature = (
+        poses, points, rcs, *, vertices=None, amplitudes_at=None, first=0, last=None, step=1, threads=None
+    ))]
     fn paths<'py>(
         &self,
         py: Python<'py>,
@@ -1218,36 +1223,57 @@ impl Scatterers {
         points: PyReadonlyArray3<'py, f64>,
         rcs: PyReadonlyArray1<'py, f64>,
         vertices: Option<Vec<PyReadonlyArray3<'py, f64>>>,
+        amplitudes_at: Option<PosesPointsVertices<'py>>,
         first: usize,
         last: Option<usize>,
         step: usize,
         threads: Option<usize>,
     ) -> PyResult<DelaysAndAmplitudes<'py>> {
-        let num_nodes = poses.shape()[0];
-        let poses = self::poses(numbers(
-            "poses",
-            &poses,
-            [None, Some(self.num_bodies), Some(3), Some(4)],
-        )?);
         let rcs = numbers("rcs", &rcs, [None])?;
-        let points = self::points(numbers("points", &points, [Some(num_nodes), Some(rcs.len()), Some(3)])?);
+        let bodies = self.scatterers.deforming();
         let vertices = vertices.unwrap_or_default();
-        let vertices = self::vertices("vertices", self.scatterers.deforming(), &vertices, |n| {
-            [Some(num_nodes), Some(n), Some(3)]
-        })?;
-        let places = self.places(num_nodes, &poses, &points, rcs, &vertices);
-        let num_paths = self.scatterers.len() + places.rcs.len();
+        let names = ["poses", "points", "vertices"];
+        let nodes = Nodes::new(
+            names,
+            &poses,
+            Some((&points, rcs.len())),
+            &vertices,
+            self.num_bodies,
+            bodies,
+        )?;
+        let others = match &amplitudes_at {
+            None => None,
+            Some((poses, points, vertices)) => {
+                let points = Some((points, rcs.len()));
+                Some(Nodes::new(
+                    AMPLITUDES_AT,
+                    poses,
+                    points,
+                    vertices,
+                    self.num_bodies,
+                    bodies,
+                )?)
+            }
+        };
+        let places = nodes.places(rcs);
+        let amplitudes_at = others.as_ref().map_or(places, |nodes| nodes.places(rcs));
+        let num_paths = self.scatterers.len() + rcs.len();
         let last = last.unwrap_or(num_paths);
         if step == 0 || last > num_paths {
             let expected = format!("a step of at least 1 and at most {num_paths} paths");
             return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
         }
         let selection = Selection { first, last, step };
-        let paths = compute(py, threads, || self.scatterers.paths(&places, selection))?;
-        let shape = [num_nodes, self.scatterers.num_channels(), selection.len()];
+        let paths = compute(py, threads, || {
+            self.scatterers.paths(&places, &amplitudes_at, selection)
+        })?;
+        let shape = |nodes| [nodes, self.scatterers.num_channels(), selection.len()];
         Ok((
-            paths.delay.into_pyarray(py).reshape(shape)?,
-            paths.amplitude.into_pyarray(py).reshape(shape)?,
+            paths.delay.into_pyarray(py).reshape(shape(places.num_nodes))?,
+            paths
+                .amplitude
+                .into_pyarray(py)
+                .reshape(shape(amplitudes_at.num_nodes))?,
         ))
     }
 
@@ -1300,6 +1326,64 @@ impl Scatterers {
             points,
             rcs,
             vertices,
+        }
+    }
+}
+
+/// Poses (node, body, 3, 4), points (node, point, 3), and vertices (node, vertex, 3) of every body that deforms.
+type PosesPointsVertices<'py> = (
+    PyReadonlyArray4<'py, f64>,
+    PyReadonlyArray3<'py, f64>,
+    Vec<PyReadonlyArray3<'py, f64>>,
+);
+
+/// Names of the parts of an argument.
+const AMPLITUDES_AT: [&str; 3] = ["amplitudes_at[0]", "amplitudes_at[1]", "amplitudes_at[-1]"];
+
+/// Where everything is at some nodes, as the core takes it.
+struct Nodes<'a> {
+    number: usize,
+    num_bodies: usize,
+    poses: Vec<Pose>,
+    points: Vec<DVec3>,
+    vertices: Vec<&'a [[f64; 3]]>,
+}
+
+impl<'a> Nodes<'a> {
+    /// Refuses shapes that do not fit together; `names` are those of the arrays, the points come with their number.
+    fn new(
+        names: [&str; 3],
+        poses: &PyReadonlyArray4<'_, f64>,
+        points: Option<(&PyReadonlyArray3<'_, f64>, usize)>,
+        vertices: &'a [PyReadonlyArray3<'_, f64>],
+        num_bodies: usize,
+        deforming: &[(u32, usize)],
+    ) -> PyResult<Self> {
+        let number = poses.shape()[0];
+        let poses = self::poses(numbers(names[0], poses, [None, Some(num_bodies), Some(3), Some(4)])?);
+        let points = match points {
+            None => Vec::new(),
+            Some((points, num_points)) => {
+                self::points(numbers(names[1], points, [Some(number), Some(num_points), Some(3)])?)
+            }
+        };
+        Ok(Self {
+            number,
+            num_bodies,
+            poses,
+            points,
+            vertices: self::vertices(names[2], deforming, vertices, |n| [Some(number), Some(n), Some(3)])?,
+        })
+    }
+
+    fn places<'b>(&'b self, rcs: &'b [f64]) -> Places<'b> {
+        Places {
+            num_nodes: self.number,
+            num_bodies: self.num_bodies,
+            poses: &self.poses,
+            points: &self.points,
+            rcs,
+            vertices: &self.vertices,
         }
     }
 }

@@ -100,7 +100,7 @@ impl Weight {
     }
 }
 
-/// Delays and amplitudes, `(node, channel, path)`, row-major.
+/// Delays and amplitudes, `(node, channel, path)`, row-major; both may have their own nodes.
 pub struct Paths {
     /// Two-way delay [s].
     pub delay: Vec<f64>,
@@ -109,48 +109,52 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Place for those that are selected.
-    fn zeros(num_nodes: usize, num_channels: usize, selection: Selection) -> Result<Self> {
-        let shape = [num_nodes, num_channels, selection.len()];
-        fits_memory("paths", &shape, size_of::<(f64, Complex64)>())?;
-        let total = shape.iter().product();
+    /// Place for those that are selected, with numbers of nodes for delays and for amplitudes.
+    fn zeros(num_nodes: [usize; 2], num_channels: usize, selection: Selection) -> Result<Self> {
+        let shape = |nodes: usize| [nodes, num_channels, selection.len()];
+        let most = num_nodes[0].max(num_nodes[1]);
+        fits_memory("paths", &shape(most), size_of::<(f64, Complex64)>())?;
+        let [delays, amplitudes] = num_nodes.map(|nodes| shape(nodes).iter().product());
         Ok(Self {
-            delay: vec![0.0; total],
-            amplitude: vec![Complex64::ZERO; total],
+            delay: vec![0.0; delays],
+            amplitude: vec![Complex64::ZERO; amplitudes],
         })
     }
 
     /// Of the selected paths, from delay and amplitude of one of them at a node and by a channel.
     pub fn of(
-        num_nodes: usize,
+        num_nodes: [usize; 2],
         num_channels: usize,
         selection: Selection,
-        path: impl Fn(usize, usize, usize) -> (f64, Complex64) + Sync,
+        delay: impl Fn(usize, usize, usize) -> f64 + Sync,
+        amplitude: impl Fn(usize, usize, usize) -> Complex64 + Sync,
     ) -> Result<Self> {
-        const BLOCK: usize = 512;
-        let num_paths = selection.len();
         let mut paths = Self::zeros(num_nodes, num_channels, selection)?;
-        if paths.delay.is_empty() {
-            return Ok(paths);
-        }
-
-        // Rows (node, channel) in parallel, and blocks of every row.
-        let rows = paths
-            .delay
-            .par_chunks_mut(num_paths)
-            .zip(paths.amplitude.par_chunks_mut(num_paths));
-        rows.enumerate().for_each(|(row, (delay, amplitude))| {
-            let (node, channel) = (row / num_channels, row % num_channels);
-            let blocks = delay.par_chunks_mut(BLOCK).zip(amplitude.par_chunks_mut(BLOCK));
-            blocks.enumerate().for_each(|(block, (delay, amplitude))| {
-                for (i, (delay, amplitude)) in delay.iter_mut().zip(amplitude).enumerate() {
-                    let number = selection.first + (block * BLOCK + i) * selection.step;
-                    (*delay, *amplitude) = path(node, channel, number);
-                }
-            });
-        });
+        fill(&mut paths.delay, num_channels, selection, delay);
+        fill(&mut paths.amplitude, num_channels, selection, amplitude);
         Ok(paths)
     }
+}
+
+/// Numbers `(node, channel, path)` of the selected paths: rows in parallel, and blocks of every row.
+fn fill<T: Send>(
+    numbers: &mut [T],
+    num_channels: usize,
+    selection: Selection,
+    number: impl Fn(usize, usize, usize) -> T + Sync,
+) {
+    const BLOCK: usize = 512;
+    let rows = numbers.par_chunks_mut(selection.len().max(1)).enumerate();
+    rows.for_each(|(row, numbers)| {
+        let (node, channel) = (row / num_channels, row % num_channels);
+        let blocks = numbers.par_chunks_mut(BLOCK).enumerate();
+        blocks.for_each(|(block, numbers)| {
+            for (i, out) in numbers.iter_mut().enumerate() {
+                let path = selection.first + (block * BLOCK + i) * selection.step;
+                *out = number(node, channel, path);
+            }
+        });
+    });
 }
 
 /// Where everything is at a number of times, in the sensor frame.

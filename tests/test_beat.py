@@ -362,7 +362,7 @@ NODAL = np.full((4, 2, 3), 1e-9)
         ({"amplitude": np.ones(4)}, ValueError, r"amplitude: expected shape .*2, 3\).*got \(4,\)"),
         ({"amplitude": np.ones((3, 2))}, ValueError, r"amplitude: expected shape .*2, 3\).*got \(3, 2\)"),
         ({"amplitude": np.ones((4, 2, 3))}, ValueError, r"amplitude: expected shape .*got \(4, 2, 3\)"),
-        ({"delay": NODAL, "amplitude": np.ones((3, 2, 3))}, ValueError, r"amplitude: expected shape \(4, 2, 3\).*got"),
+        ({"delay": NODAL, "amplitude": np.ones((3, 3, 3))}, ValueError, r"amplitude: expected shape \(3, 2, 3\).*got"),
         ({"delay": np.zeros((0, 2, 3))}, ValueError, "delay: expected 1 to 4096 nodes, got 0"),
         ({"delay": np.zeros((4097, 2, 3))}, ValueError, "delay: expected 1 to 4096 nodes, got 4097"),
         ({"delay_rate": np.zeros((2, 2))}, ValueError, r"delay_rate: expected shape \(2, 3\).*got \(2, 2\)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import threading
@@ -278,10 +279,12 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
         # Shapes that hold as many numbers, but others.
         (lambda: beat(amplitude=np.ones((3, 2), complex)), r"amplitude: expected shape \[2, 3\], got \[3, 2\]"),
         (lambda: beat(amplitude=np.ones((2, 2, 3), complex)), r"amplitude: expected shape \[2, 3\], got \[2, 2, 3\]"),
-        (lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2, 3), complex)), r"amplitude: expected shape \[4, 2, 3\]"),
-        (
-            lambda: beat(np.ones((4, 2, 3)), np.ones((3, 2), complex)),
-            r"amplitude: expected shape \[2, 3\], got \[3, 2\]",
+        *(
+            (
+                lambda shape=shape: beat(np.ones((4, 2, 3)), np.ones(shape, complex)),
+                rf"amplitude: expected shape \[2, 3\], or those with nodes in front, got {re.escape(str(list(shape)))}",
+            )
+            for shape in ((3, 2), (3, 3, 2), (0, 2, 3), (4, 2), (1, 3, 2, 3))
         ),
         (lambda: beat(DELAY, AMPLITUDE, DELAY[0]), r"delay_rate: expected shape \[2, 3\]"),
         (lambda: beat(DELAY, AMPLITUDE, DELAY, DELAY.T.copy()), r"delay_acceleration: expected shape \[2, 3\]"),

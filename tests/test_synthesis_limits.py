@@ -144,6 +144,26 @@ def test_amplitudes_that_begin_with_nothing_are_followed(first: float, method: s
     check(nodal, wf, 1e-2 if method == "lanes" else 1e-3, method=method)
 
 
+@pytest.mark.parametrize("method", [*METHODS, "direct"])
+@pytest.mark.parametrize(("num_delays", "num_amplitudes"), [(6, 3), (3, 7), (5, 1), (1, 4)])
+def test_amplitudes_may_have_nodes_of_their_own(num_delays: int, num_amplitudes: int, method: str) -> None:
+    wf, paths = sweep_waveform(24, 32), moving(400)
+
+    def at_nodes(num_delays: int, num_amplitudes: int, *, is_constant: bool, is_still: bool) -> Paths:
+        of_delays, of_amplitudes = (wf.delay_times(n)[:, None, None] for n in (num_delays, num_amplitudes))
+        x = 0.0 * of_amplitudes if is_constant else of_amplitudes / wf.duration
+        rate = 0.0 if is_still else paths.rate
+        return Paths(paths.delay + rate * of_delays, paths.amplitude * (0.2 + x + 2.0 * x**2))
+
+    kind = {"is_constant": num_amplitudes == 1, "is_still": num_delays == 1}
+    exact = at_nodes(7, 7, **kind).exact(wf)
+    apart = at_nodes(num_delays, num_amplitudes, **kind)
+    # Chirp lanes take the amplitude in the middle of a chirp.
+    tolerance = 1e-2 if method == "lanes" else 1e-3
+    got = apart.samples(wf, tolerance=tolerance, method=method)
+    assert relative_error(got, exact, apart).max() <= tolerance
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("distance", [10e3, 100e3])

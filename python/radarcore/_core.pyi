@@ -418,6 +418,7 @@ class Scatterers:
         rcs: NDArray[np.float64],
         *,
         vertices: Sequence[NDArray[np.float64]] | None = None,
+        amplitudes_at: tuple[NDArray[np.float64], NDArray[np.float64], Sequence[NDArray[np.float64]]] | None = None,
         first: int = 0,
         last: int | None = None,
         step: int = 1,
@@ -426,7 +427,8 @@ class Scatterers:
         """Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` to `last`.
 
         First the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-        (node, point, 3). `vertices` has one array (node, vertex, 3) for each of the bodies of `deforming`.
+        (node, point, 3). `vertices` has one array (node, vertex, 3) for each of the bodies of `deforming`. Amplitudes
+        are those at `amplitudes_at`, which are such poses, points and vertices at other nodes.
         """
     def delay_rates(
         self,
@@ -462,6 +464,7 @@ class Bounces:
         poses: NDArray[np.float64],
         *,
         vertices: Sequence[NDArray[np.float64]] | None = None,
+        amplitudes_at: tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]] | None = None,
         first: int = 0,
         last: int | None = None,
         step: int = 1,
@@ -470,7 +473,7 @@ class Bounces:
         """Delay [s] and amplitude [sqrt(W)], (node, channel, route), of every `step`-th route from `first` to `last`.
 
         The bodies are at `poses` (node, body, 3, 4). `vertices` has one array (node, vertex, 3) for each of the bodies
-        of `deforming`.
+        of `deforming`. Amplitudes are those at `amplitudes_at`, which are such poses and vertices at other nodes.
         """
     def delay_rates(
         self,

@@ -111,7 +111,8 @@ def beat_signal(
         Two-way delay [s] at the start of the frame; with three axes the delays at ``waveform.delay_times(num_nodes)``,
         for any motion.
     amplitude : (path,), (channel, path) or (node, channel, path) array_like of complex
-        Amplitude without the phase of propagation [sqrt(W)]. With three axes: at the nodes of `delay`.
+        Amplitude without the phase of propagation [sqrt(W)]. With three axes: together with delays at nodes, at as many
+        nodes as it has itself.
     waveform : Waveform
     delay_rate, delay_acceleration : like `delay`, optional
         First and second derivative of the delay [s/s], [s/s^2]; not with nodal delays.
@@ -207,8 +208,10 @@ def _paths(
     delays = _numbers("delay", delay, np.float64)
     amplitudes = _numbers("amplitude", amplitude, np.complex128)
     is_nodal = delays.ndim == 3
-    if not (amplitudes.shape == delays.shape or (is_nodal and amplitudes.shape == delays.shape[1:])):
-        shape = delays.shape if not is_nodal or amplitudes.ndim == 3 else delays.shape[1:]
+    shape = delays.shape
+    if is_nodal:
+        shape = (*amplitudes.shape[:1], *shape[1:]) if amplitudes.ndim == 3 else shape[1:]
+    if amplitudes.shape != shape:
         amplitudes = _like("amplitude", amplitudes, shape)
     derivatives: list[NDArray[np.float64] | None] = []
     for name, value in (("delay_rate", delay_rate), ("delay_acceleration", delay_acceleration)):

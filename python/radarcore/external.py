@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check, quantisation, surfaces
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.camera import Camera
-from radarcore.follow import Course, receive, synthesise, warn_beyond_range
+from radarcore.follow import Course, Follow, receive, synthesise, warn_beyond_range
 from radarcore.quantisation import Quantisation
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Truth
@@ -244,13 +243,16 @@ class _Motion:
 
     def course(self, scatterers: _core.Scatterers, image: _Image, at: float, threads: int | None) -> Course:
         """How the paths run through time; the image shows them at the time `at` [s]."""
-        no_points, no_rcs = np.zeros(0), np.zeros(0)
+        no_rcs = np.zeros(0)
 
-        def follow(poses: NDArray[np.float64], part: slice) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        def follow(
+            poses: NDArray[np.float64], others: NDArray[np.float64], part: slice
+        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
             delay, amplitude = scatterers.paths(
                 poses,
-                no_points.reshape(len(poses), 0, 3),
+                np.zeros((len(poses), 0, 3)),
                 no_rcs,
+                amplitudes_at=(others, np.zeros((len(others), 0, 3)), []),
                 first=part.start,
                 last=part.stop,
                 step=part.step,
@@ -262,18 +264,21 @@ class _Motion:
 
         rest = np.broadcast_to(np.eye(3, 4), (1, len(self.twists), 3, 4)).copy()
 
-        def rigid(times: NDArray[np.float64], part: slice) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-            return follow(_screws(self.twists, times - at), part)
+        def rigid(
+            times: NDArray[np.float64], others: NDArray[np.float64], part: slice
+        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+            return follow(_screws(self.twists, times - at), _screws(self.twists, others - at), part)
 
-        def radial(times: NDArray[np.float64], part: slice) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-            delay, amplitude = follow(rest, part)
+        def radial(
+            times: NDArray[np.float64], _: NDArray[np.float64], part: slice
+        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+            delay, amplitude = follow(rest, rest, part)
             rate = 2.0 / SPEED_OF_LIGHT * image.range_rate.flat[scatterers.cell()[part]]
-            moved = delay + rate * (times - at)[:, None, None]
-            return moved, np.broadcast_to(amplitude, moved.shape).copy()
+            return delay + rate * (times - at)[:, None, None], amplitude
 
         by_difference = self.interval is not None
         is_static = not (image.range_rate if by_difference else self.twists).any()
-        chosen: Callable[..., Any] = radial if by_difference else rigid
+        chosen: Follow = radial if by_difference else rigid
         return Course(len(scatterers), is_static, chosen)
 
     def truth(self, image: _Image, num_bodies: int) -> Truth:

@@ -17,20 +17,29 @@ from radarcore.receiver import Receiver
 from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
 
-# Delays and amplitudes are taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that turn
-# out of sight have a kink, which no number of times follows exactly.
-_NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+# Delays and amplitudes are each taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that
+# turn out of sight have a kink, which no number of times follows exactly.
+_NODE_COUNTS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _MAX_NODES_FOR_AMPLITUDES = 16
+# Numbers of times at which some paths are looked at, to choose one up to that.
+_PROBED_COUNTS = (8, 16, 32, 64)
 # Delays are followed to this phase [rad] whatever the tolerance: it costs little, and other processing may need it.
 _PHASE_GOAL = 1e-7
+# Those that most courses need.
+_USUAL_COUNTS = (8, 6, 4)
 # Paths that are looked at to choose the number of times.
-_NUM_PROBES = 2048
+_NUM_PROBES = 1024
 # Work and memory of one piece of the sum: path-samples (half a second), and numbers per path.
 _PIECE_PATH_SAMPLES = 2**28
 _PIECE_NUMBERS = 2**25
 
-Follow = Callable[[NDArray[np.float64], slice], tuple[NDArray[np.float64], NDArray[np.complex128]]]
-"""Delays [s] and amplitudes [sqrt(W)], (time, channel, path), of some paths at absolute times (n,) [s]."""
+Times = NDArray[np.float64]
+
+Follow = Callable[[Times, Times, slice], tuple[NDArray[np.float64], NDArray[np.complex128]]]
+"""Delays [s] and amplitudes [sqrt(W)], (time, channel, path), of some paths.
+
+Takes absolute times [s] of delays and of amplitudes; amplitudes that never change may come at one time.
+"""
 
 
 @dataclass(frozen=True)
@@ -56,12 +65,13 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Times of a frame at which paths are taken [s], and the errors of the series through them.
+    """Times of a frame at which delays and amplitudes are taken [s], and the errors of the series through them.
 
     Errors of phases and of amplitudes, relative to l2(amplitudes).
     """
 
-    times: NDArray[np.float64]
+    times: Times
+    amplitude_times: Times
     phase: float = 0.0
     weight: float = 0.0
 
@@ -89,27 +99,42 @@ class Nodes:
 def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: float) -> Nodes:
     """Times at which the paths of the frame that begins at `start` [s] have to be taken for a tolerance."""
     if course.is_static:
-        return Nodes(start + waveform.delay_times(1))
+        once = start + waveform.delay_times(1)
+        return Nodes(once, once)
     probes = slice(0, course.num_paths, max(1, course.num_paths // _NUM_PROBES))
     highest = max(waveform.start_frequency, waveform.center_frequency) + 0.5 * waveform.bandwidth
-    last_phase = np.inf
-    for num_nodes in _NODE_COUNTS:
-        times = start + waveform.delay_times(num_nodes)
-        delay, amplitude = course.follow(times, probes)
-        phase, weight = _series_residuals(delay, amplitude, highest)
+    goal = 0.1 * tolerance
+    chosen: list[tuple[int, float]] = [(0, np.inf), (0, np.inf)]
+    for probed in _PROBED_COUNTS:
+        counts = [count for count in _NODE_COUNTS if count <= probed]
+        times = start + waveform.delay_times(probed)
+        errors = _series_errors(*course.follow(times, times, probes), highest, counts)
+        last_phase = chosen[0][1]
+        chosen = [
+            next(
+                ((n, error) for n, error in zip(counts, of_counts, strict=True) if error <= wanted),
+                (probed, of_counts[-1]),
+            )
+            for of_counts, wanted in zip(errors, (min(goal, _PHASE_GOAL), goal), strict=True)
+        ]
+        (_, phase), (_, weight) = chosen
         # Rounding of absolute time ends the improvement before the goal where time is large.
-        goal = 0.1 * tolerance
         phase_is_done = phase <= min(goal, _PHASE_GOAL) or (phase <= goal and phase > 0.5 * last_phase)
-        weight_is_done = weight <= goal or num_nodes >= _MAX_NODES_FOR_AMPLITUDES
+        weight_is_done = weight <= goal or probed >= _MAX_NODES_FOR_AMPLITUDES
         if phase_is_done and weight_is_done:
             break
-        last_phase = phase
-    return Nodes(times, phase, weight)
+    (num_delays, phase), (num_amplitudes, weight) = chosen
+    return Nodes(
+        start + waveform.delay_times(num_delays),
+        start + waveform.delay_times(min(num_amplitudes, _MAX_NODES_FOR_AMPLITUDES)),
+        phase,
+        weight,
+    )
 
 
-def first_times(waveform: Waveform, start: float) -> list[NDArray[np.float64]]:
-    """The sets of times [s] that `follow_nodes` begins with: few courses need others."""
-    return [start + waveform.delay_times(num_nodes) for num_nodes in _NODE_COUNTS[:3]]
+def first_times(waveform: Waveform, start: float) -> list[Times]:
+    """The sets of times [s] that most courses need."""
+    return [start + waveform.delay_times(count) for count in _USUAL_COUNTS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,16 +170,15 @@ def synthesise(
 ) -> Synthesis:
     """Ideal beat signal of a frame that begins at `start` [s]."""
     cube = np.zeros((num_channels, waveform.num_chirps, waveform.num_samples), sample_dtype(tolerance))
-    worst, farthest = Nodes(np.array([start])), 0.0
+    once = np.array([start])
+    worst, farthest = Nodes(once, once), 0.0
     plans: list[str] = []
     rows = rows_skipped = num_still = 0
     for course in courses:
         if course.num_paths == 0:
             continue
         nodes = follow_nodes(course, waveform, start, tolerance)
-        for samples, longest, report in _sum_pieces(
-            course, nodes.times, waveform, num_channels, tolerance, method, threads
-        ):
+        for samples, longest, report in _sum_pieces(course, nodes, waveform, num_channels, tolerance, method, threads):
             if course.order > 0:
                 samples *= _over_frequency(waveform, course.order).astype(samples.real.dtype)
             cube = samples if not plans else cube + samples
@@ -162,7 +186,7 @@ def synthesise(
             rows += report.rows
             rows_skipped += report.rows_skipped
             num_still += sum(part[1] for part in report.parts() if part[0] == "still") // num_channels
-            plans.append(f"delays at {len(nodes.times)} time{'s' * (len(nodes.times) > 1)}; {report}")
+            plans.append(f"delays at {_times(nodes.times)}, amplitudes at {_times(nodes.amplitude_times)}; {report}")
         if nodes.residual >= worst.residual:
             worst = nodes
     stats = {
@@ -176,6 +200,10 @@ def synthesise(
     return Synthesis(cube, farthest, worst, stats)
 
 
+def _times(times: Times) -> str:
+    return f"{len(times)} time{'s' * (len(times) > 1)}"
+
+
 def _over_frequency(waveform: Waveform, order: int) -> NDArray[np.float64]:
     """What fields that fall with a power of the frequency are over those at the centre of the band, (sample,)."""
     frequency = waveform.start_frequency + waveform.slope * waveform.sample_times
@@ -185,23 +213,24 @@ def _over_frequency(waveform: Waveform, order: int) -> NDArray[np.float64]:
 
 def _sum_pieces(
     course: Course,
-    times: NDArray[np.float64],
+    nodes: Nodes,
     waveform: Waveform,
     num_channels: int,
     tolerance: float,
     method: str,
     threads: int | None,
 ) -> Iterator[tuple[NDArray[Any], float, _core.Report]]:
-    """Samples of some paths after others, taken at the Chebyshev `times` of a frame, and the longest of them [m].
+    """Samples of some paths after others, taken at the `nodes` of a frame, and the longest of them [m].
 
     Piece by piece: bounded memory, and Ctrl-C is heard between pieces.
     """
-    size = max(1, _PIECE_NUMBERS // (num_channels * len(times)))
+    size = max(1, _PIECE_NUMBERS // (num_channels * max(len(nodes.times), len(nodes.amplitude_times))))
     if method == "direct":
         cube_size = num_channels * waveform.num_chirps * waveform.num_samples
         size = max(1, min(size, _PIECE_PATH_SAMPLES // cube_size))
     for first in range(0, course.num_paths, size):
-        delay, amplitude = course.follow(times, slice(first, min(first + size, course.num_paths), 1))
+        piece = slice(first, min(first + size, course.num_paths), 1)
+        delay, amplitude = course.follow(nodes.times, nodes.amplitude_times, piece)
         longest = _longest(delay, amplitude)
         samples, report = _core.beat_signal(
             delay, amplitude, waveform=waveform._core, tolerance=tolerance, method=method, threads=threads
@@ -213,9 +242,10 @@ def _longest(delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> f
     """Longest delay of paths that carry power [s], 0 without any."""
     # Nearly always that of all of them does.
     at = np.unravel_index(delay.argmax(), delay.shape)
-    if amplitude[at] != 0.0:
+    _, channel, path = at
+    if amplitude[:, channel, path].any():
         return float(delay[at])
-    return float(delay.max(initial=0.0, where=amplitude != 0.0))
+    return float(delay.max(initial=0.0, where=amplitude.any(axis=0)))
 
 
 def warn_beyond_range(farthest: float, radar: Radar, stacklevel: int) -> bool:
@@ -241,28 +271,46 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int, toler
     return cube.astype(np.float32 if single else np.float64, copy=False)
 
 
-def _series_residuals(
-    delay: NDArray[np.float64], amplitude: NDArray[np.complex128], frequency: float
-) -> tuple[float, float]:
-    """Error of the Chebyshev series through delays and amplitudes (node, channel, path), relative to l2(amplitudes).
+def _series_errors(
+    delay: NDArray[np.float64], amplitude: NDArray[np.complex128], frequency: float, counts: Sequence[int]
+) -> tuple[list[float], list[float]]:
+    """Errors of Chebyshev series of some lengths through delays and amplitudes (node, channel, path).
 
-    Of phases and of amplitudes, the worst channel's; from the last two coefficients, which for smooth motion are larger
-    than all that follow.
+    Of phases and of amplitudes, relative to l2(amplitudes), the worst channel's: what the coefficients beyond a length
+    add up to, twice, as a series through so many times folds them back; for the longest series the last two
+    coefficients, which for smooth motion are larger than all that follow.
     """
-    n = len(delay)
-    angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
-    last = np.cos(np.arange(n - 2, n)[:, None] * angles) * (2.0 / n)
-
-    def end(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The last two coefficients, (channel, 2, number); channel by channel, too little to wake other threads for."""
-        coefficients: NDArray[np.float64] = last @ np.swapaxes(values, 0, 1)
-        return coefficients
-
     power = (amplitude.real**2 + amplitude.imag**2).max(axis=0)
     total = np.maximum(np.sqrt(power.sum(axis=-1)), np.finfo(float).tiny)
+
+    def left_out(coefficients: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        """What series of a length leave out, (channel, number), of coefficients (channel, order, number)."""
+        if count < coefficients.shape[1]:
+            beyond: NDArray[np.float64] = 2.0 * np.abs(coefficients[:, count:]).sum(axis=1)
+            return beyond
+        last: NDArray[np.float64] = np.abs(coefficients[:, -2:]).max(axis=1)
+        return last
+
     # Without the first of the delays, the rounding of whole delays is no part of the phases.
-    phases = 2.0 * np.pi * frequency * np.abs(end(delay - delay[0])).max(axis=1)
-    phase = np.sqrt((phases**2 * power).sum(axis=-1)) / total
-    parts = end(amplitude.view(np.float64)) ** 2
-    weight = np.sqrt((parts[..., ::2] + parts[..., 1::2]).max(axis=1).sum(axis=-1)) / total
-    return float(phase.max(initial=0.0)), float(weight.max(initial=0.0))
+    of_delays = _coefficients(delay - delay[0])
+    of_amplitudes = _coefficients(amplitude.view(np.float64))
+    phases, weights = [], []
+    for count in counts:
+        phase = 2.0 * np.pi * frequency * left_out(of_delays, count)
+        phases.append(float((np.sqrt((phase**2 * power).sum(axis=-1)) / total).max(initial=0.0)))
+        weight = (left_out(of_amplitudes, count) ** 2).sum(axis=-1) if len(amplitude) > 1 else np.zeros_like(total)
+        weights.append(float((np.sqrt(weight) / total).max(initial=0.0)))
+    return phases, weights
+
+
+def _coefficients(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Chebyshev coefficients (channel, order, number) of the series through values (node, channel, number).
+
+    Channel by channel, too little to wake other threads for.
+    """
+    n = len(values)
+    angles = np.pi * (2 * np.arange(n)[::-1] + 1) / (2 * n)
+    matrix = np.cos(np.arange(n)[:, None] * angles) * (2.0 / n)
+    matrix[0] *= 0.5
+    coefficients: NDArray[np.float64] = matrix @ np.swapaxes(values, 0, 1)
+    return coefficients

@@ -589,11 +589,21 @@ class Simulator:
         return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), orders)
 
     def _follow_bounces(
-        self, bounces: _core.Bounces, place: Placement, part: slice = slice(0, None, 1)
+        self,
+        bounces: _core.Bounces,
+        place: Placement,
+        part: slice = slice(0, None, 1),
+        amplitudes_at: Placement | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delays and amplitudes (time, channel, path) of some routes with bodies at their places."""
         return bounces.paths(
-            place.poses, vertices=place.vertices, first=part.start, last=part.stop, step=part.step, threads=self.threads
+            place.poses,
+            vertices=place.vertices,
+            amplitudes_at=None if amplitudes_at is None else (amplitudes_at.poses, amplitudes_at.vertices),
+            first=part.start,
+            last=part.stop,
+            step=part.step,
+            threads=self.threads,
         )
 
     def _bounce_courses(self, bounces: _core.Bounces) -> list[Course]:
@@ -604,7 +614,9 @@ class Simulator:
             return Course(
                 num_paths=len(chosen),
                 is_static=is_still,
-                follow=lambda times, part: self._follow_bounces(chosen, self._place(times, deforming), part),
+                follow=lambda times, others, part: self._follow_bounces(
+                    chosen, self._place(times, deforming), part, self._place(others, deforming)
+                ),
             )
 
         if not is_static(self.radar_motion):
@@ -617,15 +629,22 @@ class Simulator:
         scatterers: _core.Scatterers,
         place: Placement,
         part: slice = slice(0, None, 1),
+        amplitudes_at: Placement | None = None,
         *,
         has_points: bool = True,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Delays and amplitudes (time, channel, path) of some paths with bodies and points at their places."""
+
+        def points_of(place: Placement) -> NDArray[np.float64]:
+            return place.points if has_points else place.points[:, :0]
+
+        others = amplitudes_at
         delay, amplitude = scatterers.paths(
             place.poses,
-            place.points if has_points else place.points[:, :0],
+            points_of(place),
             self.scene._rcs if has_points else self.scene._rcs[:0],
             vertices=place.vertices,
+            amplitudes_at=None if others is None else (others.poses, points_of(others), others.vertices),
             first=part.start,
             last=part.stop,
             step=part.step,
@@ -644,8 +663,8 @@ class Simulator:
             return Course(
                 num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
                 is_static=is_still,
-                follow=lambda times, part: self._follow(
-                    chosen, self._place(times, deforming), part, has_points=has_points
+                follow=lambda times, others, part: self._follow(
+                    chosen, self._place(times, deforming), part, self._place(others, deforming), has_points=has_points
                 ),
                 order=order,
             )

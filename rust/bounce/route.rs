@@ -172,13 +172,14 @@ impl Bounces {
         &self.deforming
     }
 
-    /// Delays and amplitudes of the selected routes; `places` needs no point targets.
-    pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
+    /// Delays of the selected routes at `places`, which need no point targets, and amplitudes at others.
+    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
         Paths::of(
-            places.num_nodes,
+            [places.num_nodes, amplitudes_at.num_nodes],
             self.num_channels(),
             selection,
-            |node, channel, route| self.path(places, node, channel, route),
+            |node, channel, route| self.path(places, node, channel, route).0,
+            |node, channel, route| self.path(amplitudes_at, node, channel, route).1,
         )
     }
 

@@ -343,7 +343,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
         last: one.len(),
         step: 1,
     };
-    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&places, all).unwrap());
+    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&places, &places, all).unwrap());
     assert_eq!((a.delay, a.amplitude), (b.delay, b.amplitude));
     assert_eq!(counts.stopped, 0);
     // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.

@@ -7,7 +7,8 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::{
-    DelaysAndAmplitudes, Hits, Material, Surface, compute, materials, numbers, points, poses, sampling, vertices,
+    AMPLITUDES_AT, DelaysAndAmplitudes, Hits, Material, Nodes, Surface, compute, materials, numbers, points, poses,
+    sampling, vertices,
 };
 use crate::antenna::Array;
 use crate::bounce::{self, Aspect, Launch, Limits};
@@ -108,38 +109,49 @@ impl Bounces {
 
     /// Delay [s] and amplitude [sqrt(W)], (node, channel, route), of every `step`-th route from `first` up to `last`, with
     /// the bodies at `poses` (node, body, 3, 4). `vertices` has those of the bodies of `deforming` (node, vertex, 3).
-    #[pyo3(signature = (poses, *, vertices=None, first=0, last=None, step=1, threads=None))]
+    /// Amplitudes are those at `amplitudes_at`, which are such poses and vertices at other nodes.
+    #[pyo3(signature = (poses, *, vertices=None, amplitudes_at=None, first=0, last=None, step=1, threads=None))]
     fn paths<'py>(
         &self,
         py: Python<'py>,
         poses: PyReadonlyArray4<'py, f64>,
         vertices: Option<Vec<PyReadonlyArray3<'py, f64>>>,
+        amplitudes_at: Option<(PyReadonlyArray4<'py, f64>, Vec<PyReadonlyArray3<'py, f64>>)>,
         first: usize,
         last: Option<usize>,
         step: usize,
         threads: Option<usize>,
     ) -> PyResult<DelaysAndAmplitudes<'py>> {
-        let num_nodes = poses.shape()[0];
-        let poses = self::poses(numbers(
-            "poses",
-            &poses,
-            [None, Some(self.num_bodies), Some(3), Some(4)],
-        )?);
-        let vertices = vertices.unwrap_or_default();
-        let shape = |n| [Some(num_nodes), Some(n), Some(3)];
-        let vertices = self::vertices("vertices", self.routes.deforming(), &vertices, shape)?;
-        let places = self.places(num_nodes, &poses, &vertices);
+        let (vertices, bodies) = (vertices.unwrap_or_default(), self.routes.deforming());
+        let names = ["poses", "points", "vertices"];
+        let nodes = Nodes::new(names, &poses, None, &vertices, self.num_bodies, bodies)?;
+        let others = match &amplitudes_at {
+            None => None,
+            Some((poses, vertices)) => Some(Nodes::new(
+                AMPLITUDES_AT,
+                poses,
+                None,
+                vertices,
+                self.num_bodies,
+                bodies,
+            )?),
+        };
+        let places = nodes.places(&[]);
+        let amplitudes_at = others.as_ref().map_or(places, |nodes| nodes.places(&[]));
         let last = last.unwrap_or(self.routes.len());
         if step == 0 || last > self.routes.len() {
             let expected = format!("a step of at least 1 and at most {} routes", self.routes.len());
             return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
         }
         let selection = Selection { first, last, step };
-        let paths = compute(py, threads, || self.routes.paths(&places, selection))?;
-        let shape = [num_nodes, self.routes.num_channels(), selection.len()];
+        let paths = compute(py, threads, || self.routes.paths(&places, &amplitudes_at, selection))?;
+        let shape = |nodes| [nodes, self.routes.num_channels(), selection.len()];
         Ok((
-            paths.delay.into_pyarray(py).reshape(shape)?,
-            paths.amplitude.into_pyarray(py).reshape(shape)?,
+            paths.delay.into_pyarray(py).reshape(shape(places.num_nodes))?,
+            paths
+                .amplitude
+                .into_pyarray(py)
+                .reshape(shape(amplitudes_at.num_nodes))?,
         ))
     }
 

@@ -27,38 +27,48 @@ type Lanes = [f64; LANES];
 type Lanes3 = [Lanes; 3];
 
 impl Scatterers {
-    /// Delays and amplitudes of the selected paths: first the material points, then the point targets.
-    pub fn paths(&self, places: &Places, selection: Selection) -> Result<Paths> {
-        self.paths_at(places, selection, Level::best())
+    /// Delays of the selected paths at `places`, and amplitudes at others: first the material points, then the point targets.
+    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
+        self.paths_by(places, amplitudes_at, selection, Level::best())
     }
 
     /// The same with an instruction set.
-    pub fn paths_at(&self, places: &Places, selection: Selection, level: Level) -> Result<Paths> {
-        let mut paths = Paths::zeros(places.num_nodes, self.num_channels(), selection)?;
+    pub fn paths_by(
+        &self,
+        places: &Places,
+        amplitudes_at: &Places,
+        selection: Selection,
+        level: Level,
+    ) -> Result<Paths> {
+        let num_nodes = [places.num_nodes, amplitudes_at.num_nodes];
+        let mut paths = Paths::zeros(num_nodes, self.num_channels(), selection)?;
         let num_paths = selection.len();
-        if paths.delay.is_empty() {
+        if num_paths == 0 {
             return Ok(paths);
         }
-        let mut blocks: Vec<Vec<Row>> = (0..num_paths.div_ceil(BLOCK)).map(|_| Vec::new()).collect();
-        let rows = paths
-            .delay
-            .chunks_mut(num_paths)
-            .zip(paths.amplitude.chunks_mut(num_paths));
-        for (delay, amplitude) in rows {
-            let parts = delay.chunks_mut(BLOCK).zip(amplitude.chunks_mut(BLOCK));
-            for (block, (delay, amplitude)) in blocks.iter_mut().zip(parts) {
-                block.push(Row { delay, amplitude });
-            }
-        }
-        blocks.into_par_iter().enumerate().for_each(|(block, rows)| {
-            level.run(FollowBlock {
+        let mut blocks: Vec<FollowBlock> = (0..num_paths.div_ceil(BLOCK))
+            .map(|block| FollowBlock {
                 scatterers: self,
                 places,
+                amplitudes_at,
                 selection,
                 first: block * BLOCK,
-                rows,
-            });
-        });
+                count: BLOCK.min(num_paths - block * BLOCK),
+                delays: Vec::with_capacity(places.num_nodes * self.num_channels()),
+                amplitudes: Vec::with_capacity(amplitudes_at.num_nodes * self.num_channels()),
+            })
+            .collect();
+        for row in paths.delay.chunks_mut(num_paths) {
+            for (block, part) in blocks.iter_mut().zip(row.chunks_mut(BLOCK)) {
+                block.delays.push(part);
+            }
+        }
+        for row in paths.amplitude.chunks_mut(num_paths) {
+            for (block, part) in blocks.iter_mut().zip(row.chunks_mut(BLOCK)) {
+                block.amplitudes.push(part);
+            }
+        }
+        blocks.into_par_iter().for_each(|block| level.run(block));
         Ok(paths)
     }
 
@@ -92,21 +102,18 @@ impl Scatterers {
     }
 }
 
-/// A part of the delays and amplitudes of one time and channel.
-struct Row<'a> {
-    delay: &'a mut [f64],
-    amplitude: &'a mut [Complex64],
-}
-
 /// Follows a block of paths.
 struct FollowBlock<'a> {
     scatterers: &'a Scatterers,
     places: &'a Places<'a>,
+    amplitudes_at: &'a Places<'a>,
     selection: Selection,
-    /// Of the selected paths.
+    /// Of the selected paths, and how many there are.
     first: usize,
-    /// `(node, channel)`.
-    rows: Vec<Row<'a>>,
+    count: usize,
+    /// Their part of every row `(node, channel)`.
+    delays: Vec<&'a mut [f64]>,
+    amplitudes: Vec<&'a mut [Complex64]>,
 }
 
 /// Eight material points of one body, in its coordinates.
@@ -157,9 +164,9 @@ impl Kernel for FollowBlock<'_> {
             };
             num_channels
         ];
-        let number_of_paths = self.rows[0].delay.len();
-        for first in (0..number_of_paths).step_by(LANES) {
-            let count = LANES.min(number_of_paths - first);
+        let mut distances = vec![nothing; num_antennas];
+        for first in (0..self.count).step_by(LANES) {
+            let count = LANES.min(self.count - first);
             let mut numbers = [0; LANES];
             for lane in 0..LANES {
                 let place = self.first + first + lane.min(count - 1);
@@ -180,6 +187,23 @@ impl Kernel for FollowBlock<'_> {
             }
             for node in 0..self.places.num_nodes {
                 let pose = &self.places.poses[node * self.places.num_bodies + eight.body];
+                let position = placed::<I>(pose, &eight.position);
+                for antenna in 0..num_antennas {
+                    let (place, _) = antenna_of(array, antenna);
+                    distance::<I>(&offsets::<I>(&position, place)).store(&mut distances[antenna]);
+                }
+                for channel in 0..num_channels {
+                    let tx = I::F64::load(&distances[channel / array.rx.len()]);
+                    let rx = I::F64::load(&distances[array.tx.len() + channel % array.rx.len()]);
+                    let mut delay = nothing;
+                    let speed = <I::F64 as Vector>::splat(SPEED_OF_LIGHT);
+                    tx.add(rx).div(speed).store(&mut delay);
+                    let row = &mut self.delays[node * num_channels + channel];
+                    row[first..first + count].copy_from_slice(&delay[..count]);
+                }
+            }
+            for node in 0..self.amplitudes_at.num_nodes {
+                let pose = &self.amplitudes_at.poses[node * self.amplitudes_at.num_bodies + eight.body];
                 let there = eight.at::<I>(pose);
                 for antenna in 0..num_antennas {
                     sights[antenna] = look::<I>(array, antenna, &there.position);
@@ -187,11 +211,10 @@ impl Kernel for FollowBlock<'_> {
                 for channel in 0..num_channels {
                     let tx = &sights[channel / array.rx.len()];
                     let rx = &sights[array.tx.len() + channel % array.rx.len()];
-                    let (delay, amplitude) = there.send::<I>(array, &weights[channel], tx, rx);
-                    let row = &mut self.rows[node * num_channels + channel];
-                    row.delay[first..first + count].copy_from_slice(&delay[..count]);
+                    let amplitude = there.send::<I>(array, &weights[channel], tx, rx);
+                    let row = &mut self.amplitudes[node * num_channels + channel];
                     for lane in 0..count {
-                        row.amplitude[first + lane] = Complex64::new(amplitude[0][lane], amplitude[1][lane]);
+                        row[first + lane] = Complex64::new(amplitude[0][lane], amplitude[1][lane]);
                     }
                 }
             }
@@ -203,12 +226,17 @@ impl FollowBlock<'_> {
     /// Paths of some numbers, from a place in the block on.
     #[inline(never)]
     fn one_by_one(&mut self, first: usize, numbers: &[usize]) {
-        let num_channels = self.scatterers.num_channels();
-        for (row, out) in self.rows.iter_mut().enumerate() {
+        let (scatterers, num_channels) = (self.scatterers, self.scatterers.num_channels());
+        for (row, out) in self.delays.iter_mut().enumerate() {
             let (node, channel) = (row / num_channels, row % num_channels);
             for (lane, number) in numbers.iter().enumerate() {
-                (out.delay[first + lane], out.amplitude[first + lane]) =
-                    self.scatterers.path(self.places, node, channel, *number);
+                out[first + lane] = scatterers.path(self.places, node, channel, *number).0;
+            }
+        }
+        for (row, out) in self.amplitudes.iter_mut().enumerate() {
+            let (node, channel) = (row / num_channels, row % num_channels);
+            for (lane, number) in numbers.iter().enumerate() {
+                out[first + lane] = scatterers.path(self.amplitudes_at, node, channel, *number).1;
             }
         }
     }
@@ -220,16 +248,11 @@ impl Eight {
     fn at<I: Isa>(&self, pose: &Pose) -> Self {
         let mut there = Self {
             body: self.body,
-            position: turned::<I>(pose, &self.position),
+            position: placed::<I>(pose, &self.position),
             normal: turned::<I>(pose, &self.normal),
             edges: [[[0.0; LANES]; 3]; 2],
             has_edges: self.has_edges,
         };
-        for axis in 0..3 {
-            let origin = <I::F64 as Vector>::splat(pose.translation[axis]);
-            let position = I::F64::load(&there.position[axis]).add(origin);
-            position.store(&mut there.position[axis]);
-        }
         if self.has_edges {
             for side in 0..2 {
                 there.edges[side] = turned::<I>(pose, &self.edges[side]);
@@ -238,9 +261,9 @@ impl Eight {
         there
     }
 
-    /// Delays and amplitudes, real and imaginary; as [`Scatterers::surface_amplitude`].
+    /// Amplitudes, real and imaginary; as [`Scatterers::surface_amplitude`].
     #[inline(always)]
-    fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> (Lanes, [Lanes; 2]) {
+    fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
         let splat = <I::F64 as Vector>::splat;
         let load = |lanes: &Lanes| I::F64::load(lanes);
         let zero = splat(0.0);
@@ -271,11 +294,20 @@ impl Eight {
                 .add(load(&weights.diffuse[part]).mul(diffuse));
             sum.mul(spreading).store(&mut amplitude[part]);
         }
-        let mut delay = [0.0; LANES];
-        let both = load(&t.distance).add(load(&r.distance));
-        both.div(splat(SPEED_OF_LIGHT)).store(&mut delay);
-        (delay, amplitude)
+        amplitude
     }
+}
+
+/// Points of a body in the sensor frame.
+#[inline(always)]
+fn placed<I: Isa>(pose: &Pose, points: &Lanes3) -> Lanes3 {
+    let mut placed = turned::<I>(pose, points);
+    for axis in 0..3 {
+        let origin = <I::F64 as Vector>::splat(pose.translation[axis]);
+        let place = I::F64::load(&placed[axis]).add(origin);
+        place.store(&mut placed[axis]);
+    }
+    placed
 }
 
 /// Vectors of a body in the axes of the sensor.
@@ -303,20 +335,38 @@ fn dot<I: Isa>(a: &Lanes3, b: &Lanes3) -> I::F64 {
     sum
 }
 
-/// What an antenna sees of points of the sensor frame; transmitters come first.
+/// Place and pattern of an antenna; transmitters come first.
 #[inline(always)]
-fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
-    let (place, pattern) = match antenna.checked_sub(array.tx.len()) {
+fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
+    match antenna.checked_sub(array.tx.len()) {
         None => (array.tx[antenna], &array.tx_patterns[antenna]),
         Some(receiver) => (array.rx[receiver], &array.rx_patterns[receiver]),
-    };
-    let splat = <I::F64 as Vector>::splat;
+    }
+}
+
+/// From a place to points.
+#[inline(always)]
+fn offsets<I: Isa>(points: &Lanes3, place: DVec3) -> Lanes3 {
     let mut offsets = [[0.0; LANES]; 3];
     for axis in 0..3 {
-        let offset = I::F64::load(&points[axis]).sub(splat(place[axis]));
+        let offset = I::F64::load(&points[axis]).sub(<I::F64 as Vector>::splat(place[axis]));
         offset.store(&mut offsets[axis]);
     }
-    let distance = dot::<I>(&offsets, &offsets).sqrt();
+    offsets
+}
+
+#[inline(always)]
+fn distance<I: Isa>(offsets: &Lanes3) -> I::F64 {
+    dot::<I>(offsets, offsets).sqrt()
+}
+
+/// What an antenna sees of points of the sensor frame.
+#[inline(always)]
+fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
+    let (place, pattern) = antenna_of(array, antenna);
+    let splat = <I::F64 as Vector>::splat;
+    let offsets = offsets::<I>(points, place);
+    let distance = distance::<I>(&offsets);
     let mut sights = Sights {
         distance: [0.0; LANES],
         direction: [[0.0; LANES]; 3],
@@ -476,15 +526,28 @@ mod tests {
                     rcs: &[1.0],
                     vertices: &[],
                 };
+                // Amplitudes at a time of their own.
+                let other = Places {
+                    num_nodes: 1,
+                    poses: &moved[2..],
+                    points: &places.points[1..],
+                    ..places
+                };
                 for (first, step) in [(0, 1), (3, 7)] {
                     let last = scatterers.len() + 1;
                     let selection = Selection { first, last, step };
-                    let by_one = |node, channel, path| scatterers.path(&places, node, channel, path);
-                    let expected = Paths::of(2, scatterers.num_channels(), selection, by_one).unwrap();
+                    let expected = Paths::of(
+                        [2, 1],
+                        scatterers.num_channels(),
+                        selection,
+                        |node, channel, path| scatterers.path(&places, node, channel, path).0,
+                        |node, channel, path| scatterers.path(&other, node, channel, path).1,
+                    );
+                    let expected = expected.unwrap();
                     let strongest = expected.amplitude.iter().fold(0.0, |most: f64, a| most.max(a.norm()));
                     assert!(strongest > 0.0 && selection.len() > 20);
                     for level in Level::available() {
-                        let paths = scatterers.paths_at(&places, selection, level).unwrap();
+                        let paths = scatterers.paths_by(&places, &other, selection, level).unwrap();
                         for (path, expected) in paths.delay.iter().zip(&expected.delay) {
                             assert!((path - expected).abs() <= 1e-15 * expected);
                         }
