@@ -84,6 +84,8 @@ pub struct Quadtree {
     parts: Vec<u32>,
     /// The node of every four parts.
     wholes: Vec<u32>,
+    /// What is on the sides of every node, in the order of [`SIDES`]; up to date for those without parts.
+    links: Vec<[Link; 4]>,
     /// What rays have hit whose cells were taken back.
     spare: HashMap<Place, Found>,
     /// Cells whose rays were cast, these included.
@@ -111,20 +113,45 @@ enum Partner {
 }
 
 /// What two neighbours say of what is between them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Pair {
     /// Field per solid angle over what may be left open.
-    field: f64,
+    field: f32,
     /// What of it may be something else than one smooth surface.
-    jump: f64,
+    jump: f32,
     /// What of it is left open; and what, if they share an end that both leave out.
-    apart: f64,
-    together: f64,
+    apart: f32,
+    together: f32,
     /// Whether they show one surface, on which such an end is the same for both.
     is_alike: bool,
 }
 
+/// What is on one side of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Link {
+    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not known.
+    other: u32,
+    /// What both say. It depends on what they see alone, so it stays as long as they are neighbours.
+    pair: Pair,
+}
+
+impl Link {
+    const NONE: Self = Self {
+        other: NONE,
+        pair: Pair::NOTHING,
+    };
+}
+
 impl Pair {
+    /// At the border of what is seen: surfaces go on there, and what they would add cancels ends.
+    const NOTHING: Self = Self {
+        field: 0.0,
+        jump: 0.0,
+        apart: 0.0,
+        together: 0.0,
+        is_alike: true,
+    };
+
     /// Of all pairs along a side: the worst of each.
     fn and(self, other: Self) -> Self {
         Self {
@@ -270,6 +297,7 @@ impl Quadtree {
             nodes: Vec::new(),
             parts: Vec::new(),
             wholes: Vec::new(),
+            links: Vec::new(),
             spare: HashMap::new(),
             num_cast: 0,
             counts: Counts::default(),
@@ -299,8 +327,9 @@ impl Quadtree {
 
         // Cells that leave too much open, of a smaller and smaller target, as far as the budget goes.
         let all: Vec<u32> = (0..tree.nodes.len() as u32).collect();
+        tree.link(&all);
         tree.measure(&all);
-        tree.raise_coarse(&all);
+        tree.raise(&all);
         tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
         let (mut step, most) = (FIRST_STEP, rule.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
@@ -321,7 +350,6 @@ impl Quadtree {
     /// Split cells until none leaves more open than is allowed, unless that takes more rays than some number.
     fn refine(&mut self, most: usize, mut add: impl FnMut(&mut Self, Vec<Place>) -> Result<()>) -> Result<bool> {
         let mut split: Vec<u32> = (0..self.nodes.len() as u32).collect();
-        self.raise_coarse(&split);
         split.retain(|node| self.is_open(*node));
         while !split.is_empty() {
             let first = self.nodes.len();
@@ -336,12 +364,11 @@ impl Quadtree {
             self.beside_all(&split, &mut changed);
             changed.sort_unstable();
             changed.dedup();
+            self.link(&changed);
             self.measure(&changed);
-            split = self.raise_coarse(&changed);
-            split.extend(changed);
+            split = self.with_coarser(&changed);
+            self.raise(&split);
             split.retain(|node| self.is_open(*node));
-            split.sort_unstable();
-            split.dedup();
         }
         Ok(true)
     }
@@ -353,12 +380,56 @@ impl Quadtree {
             .extend(self.nodes.drain(number..).map(|node| (node.place, node.found)));
         self.wholes.truncate((number - self.roots.len()) / 4);
         self.parts.truncate(number);
+        self.links.truncate(number);
+        let mut changed = Vec::new();
         for (node, open) in open.iter().enumerate() {
             self.nodes[node].open = *open;
             if self.parts[node] != NONE && self.parts[node] as usize >= number {
                 self.parts[node] = NONE;
             }
+            if self.links[node].iter().any(|link| link.other as usize >= number) {
+                changed.push(node as u32);
+            }
         }
+        self.link(&changed);
+    }
+
+    /// Bring the links of some cells up to date.
+    fn link(&mut self, nodes: &[u32]) {
+        let links: Vec<[Link; 4]> = nodes.par_iter().map(|node| self.links_of(*node as usize)).collect();
+        for (node, links) in nodes.iter().zip(links) {
+            self.links[*node as usize] = links;
+        }
+    }
+
+    /// The links of a cell, those anew that are not up to date.
+    fn links_of(&self, index: usize) -> [Link; 4] {
+        let mut links = self.links[index];
+        if self.parts[index] != NONE {
+            return links;
+        }
+        let level = self.nodes[index].place.level;
+        for (link, (axis, side)) in links.iter_mut().zip(SIDES) {
+            let parts = self.parts.get(link.other as usize);
+            if parts.is_some_and(|parts| *parts == NONE || self.nodes[link.other as usize].place.level == level) {
+                continue;
+            }
+            *link = Link::NONE;
+            if let Some(other) = self.neighbour(index, axis, side) {
+                link.other = other as u32;
+                if self.nodes[index].found.is_seen && self.nodes[other].found.is_seen {
+                    link.pair = self.compare(index, other, axis);
+                }
+            }
+        }
+        links
+    }
+
+    /// What is on one side of a cell, if that is seen.
+    fn linked(&self, index: usize, axis: usize, side: usize) -> Option<usize> {
+        let other = self.links[index][2 * axis + side].other as usize;
+        let node = self.nodes.get(other)?;
+        node.found.is_seen.then_some(other)
     }
 
     /// Neighbours of cells that were split: they may have lost what cancels their ends.
@@ -394,28 +465,64 @@ impl Quadtree {
         }
     }
 
-    /// Coarser cells beside some, of which these show that they leave too much open: what a fine cell at the border sees is not
-    /// what the ray in the middle of a coarse one does.
-    fn raise_coarse(&mut self, nodes: &[u32]) -> Vec<u32> {
-        let beside = |index: &u32| {
-            let index = *index as usize;
-            let node = &self.nodes[index];
-            let sides = if node.open > 1.0 { &SIDES[..] } else { &[] };
-            let coarse = sides.iter().filter_map(|(axis, side)| {
-                let other = self.neighbour(index, *axis, *side)?;
-                let is_coarse = self.parts[other] == NONE && self.nodes[other].place.level < node.place.level;
-                let (pair, is_shared) = is_coarse.then(|| self.beside(index, *axis, *side, other, &[]))?;
-                let residual = if is_shared { pair.together } else { pair.apart };
-                let open = pair.field * residual.min(1.0) * node.solid_angle;
-                (open > 1.0 && self.nodes[other].found.is_seen).then_some((other, open))
-            });
-            coarse.collect::<Vec<(usize, f64)>>()
-        };
-        let raised: Vec<(usize, f64)> = nodes.par_iter().flat_map_iter(beside).collect();
-        for (node, open) in &raised {
-            self.nodes[*node].open = self.nodes[*node].open.max(*open);
+    /// Some cells and the coarser ones beside them, in their order.
+    fn with_coarser(&self, nodes: &[u32]) -> Vec<u32> {
+        let mut cells = nodes.to_vec();
+        for node in nodes
+            .iter()
+            .map(|node| *node as usize)
+            .filter(|node| self.parts[*node] == NONE)
+        {
+            for Link { other, .. } in self.links[node] {
+                let level = self.nodes.get(other as usize).map(|other| other.place.level);
+                if level.is_some_and(|level| level < self.nodes[node].place.level) {
+                    cells.push(other);
+                }
+            }
         }
-        raised.into_iter().map(|(node, _)| node as u32).collect()
+        cells.sort_unstable();
+        cells.dedup();
+        cells
+    }
+
+    /// Cells leave more open than they show where finer ones beside them say so: what a fine cell at the border sees is not what
+    /// the ray in the middle of a coarse one does.
+    fn raise(&mut self, nodes: &[u32]) {
+        let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
+        for (node, raised) in nodes.iter().zip(raised) {
+            let open = &mut self.nodes[*node as usize].open;
+            *open = open.max(raised);
+        }
+    }
+
+    /// What finer cells beside a cell that are open themselves say that it leaves open.
+    fn raised(&self, index: usize) -> f64 {
+        let mut most: f64 = 0.0;
+        if self.parts[index] != NONE {
+            return most;
+        }
+        let mut finer = Vec::new();
+        for (axis, side) in SIDES {
+            let Some(other) = self
+                .linked(index, axis, side)
+                .filter(|other| self.parts[*other] != NONE)
+            else {
+                continue;
+            };
+            let (_, is_shared) = self.beside(index, axis, side, other, &[]);
+            finer.clear();
+            self.along(other, axis, 1 - side, &mut finer);
+            for node in finer
+                .iter()
+                .map(|node| *node as usize)
+                .filter(|node| self.nodes[*node].open > 1.0)
+            {
+                let pair = self.links[node][2 * axis + 1 - side].pair;
+                let residual = if is_shared { pair.together } else { pair.apart };
+                most = most.max(f64::from(pair.field * residual.min(1.0)) * self.nodes[node].solid_angle);
+            }
+        }
+        if most > 1.0 { most } else { 0.0 }
     }
 
     /// Whether a cell leaves too much open and can be split.
@@ -442,7 +549,7 @@ impl Quadtree {
                 number,
             ));
         }
-        fits_memory("cells", &[number], 2 * (size_of::<Node>() + size_of::<u32>()))?;
+        fits_memory("cells", &[number], 2 * size_of::<(Node, u32, [Link; 4])>())?;
         let is_new = |place: &&Place| !self.spare.contains_key(*place);
         let new: Vec<Place> = cells.iter().filter(is_new).copied().collect();
         let points: Vec<[f64; 2]> = new
@@ -486,6 +593,7 @@ impl Quadtree {
             }
         };
         self.parts.resize(number, NONE);
+        self.links.resize(number, [Link::NONE; 4]);
         self.nodes.par_extend(cells.par_iter().zip_eq(found).map(node));
         Ok(())
     }
@@ -566,9 +674,10 @@ impl Quadtree {
         if !node.found.is_seen {
             return 0.0;
         }
-        let pair = |axis: usize, side: usize| match self.neighbour(index, axis, side) {
-            Some(other) if self.nodes[other].found.is_seen => self.beside(index, axis, side, other, &[]),
-            _ => at_border(node, axis),
+        // Surfaces go on at the border of what is seen, and what they would add cancels the end there.
+        let pair = |axis: usize, side: usize| match self.linked(index, axis, side) {
+            Some(other) => self.beside(index, axis, side, other, &[]),
+            None => (Pair::NOTHING, node.look.steep[axis]),
         };
         let pairs = [[pair(0, 0), pair(0, 1)], [pair(1, 0), pair(1, 1)]];
 
@@ -577,7 +686,7 @@ impl Quadtree {
             let are_shared = sides.iter().all(|(_, is_shared)| *is_shared);
             node.found.is_hit() && are_shared
         });
-        let mut most: f64 = 0.0;
+        let mut most: f32 = 0.0;
         for axis in 0..2 {
             for (pair, is_shared) in pairs[axis] {
                 let share = match (is_shared, is_cancelled[1 - axis]) {
@@ -588,7 +697,7 @@ impl Quadtree {
                 most = most.max(pair.field * share.min(1.0));
             }
         }
-        most * node.solid_angle
+        f64::from(most) * node.solid_angle
     }
 
     /// What a cell and what is beside it say of what is between them, and whether the end of the cell on that side is cancelled:
@@ -596,15 +705,15 @@ impl Quadtree {
     /// all cells, linear ones only.
     fn beside(&self, index: usize, axis: usize, side: usize, other: usize, ends: &[Ends]) -> (Pair, bool) {
         let is_linear = |node: usize| ends.get(node).is_none_or(|ends| ends.is_linear);
+        let pair = self.links[index][2 * axis + side].pair;
         if self.parts[other] != NONE {
-            return match self.compare_along(index, axis, side, other) {
+            return match self.pair_along(other, axis, 1 - side) {
                 pair if pair.is_alike && is_linear(index) && self.are_linear(other, axis, 1 - side, ends) => {
                     (pair, true)
                 }
-                _ => (self.compare(index, other, axis), false),
+                _ => (pair, false),
             };
         }
-        let pair = self.compare(index, other, axis);
         if !(pair.is_alike && is_linear(index) && is_linear(other)) {
             return (pair, false);
         }
@@ -612,19 +721,19 @@ impl Quadtree {
             return (pair, true);
         }
         let is_shared = self
-            .neighbour(other, axis, 1 - side)
+            .linked(other, axis, 1 - side)
             .is_some_and(|whole| self.beside(other, axis, 1 - side, whole, ends).1);
         (pair, is_shared)
     }
 
-    /// What a cell and all cells along one side of it, parts of another of its level, say of what is between them.
-    fn compare_along(&self, index: usize, axis: usize, side: usize, other: usize) -> Pair {
-        if self.parts[other] == NONE {
-            return self.compare(other, index, axis);
+    /// What all cells along a side of one, and the one beside that, say of what is between them.
+    fn pair_along(&self, node: usize, axis: usize, side: usize) -> Pair {
+        if self.parts[node] == NONE {
+            return self.links[node][2 * axis + side].pair;
         }
-        let [first, last] = self.halves(other, axis, 1 - side);
-        self.compare_along(index, axis, side, first)
-            .and(self.compare_along(index, axis, side, last))
+        let [first, last] = self.halves(node, axis, side);
+        self.pair_along(first, axis, side)
+            .and(self.pair_along(last, axis, side))
     }
 
     /// Whether all cells along a side of one are linear.
@@ -673,7 +782,7 @@ impl Quadtree {
         let field = of(&node.look, damped[0]).max(of(&other.look, damped[1]));
         if !(node.found.is_hit() && other.found.is_hit()) {
             return Pair {
-                field,
+                field: field as f32,
                 jump: 1.0,
                 apart: 1.0,
                 together: 1.0,
@@ -721,11 +830,13 @@ impl Quadtree {
         } else {
             (jump, 0.25 * from_planes / square)
         };
+        let apart = explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step;
+        let together = jump + if is_plane { 0.0 } else { 0.25 * bend(axis) };
         Pair {
-            field,
-            jump,
-            apart: explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step,
-            together: jump + if is_plane { 0.0 } else { 0.25 * bend(axis) },
+            field: field as f32,
+            jump: jump as f32,
+            apart: apart as f32,
+            together: together as f32,
             is_alike,
         }
     }
@@ -793,12 +904,10 @@ impl Quadtree {
 
     /// What cancels the end of a cell on one side.
     fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
-        match self.neighbour(index, axis, side) {
-            Some(other) if self.nodes[other].found.is_seen => {
-                let (_, is_shared) = self.beside(index, axis, side, other, ends);
-                if is_shared { Partner::Cell(other) } else { Partner::None }
-            }
-            _ => Partner::Border,
+        match self.linked(index, axis, side) {
+            None => Partner::Border,
+            Some(other) if self.beside(index, axis, side, other, ends).1 => Partner::Cell(other),
+            Some(_) => Partner::None,
         }
     }
 
@@ -843,18 +952,6 @@ impl Quadtree {
             _ => Some(beside),
         }
     }
-}
-
-/// A cell at the border of what is seen: surfaces go on there, and what they would add cancels its end.
-fn at_border(node: &Node, axis: usize) -> (Pair, bool) {
-    let nothing = Pair {
-        field: 0.0,
-        jump: 0.0,
-        apart: 0.0,
-        together: 0.0,
-        is_alike: true,
-    };
-    (nothing, node.look.steep[axis])
 }
 
 /// A long box in pieces about as long as it is wide: the frame of the image may lie across it.
@@ -1183,6 +1280,27 @@ mod tests {
             last = tree.allowed;
         }
         assert_eq!(last, 1.0);
+    }
+
+    #[test]
+    fn links_are_those_of_the_neighbours_in_the_end() {
+        // Steps are taken back where there is a budget.
+        let needed = grow(&scene(0.0), &RULE, None).nodes.len();
+        for budget in [None, Some(needed / 2)] {
+            let tree = grow(&scene(0.0), &Rule { budget, ..RULE }, None);
+            let mut num_finer = 0;
+            for index in (0..tree.nodes.len()).filter(|index| tree.parts[*index] == NONE) {
+                for (link, (axis, side)) in tree.links[index].iter().zip(SIDES) {
+                    let other = tree.neighbour(index, axis, side);
+                    assert_eq!(link.other, other.map_or(NONE, |other| other as u32));
+                    if let Some(other) = other {
+                        assert_eq!(link.pair, tree.compare(index, other, axis));
+                        num_finer += usize::from(tree.nodes[other].place.level < tree.nodes[index].place.level);
+                    }
+                }
+            }
+            assert!(num_finer > 100);
+        }
     }
 
     #[test]

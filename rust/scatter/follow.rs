@@ -1,6 +1,4 @@
-//! Delays and amplitudes of many paths: eight material points of one rigid body at a time, all others one by one.
-
-use std::f64::consts::TAU;
+//! Delays and amplitudes of many paths: eight material points of rigid bodies at a time, all others one by one.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -9,10 +7,9 @@ use rayon::prelude::*;
 use super::{Paths, Places, SPEED_OF_LIGHT, Scatterers, Selection};
 use crate::antenna::Array;
 use crate::error::Result;
-use crate::motion::Pose;
 use crate::pattern::Pattern;
 use crate::simd::{Isa, Kernel, Level, Vector};
-use crate::trig::{angle, cos_sin_turns, exp_of_negative};
+use crate::trig::{angle, exp_of_negative, sinc_turns};
 
 /// Numbers of a vector.
 const LANES: usize = 8;
@@ -72,17 +69,19 @@ impl Scatterers {
         Ok(paths)
     }
 
-    /// Eight material points, if they are of one body that does not deform.
+    /// Eight material points, if their bodies do not deform.
     #[inline(always)]
     fn eight(&self, numbers: &[usize; LANES]) -> Option<Eight> {
-        let body = *self.body.get(numbers[0])?;
-        for number in numbers {
-            if self.body.get(*number) != Some(&body) || self.facet[*number].is_some() {
+        let mut bodies = [0; LANES];
+        for lane in 0..LANES {
+            let number = numbers[lane];
+            bodies[lane] = *self.body.get(number)? as usize;
+            if self.facet[number].is_some() {
                 return None;
             }
         }
         let mut eight = Eight {
-            body: body as usize,
+            bodies,
             position: [[0.0; LANES]; 3],
             normal: [[0.0; LANES]; 3],
             edges: [[[0.0; LANES]; 3]; 2],
@@ -116,13 +115,19 @@ struct FollowBlock<'a> {
     amplitudes: Vec<&'a mut [Complex64]>,
 }
 
-/// Eight material points of one body, in its coordinates.
+/// Eight material points in coordinates of their bodies.
 struct Eight {
-    body: usize,
+    bodies: [usize; LANES],
     position: Lanes3,
     normal: Lanes3,
     edges: [Lanes3; 2],
     has_edges: bool,
+}
+
+/// Poses of the bodies of eight points: body axes as columns, and origins.
+struct Poses {
+    axes: [Lanes3; 3],
+    origin: Lanes3,
 }
 
 /// What an antenna sees of eight points: [`super::Sight`] with the gain of the field.
@@ -186,8 +191,7 @@ impl Kernel for FollowBlock<'_> {
                 }
             }
             for node in 0..self.places.num_nodes {
-                let pose = &self.places.poses[node * self.places.num_bodies + eight.body];
-                let position = placed::<I>(pose, &eight.position);
+                let position = placed::<I>(&eight.poses::<I>(self.places, node), &eight.position);
                 for antenna in 0..num_antennas {
                     let (place, _) = antenna_of(array, antenna);
                     distance::<I>(&offsets::<I>(&position, place)).store(&mut distances[antenna]);
@@ -203,8 +207,7 @@ impl Kernel for FollowBlock<'_> {
                 }
             }
             for node in 0..self.amplitudes_at.num_nodes {
-                let pose = &self.amplitudes_at.poses[node * self.amplitudes_at.num_bodies + eight.body];
-                let there = eight.at::<I>(pose);
+                let there = eight.at::<I>(&eight.poses::<I>(self.amplitudes_at, node));
                 for antenna in 0..num_antennas {
                     sights[antenna] = look::<I>(array, antenna, &there.position);
                 }
@@ -243,11 +246,41 @@ impl FollowBlock<'_> {
 }
 
 impl Eight {
-    /// In the sensor frame, with the body at a pose.
+    /// Of their bodies, at a node of some places.
     #[inline(always)]
-    fn at<I: Isa>(&self, pose: &Pose) -> Self {
+    fn poses<I: Isa>(&self, places: &Places, node: usize) -> Poses {
+        let of = &places.poses[node * places.num_bodies..];
+        let mut poses = Poses {
+            axes: [[[0.0; LANES]; 3]; 3],
+            origin: [[0.0; LANES]; 3],
+        };
+        let first = &of[self.bodies[0]];
+        for row in 0..3 {
+            for column in 0..3 {
+                let number = <I::F64 as Vector>::splat(first.rotation.col(column)[row]);
+                number.store(&mut poses.axes[column][row]);
+            }
+            <I::F64 as Vector>::splat(first.translation[row]).store(&mut poses.origin[row]);
+        }
+        for lane in 1..LANES {
+            if self.bodies[lane] != self.bodies[0] {
+                let pose = &of[self.bodies[lane]];
+                for row in 0..3 {
+                    for column in 0..3 {
+                        poses.axes[column][row][lane] = pose.rotation.col(column)[row];
+                    }
+                    poses.origin[row][lane] = pose.translation[row];
+                }
+            }
+        }
+        poses
+    }
+
+    /// In the sensor frame, with the bodies at poses.
+    #[inline(always)]
+    fn at<I: Isa>(&self, pose: &Poses) -> Self {
         let mut there = Self {
-            body: self.body,
+            bodies: self.bodies,
             position: placed::<I>(pose, &self.position),
             normal: turned::<I>(pose, &self.normal),
             edges: [[[0.0; LANES]; 3]; 2],
@@ -279,9 +312,8 @@ impl Eight {
                 both.store(&mut sum[axis]);
             }
             for side in 0..2 {
-                let mut turns = [0.0; LANES];
-                dot::<I>(&sum, &self.edges[side]).mul(rate).store(&mut turns);
-                mirror = mirror.mul(sinc::<I>(&turns));
+                let turns = dot::<I>(&sum, &self.edges[side]).mul(rate);
+                mirror = mirror.mul(sinc_turns(turns));
             }
         }
         let diffuse = cos_t.mul(cos_r).sqrt();
@@ -298,28 +330,25 @@ impl Eight {
     }
 }
 
-/// Points of a body in the sensor frame.
+/// Points of bodies in the sensor frame.
 #[inline(always)]
-fn placed<I: Isa>(pose: &Pose, points: &Lanes3) -> Lanes3 {
-    let mut placed = turned::<I>(pose, points);
+fn placed<I: Isa>(poses: &Poses, points: &Lanes3) -> Lanes3 {
+    let mut placed = turned::<I>(poses, points);
     for axis in 0..3 {
-        let origin = <I::F64 as Vector>::splat(pose.translation[axis]);
-        let place = I::F64::load(&placed[axis]).add(origin);
+        let place = I::F64::load(&placed[axis]).add(I::F64::load(&poses.origin[axis]));
         place.store(&mut placed[axis]);
     }
     placed
 }
 
-/// Vectors of a body in the axes of the sensor.
+/// Vectors of bodies in the axes of the sensor.
 #[inline(always)]
-fn turned<I: Isa>(pose: &Pose, vectors: &Lanes3) -> Lanes3 {
-    let splat = <I::F64 as Vector>::splat;
-    let axes = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis];
+fn turned<I: Isa>(poses: &Poses, vectors: &Lanes3) -> Lanes3 {
     let mut turned = [[0.0; LANES]; 3];
     for axis in 0..3 {
-        let mut sum = I::F64::load(&vectors[0]).mul(splat(axes[0][axis]));
+        let mut sum = I::F64::load(&vectors[0]).mul(I::F64::load(&poses.axes[0][axis]));
         for other in 1..3 {
-            sum = I::F64::load(&vectors[other]).mul_add(splat(axes[other][axis]), sum);
+            sum = I::F64::load(&vectors[other]).mul_add(I::F64::load(&poses.axes[other][axis]), sum);
         }
         sum.store(&mut turned[axis]);
     }
@@ -394,18 +423,14 @@ fn field_gain<I: Isa>(pattern: &Pattern, directions: &Lanes3) -> Lanes {
         } => {
             gain = [peak.sqrt(); LANES];
             if azimuth != 0.0 || elevation != 0.0 {
-                let mut exponents = [0.0; LANES];
                 let x = I::F64::load(&directions[0]);
                 let (y, z) = (I::F64::load(&directions[1]), I::F64::load(&directions[2]));
                 let az = angle(y, x);
                 let el = angle(z, x.mul(x).add(y.mul(y)).sqrt());
                 let along = az.mul(az).mul(splat(-0.5 * azimuth));
                 let across = el.mul(el).mul(splat(-0.5 * elevation));
-                along.add(across).store(&mut exponents);
-                let decay = exp_of_negative(&exponents);
-                for lane in 0..LANES {
-                    gain[lane] *= decay[lane];
-                }
+                let decay = exp_of_negative(along.add(across));
+                decay.mul(splat(peak.sqrt())).store(&mut gain);
             }
         }
         Pattern::Table(_) => {
@@ -418,19 +443,6 @@ fn field_gain<I: Isa>(pattern: &Pattern, directions: &Lanes3) -> Lanes {
     gain
 }
 
-/// sin(x) / x of angles in turns.
-#[inline(always)]
-fn sinc<I: Isa>(turns: &Lanes) -> I::F64 {
-    let splat = <I::F64 as Vector>::splat;
-    let (_, sine) = cos_sin_turns::<f64, LANES>(turns);
-    let x = I::F64::load(turns).mul(splat(TAU));
-    let square = x.mul(x);
-    let is_small = square.at_most(splat(1e-8));
-    let series = square.neg_mul_add(splat(1.0 / 6.0), splat(1.0));
-    let nonzero = splat(1.0).select(is_small, x);
-    series.select(is_small, I::F64::load(&sine).div(nonzero))
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -439,6 +451,7 @@ mod tests {
 
     use super::*;
     use crate::material::{Material, Response};
+    use crate::motion::Pose;
     use crate::pattern::Table;
     use crate::rays::ImagePlane;
     use crate::samples::Samples;
