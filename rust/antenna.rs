@@ -39,7 +39,7 @@ impl Array {
     /// Field that is sent to a direction `(1, u, v)` and received from there, relative to the peaks; of the best pair.
     pub fn relative_gain(&self, u: f64, v: f64) -> f64 {
         let least = |patterns: &[Pattern]| {
-            let others = (0..patterns.len()).filter(|i| *i == 0 || patterns[*i] != patterns[*i - 1]);
+            let others = (0..patterns.len()).filter(|i| *i == 0 || !patterns[*i].is_same(&patterns[*i - 1]));
             let decays = others.map(|i| patterns[i].decay([u; 2], [v; 2])[0]);
             decays.fold(f64::INFINITY, f64::min)
         };

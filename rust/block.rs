@@ -72,10 +72,7 @@ impl Block {
 /// Rows after the first act on differences from the first row where rows are values, see [`Rows`].
 fn block_matrix(waveform: &Waveform, basis: Basis, terms: usize, center: f64, half: f64) -> Vec<Vec<f64>> {
     let to_block = chebyshev_matrix(terms);
-    let to_frame = match basis {
-        Basis::Taylor => None,
-        Basis::Chebyshev => Some(chebyshev_matrix(terms)),
-    };
+    let to_frame = (basis == Basis::Chebyshev).then_some(&to_block);
     // Values of the frame's basis functions at the nodes of the block.
     let mut values = vec![vec![0.0; terms]; terms];
     for (j, row) in values.iter_mut().enumerate() {
@@ -87,7 +84,7 @@ fn block_matrix(waveform: &Waveform, basis: Basis, terms: usize, center: f64, ha
             let per_function: Vec<f64> = (0..terms)
                 .map(|n| (0..terms).map(|j| to_block[k * terms + j] * values[j][n]).sum())
                 .collect();
-            match &to_frame {
+            match to_frame {
                 None => per_function,
                 Some(to_frame) => (0..terms)
                     .map(|row| (0..terms).map(|n| per_function[n] * to_frame[n * terms + row]).sum())

@@ -1,6 +1,8 @@
 //! Delays and amplitudes over a frame: value, rate and acceleration, or values at Chebyshev times.
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 use num_complex::Complex64;
 
@@ -123,7 +125,17 @@ pub fn basis_values(basis: Basis, waveform: &Waveform, t: f64, out: &mut [f64]) 
 }
 
 /// Matrix `(num_nodes, num_nodes)` from values at increasing Chebyshev times to coefficients of `T_k(x)`.
-pub fn chebyshev_matrix(num_nodes: usize) -> Vec<f64> {
+pub fn chebyshev_matrix(num_nodes: usize) -> Cow<'static, [f64]> {
+    // Plans ask for small ones hundreds of times.
+    static KEPT: [OnceLock<Vec<f64>>; 17] = [const { OnceLock::new() }; 17];
+    match KEPT.get(num_nodes) {
+        Some(kept) => Cow::Borrowed(kept.get_or_init(|| matrix(num_nodes))),
+        None => Cow::Owned(matrix(num_nodes)),
+    }
+}
+
+/// The same, computed.
+fn matrix(num_nodes: usize) -> Vec<f64> {
     let n = num_nodes as f64;
     let mut matrix = Vec::with_capacity(num_nodes * num_nodes);
     for k in 0..num_nodes {

@@ -30,6 +30,14 @@ pub enum Pattern {
 }
 
 impl Pattern {
+    /// Whether it is known at once that both are the same: tables are not compared number by number.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Table(a), Self::Table(b)) => Arc::ptr_eq(a, b),
+            _ => self == other,
+        }
+    }
+
     /// Power gain towards a direction of the sensor frame (any length).
     pub fn gain(&self, d: DVec3) -> f64 {
         if let Self::Gaussian {

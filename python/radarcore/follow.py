@@ -28,7 +28,7 @@ _PHASE_GOAL = 1e-7
 # Those that most courses need.
 _USUAL_COUNTS = (8, 6, 4)
 # Paths that are looked at to choose the number of times.
-_NUM_PROBES = 1024
+_NUM_PROBES = 512
 # Work and memory of one piece of the sum: path-samples (half a second), and numbers per path.
 _PIECE_PATH_SAMPLES = 2**28
 _PIECE_NUMBERS = 2**25
@@ -277,30 +277,28 @@ def _series_errors(
     """Errors of Chebyshev series of some lengths through delays and amplitudes (node, channel, path).
 
     Of phases and of amplitudes, relative to l2(amplitudes), the worst channel's: what the coefficients beyond a length
-    add up to, twice, as a series through so many times folds them back; for the longest series the last two
-    coefficients, which for smooth motion are larger than all that follow.
+    add up to, twice, as a series through so many times folds them back; for the last length, which is that of the whole
+    series, the last two coefficients, which for smooth motion are larger than all that follow.
     """
     power = (amplitude.real**2 + amplitude.imag**2).max(axis=0)
-    total = np.maximum(np.sqrt(power.sum(axis=-1)), np.finfo(float).tiny)
+    total = np.maximum(np.sqrt(power.sum(axis=-1, keepdims=True)), np.finfo(float).tiny)
 
-    def left_out(coefficients: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-        """What series of a length leave out, (channel, number), of coefficients (channel, order, number)."""
-        if count < coefficients.shape[1]:
-            beyond: NDArray[np.float64] = 2.0 * np.abs(coefficients[:, count:]).sum(axis=1)
-            return beyond
-        last: NDArray[np.float64] = np.abs(coefficients[:, -2:]).max(axis=1)
-        return last
+    def left_out(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What series of `counts` leave out, (channel, count, number), of coefficients (channel, order, number)."""
+        sizes = np.abs(coefficients)
+        beyond = 2.0 * np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1]
+        last = sizes[:, -2:].max(axis=1, keepdims=True)
+        return np.concatenate([beyond[:, counts[:-1]], last], axis=1)
 
     # Without the first of the delays, the rounding of whole delays is no part of the phases.
-    of_delays = _coefficients(delay - delay[0])
-    of_amplitudes = _coefficients(amplitude.view(np.float64))
-    phases, weights = [], []
-    for count in counts:
-        phase = 2.0 * np.pi * frequency * left_out(of_delays, count)
-        phases.append(float((np.sqrt((phase**2 * power).sum(axis=-1)) / total).max(initial=0.0)))
-        weight = (left_out(of_amplitudes, count) ** 2).sum(axis=-1) if len(amplitude) > 1 else np.zeros_like(total)
-        weights.append(float((np.sqrt(weight) / total).max(initial=0.0)))
-    return phases, weights
+    phases = 2.0 * np.pi * frequency * left_out(_coefficients(delay - delay[0]))
+    of_phases = np.sqrt(np.einsum("ckp,ckp,cp->ck", phases, phases, power, optimize=False)) / total
+    if len(amplitude) > 1:
+        weights = left_out(_coefficients(amplitude.view(np.float64)))
+        of_weights = np.sqrt(np.einsum("ckp,ckp->ck", weights, weights)) / total
+    else:
+        of_weights = np.zeros_like(of_phases)
+    return of_phases.max(axis=0).tolist(), of_weights.max(axis=0).tolist()
 
 
 def _coefficients(values: NDArray[np.float64]) -> NDArray[np.float64]:
