@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec3Swizzles};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
@@ -23,6 +23,7 @@ mod field;
 mod place;
 mod route;
 mod tube;
+mod way;
 
 pub use far_field::{Aspect, cross_sections};
 pub use route::Bounces;
@@ -30,8 +31,9 @@ pub use route::Bounces;
 use place::Place;
 use route::Route;
 use tube::Tube;
+use way::Way;
 
-/// Before this share of a ray's largest coordinate, and of a metre at least, what it leaves is not met again [m].
+/// How far before a surface rays leave it, of their largest coordinate, and of a metre at least [m].
 const LEAVING: f64 = 1e-7;
 
 /// What a cell of the image plane has hit.
@@ -62,6 +64,40 @@ impl Launch {
             }
         };
         pixels.map(launch).collect()
+    }
+}
+
+/// The part of the image plane where tubes start.
+struct View {
+    /// Smallest and largest plane coordinates.
+    corners: [DVec2; 2],
+}
+
+impl View {
+    fn of(launches: &[Launch]) -> Self {
+        let corners = launches
+            .iter()
+            .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], launch| {
+                let (center, half) = (DVec2::from(launch.center), 0.5 * DVec2::from(launch.size));
+                [low.min(center - half), high.max(center + half)]
+            });
+        Self { corners }
+    }
+
+    /// What a tube over these places to an antenna counts of what goes this way: the less, the more it widens beside one
+    /// from the antenna that goes the same way back; all of it where none starts. Both add up to one.
+    fn share(&self, tube: &Tube, places: &[Place], antenna: DVec3) -> f64 {
+        let back = self
+            .shows(tube.place.point)
+            .then(|| Tube::widening_back(places, antenna));
+        let Some(back) = back.flatten() else { return 1.0 };
+        let share = back / (tube.widening() + back);
+        if share.is_finite() { share } else { 0.5 }
+    }
+
+    fn shows(&self, point: DVec3) -> bool {
+        let (place, [low, high]) = (point.yz() / point.x, self.corners);
+        point.x > 0.0 && place.cmpge(low).all() && place.cmple(high).all()
     }
 }
 
@@ -199,16 +235,16 @@ impl Shooter<'_> {
             return None;
         }
         let sent = self.send(tube, size, offset / distance, polarization, sampling)?;
-        let is_hidden = self.is_hidden(&tube.place, antenna - tube.place.on_facet, 1.0 - 1e-9);
+        let is_hidden = self.is_hidden(&tube.place, antenna - tube.place.before, 1.0 - 1e-9);
         (!is_hidden).then_some((sent, distance))
     }
 
     /// Whether something stands in the way from a place before `far`, in lengths of the direction.
     fn is_hidden(&self, place: &Place, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
-            origin: place.on_facet,
+            origin: place.before,
             direction,
-            start: leaving(place.on_facet) / direction.length(),
+            start: 0.0,
         };
         self.snapshot.blocks(&ray, far)
     }
@@ -262,7 +298,7 @@ impl<'a> Sensor<'a> {
     }
 }
 
-/// How far from a point of a surface a ray is let go [m].
+/// How far before a point of a surface a ray leaves it [m].
 fn leaving(point: DVec3) -> f64 {
     LEAVING * point.abs().max_element().max(1.0)
 }
@@ -310,30 +346,36 @@ impl Bounces {
         sampling: Sampling,
     ) -> (Self, Counts) {
         let sensor = Sensor::new(snapshot, materials, &array, limits);
+        let (ways, view) = (Way::of(&array), View::of(launches));
+        let twice = 2.0 / ways.len() as f64; // of shares that add up to one
         let of = |launch: &Launch| {
             let mut routes: Vec<Route> = Vec::new();
             let mut counts = Counts::default();
-            for (transmitter, antenna) in array.tx.iter().zip(&array.tx_patterns).enumerate() {
-                let arrive = |tube: &Tube, places: &[Place]| {
-                    let weight = |antenna: &DVec3| {
-                        let sent = sensor.receive(tube, launch, *antenna, sampling);
-                        sent.map_or(Complex64::ZERO, |(sent, _)| {
-                            Complex64::I / (2.0 * TAU) * sent.amplitude * (sent.weight * tube.length)
-                        })
+            for way in ways {
+                let [starts, ends] = way.antennas(&array);
+                for start in 0..starts.len() {
+                    let arrive = |tube: &Tube, places: &[Place]| {
+                        let weight = |end: usize| {
+                            let sent = sensor.receive(tube, launch, ends.get(end).0, sampling);
+                            sent.map_or(Complex64::ZERO, |(sent, _)| {
+                                let share = twice * view.share(tube, places, ends.get(end).0);
+                                Complex64::I / (2.0 * TAU) * sent.amplitude * (share * sent.weight * tube.length)
+                            })
+                        };
+                        let weights: Vec<Complex64> = (0..ends.len()).map(weight).collect();
+                        if weights.iter().all(|weight| *weight == Complex64::ZERO) {
+                            return;
+                        }
+                        let kind = (*way, places.len());
+                        let known = routes.iter().position(|route| route.kind() == kind);
+                        let index = known.unwrap_or_else(|| {
+                            routes.push(Route::new(*way, &array, snapshot, places));
+                            routes.len() - 1
+                        });
+                        routes[index].set(&array, snapshot, start, places, &weights);
                     };
-                    let weights: Vec<Complex64> = array.rx.iter().map(weight).collect();
-                    if weights.iter().all(|weight| *weight == Complex64::ZERO) {
-                        return;
-                    }
-                    let order = places.len();
-                    let known = routes.iter().position(|route| route.order() == order);
-                    let index = known.unwrap_or_else(|| {
-                        routes.push(Route::new(&array, snapshot, places));
-                        routes.len() - 1
-                    });
-                    routes[index].set(snapshot, transmitter, places, &weights);
-                };
-                counts = counts.plus(sensor.shoot(launch, (*antenna.0, antenna.1), arrive));
+                    counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
+                }
             }
             (routes, counts)
         };

@@ -1,8 +1,9 @@
-//! Where a ray meets a surface: on the facet, which says what is in sight, and on the curved surface that the facet stands
+//! Where a ray meets a surface: at the facet, which says what is in sight, and on the curved surface that the facet stands
 //! for, which says how long paths are.
 
 use glam::{DMat3, DVec3};
 
+use super::leaving;
 use crate::shading::{bend, shade};
 use crate::trace::Snapshot;
 
@@ -18,8 +19,9 @@ pub struct Place {
     pub triangle: u32,
     /// On the curved surface [m].
     pub point: DVec3,
-    /// On the facet [m]: rays leave from here.
-    pub on_facet: DVec3,
+    /// A little before the facet on the way there [m]. Rays leave from here: they do not meet the facet again, and of what
+    /// touches it at the place only what the way led to as well, like the other wall where two of them meet.
+    pub before: DVec3,
     /// Unit normal of the curved surface towards the incident side.
     pub normal: DVec3,
     /// Unit normal of the facet towards the incident side.
@@ -60,16 +62,18 @@ impl Place {
         }
 
         let length = distance + correction;
+        let on_facet = origin + distance * direction;
+        let step = leaving(on_facet);
         let turn = pose.rotation;
         let place = Self {
             body,
             triangle,
             point: origin + length * direction,
-            on_facet: origin + distance * direction,
+            before: on_facet - step * direction,
             normal: turn * normal,
             face: turn * lit,
             bend: turn * bend * turn.transpose(),
         };
-        (length > 0.0).then_some((place, length))
+        (length > -step).then_some((place, length))
     }
 }

@@ -5,20 +5,24 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::place::Place;
+use super::way::Way;
 use crate::antenna::Array;
 use crate::error::Result;
 use crate::facet::Facet;
+use crate::pattern::Pattern;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 use crate::trace::Snapshot;
 
-/// Routes from the transmitters over two and more surfaces to the receivers: what one cell of the image returns by one
+/// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
 /// number of reflections.
 pub struct Bounces {
     array: Array,
     /// Where the points of every route begin, and where those of the last end.
     first: Vec<usize>,
-    /// Those of one transmitter after the other; of one that has no such route those of another.
+    /// Those of one antenna where tubes start after the other; of one that has no such route those of another.
     points: Vec<Point>,
+    /// Per route.
+    ways: Vec<Way>,
     /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
@@ -37,6 +41,7 @@ struct Point {
 
 /// One route.
 pub struct Route {
+    way: Way,
     order: usize,
     points: Vec<Point>,
     /// Per channel.
@@ -64,29 +69,31 @@ impl Point {
 }
 
 impl Route {
-    /// Over these places, for all transmitters; nothing comes back yet.
-    pub fn new(array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
+    /// Over these places, for all antennas where tubes start; nothing comes back yet.
+    pub fn new(way: Way, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
         let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
         Self {
+            way,
             order: places.len(),
-            points: points.repeat(array.tx.len()),
+            points: points.repeat(way.antennas(array)[0].len()),
             weights: vec![Complex64::ZERO; array.num_channels()],
         }
     }
 
-    /// Number of reflections.
-    pub fn order(&self) -> usize {
-        self.order
+    /// The way of its tubes and the number of reflections.
+    pub fn kind(&self) -> (Way, usize) {
+        (self.way, self.order)
     }
 
-    /// What comes back of one transmitter: `weights` per receiver.
-    pub fn set(&mut self, snapshot: &Snapshot, transmitter: usize, places: &[Place], weights: &[Complex64]) {
+    /// What comes of the antenna `start`: `weights` per antenna where tubes end.
+    pub fn set(&mut self, array: &Array, snapshot: &Snapshot, start: usize, places: &[Place], weights: &[Complex64]) {
         let points = places.iter().map(|place| Point::new(snapshot, place));
         for (i, point) in points.enumerate() {
-            self.points[transmitter * self.order + i] = point;
+            self.points[start * self.order + i] = point;
         }
-        let first = transmitter * weights.len();
-        self.weights[first..first + weights.len()].copy_from_slice(weights);
+        for (end, weight) in weights.iter().enumerate() {
+            self.weights[self.way.channel(array, start, end)] = *weight;
+        }
     }
 }
 
@@ -94,7 +101,7 @@ impl Bounces {
     pub(super) fn of_routes(snapshot: &Snapshot, array: Array, routes: impl Iterator<Item = Route>) -> Self {
         let mut bounces = Self::empty(array);
         for route in routes {
-            bounces.push(&route.points, &route.weights);
+            bounces.push(route.way, &route.points, &route.weights);
         }
         let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
         let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
@@ -110,12 +117,14 @@ impl Bounces {
             array,
             first: vec![0],
             points: Vec::new(),
+            ways: Vec::new(),
             weights: Vec::new(),
             deforming: Vec::new(),
         }
     }
 
-    fn push(&mut self, points: &[Point], weights: &[Complex64]) {
+    fn push(&mut self, way: Way, points: &[Point], weights: &[Complex64]) {
+        self.ways.push(way);
         self.points.extend(points);
         self.weights.extend(weights);
         self.first.push(self.points.len());
@@ -129,7 +138,7 @@ impl Bounces {
             let are_wanted = points.iter().all(|point| is_wanted(point.body));
             let channels = self.num_channels();
             let weights = &self.weights[channels * route..channels * (route + 1)];
-            parts[usize::from(!are_wanted)].push(points, weights);
+            parts[usize::from(!are_wanted)].push(self.ways[route], points, weights);
         }
         for part in &mut parts {
             let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
@@ -155,16 +164,17 @@ impl Bounces {
 
     /// Number of reflections of every route.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
-        let transmitters = self.array.tx.len();
-        self.first
-            .windows(2)
-            .map(move |ends| (ends[1] - ends[0]) / transmitters)
+        let routes = self.first.windows(2).zip(&self.ways);
+        routes.map(|(ends, way)| (ends[1] - ends[0]) / way.antennas(&self.array)[0].len())
     }
 
-    /// The last body of every route, as the first transmitter has it.
+    /// The body of every route that is the last before a receiver, as the first antenna where tubes start has it.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
-        let ends = self.first.iter().zip(self.orders());
-        ends.map(|(first, order)| self.points[first + order - 1].body)
+        let routes = self.first.iter().zip(&self.ways).zip(self.orders());
+        routes.map(|((first, way), order)| match way {
+            Way::Forth => self.points[first + order - 1].body,
+            Way::Back => self.points[*first].body,
+        })
     }
 
     /// Bodies that deform and are met here, in increasing order, and their numbers of vertices.
@@ -190,11 +200,11 @@ impl Bounces {
             .into_par_iter()
             .map(|i| {
                 let (channel, route) = (i / num_routes, i % num_routes);
-                let (tx, rx) = self.antennas(channel);
-                let (mut rate, mut from) = (0.0, (tx, DVec3::ZERO));
+                let [start, end] = self.antennas(channel, route).map(|antenna| (antenna.0, DVec3::ZERO));
+                let (mut rate, mut from) = (0.0, start);
                 let points = self.points(route, channel);
                 let moving = points.iter().map(|point| self.motion(places, rates, point));
-                for to in moving.chain([(rx, DVec3::ZERO)]) {
+                for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
                 }
@@ -203,35 +213,36 @@ impl Bounces {
             .collect()
     }
 
-    /// Of the transmitter of a channel.
+    /// Of the antenna of a channel where tubes start.
     fn points(&self, route: usize, channel: usize) -> &[Point] {
         let points = &self.points[self.first[route]..self.first[route + 1]];
-        let order = points.len() / self.array.tx.len();
-        let transmitter = channel / self.array.rx.len();
-        &points[transmitter * order..(transmitter + 1) * order]
+        let way = self.ways[route];
+        let order = points.len() / way.antennas(&self.array)[0].len();
+        let [start, _] = way.numbers(&self.array, channel);
+        &points[start * order..(start + 1) * order]
     }
 
-    fn antennas(&self, channel: usize) -> (DVec3, DVec3) {
-        let receivers = self.array.rx.len();
-        (self.array.tx[channel / receivers], self.array.rx[channel % receivers])
+    /// Places and patterns of the antennas of a channel where the tubes of a route start and end.
+    fn antennas(&self, channel: usize, route: usize) -> [(DVec3, &Pattern); 2] {
+        let way = self.ways[route];
+        let ([starts, ends], [start, end]) = (way.antennas(&self.array), way.numbers(&self.array, channel));
+        [starts.get(start), ends.get(end)]
     }
 
     /// Delay and amplitude of one route of one channel at one time, README eq. (7).
     fn path(&self, places: &Places, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
-        let (tx, rx) = self.antennas(channel);
-        let (transmitter, receiver) = (channel / self.array.rx.len(), channel % self.array.rx.len());
+        let [start, end] = self.antennas(channel, route);
         let points = self.points(route, channel);
-        let departure = self.position(places, node, &points[0]) - tx;
-        let (mut length, mut last) = (0.0, tx);
+        let departure = self.position(places, node, &points[0]) - start.0;
+        let (mut length, mut last) = (0.0, start.0);
         for point in points {
             let next = self.position(places, node, point);
             length += (next - last).length();
             last = next;
         }
-        let arrival = last - rx;
+        let arrival = last - end.0;
         let distance = arrival.length();
-        let gains =
-            self.array.tx_patterns[transmitter].gain(departure) * self.array.rx_patterns[receiver].gain(arrival);
+        let gains = start.1.gain(departure) * end.1.gain(arrival);
         let weight = self.weights[route * self.num_channels() + channel];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
         ((length + distance) / SPEED_OF_LIGHT, amplitude)

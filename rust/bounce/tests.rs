@@ -119,6 +119,44 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
 }
 
 #[test]
+fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
+    let array = array(vec![DVec3::ZERO], None);
+    // Two walls; a third below them; the two, each a body of its own.
+    let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
+    let [left, right] = [1.0, -1.0].map(|side| rectangle(apex, DVec3::new(-0.7, 0.7 * side, 0.0), up));
+    let floor = rectangle(apex - DVec3::Y, DVec3::new(-1.0, 0.0, 0.0), 2.0 * DVec3::Y);
+    for (surfaces, order, slope) in [
+        (vec![left.clone(), right.clone()], 2, 0.0),
+        (vec![left.clone(), right.clone()], 2, 0.13),
+        (vec![left, right, floor], 3, -0.25), // onto the apex
+    ] {
+        let snapshot = scene(surfaces);
+        let materials = vec![CONDUCTOR; 3];
+        let limits = Limits {
+            max_bounces: 5,
+            floor: 0.0,
+        };
+        let echo = |u: f64, v: f64| {
+            let launch = cell(&snapshot, u, v).unwrap();
+            let echoes = echoes(&snapshot, &[launch], &materials, &array, limits);
+            assert_eq!(
+                echoes[0].iter().filter(|echo| echo.order == order).count(),
+                1,
+                "{echoes:?}"
+            );
+            *echoes[0].iter().find(|echo| echo.order == order).unwrap()
+        };
+        // The third wall is met by what looks down a little more or less.
+        let beside = echo(1e-5, slope + 3e-6);
+        for u in [0.0, 1e-17, -1e-12, 1e-9, -1e-7] {
+            let met = echo(u, slope);
+            assert!((met.half_path - beside.half_path).abs() < 2e-5);
+            assert!((met.amplitude - beside.amplitude).norm() < 1e-4 * beside.amplitude.norm());
+        }
+    }
+}
+
+#[test]
 fn slopes_are_derivatives_of_half_the_path() {
     // A ball beside a wall: both reflect obliquely.
     let ball = patch_of_sphere(
@@ -351,7 +389,8 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     assert!(fewer.len() < one.len() && fewer.len() > one.len() / 3);
     assert!(counts.stopped > launches.len() / 3, "{counts:?}");
     let (none, counts) = run(2, 2.0);
-    assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, launches.len()));
+    // From one transmitter, and from two receivers.
+    assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, 3 * launches.len()));
 }
 
 #[test]

@@ -41,7 +41,11 @@ impl Tube {
             land(distance * turn, ray, place.normal)
         });
 
-        // The tube from the antenna that has it as its footprint.
+        Self::onto(place, edges, antenna, polarization)
+    }
+
+    /// From an antenna to a patch of surface with these edges, if it sees the lit side.
+    fn onto(place: Place, edges: [DVec3; 2], antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
         let offset = place.point - antenna;
         let length = offset.length();
         let direction = offset / length;
@@ -97,6 +101,22 @@ impl Tube {
         self.direction.dot(self.edges[0].cross(self.edges[1])).abs()
     }
 
+    /// Its section where it arrives, over that between plane mirrors; it comes from an antenna.
+    pub fn widening(&self) -> f64 {
+        self.section() / (self.spread * self.length * self.length)
+    }
+
+    /// Widening of a tube from an antenna that goes back to the first of the places.
+    pub fn widening_back(places: &[Place], antenna: DVec3) -> Option<f64> {
+        let (last, others) = places.split_last()?;
+        let mut tube = Self::onto(*last, last.normal.any_orthonormal_pair().into(), antenna, None)?;
+        for place in others.iter().rev() {
+            tube.reflect([Complex64::ONE; 2]);
+            tube.arrive(*place, tube.place.point.distance(place.point));
+        }
+        Some(tube.widening())
+    }
+
     /// Turn into the mirror's direction; the surface has the coefficients `r_TE` and `r_TM`.
     pub fn reflect(&mut self, mirrored: [Complex64; 2]) {
         let (n, k) = (self.place.normal, self.direction);
@@ -115,21 +135,31 @@ impl Tube {
         if self.place.face.dot(self.direction) <= 0.0 {
             return false;
         }
-        // It starts on the facet, which it therefore does not meet again; the length counts from the curved surface.
-        let origin = self.place.on_facet;
+        // It starts before the facet, the length counts from the curved surface.
+        let origin = self.place.before;
         let hit = snapshot.cast(&Ray {
             origin,
             direction: self.direction,
-            start: leaving(origin),
+            start: 0.0,
         });
         if hit.body == NO_BODY {
             return false;
         }
-        let Some((place, distance)) = Place::new(snapshot, hit.body, hit.triangle, self.place.point, self.direction)
+        let Some((mut place, distance)) =
+            Place::new(snapshot, hit.body, hit.triangle, self.place.point, self.direction)
         else {
             return false;
         };
+        if distance < 2.0 * leaving(origin) {
+            place.before = origin; // of both surfaces, which touch
+        }
 
+        self.arrive(place, distance);
+        true
+    }
+
+    /// Go on to a place at a distance [m].
+    fn arrive(&mut self, place: Place, distance: f64) {
         // Every focal line on the way puts the wave a quarter of a turn ahead.
         let caustics = self.caustics(distance);
         self.field = self.field.times(Complex64::I.powu(caustics));
@@ -138,7 +168,6 @@ impl Tube {
         }
         self.length += distance;
         self.place = place;
-        true
     }
 
     /// What the surface sends in a unit direction, see [`Field::send`].
