@@ -144,7 +144,7 @@ def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, ph
     time = 0.05
     assert relative_error(here.frame(time).cube, there.frame(time).cube) <= phase
     got, expected = here.paths(time), there.paths(time)
-    np.testing.assert_allclose(C * got.delay, C * expected.delay, rtol=0, atol=4e-9)  # as above
+    np.testing.assert_allclose(C * got.delay, C * expected.delay, rtol=0, atol=8e-9)  # as above, and more at the limb
     # A surface 1e-9 m off turns with it; differences of a function of time are good to 1e-12 m/s.
     np.testing.assert_allclose(0.5 * C * got.delay_rate, 0.5 * C * expected.delay_rate, rtol=0, atol=2e-8)
 

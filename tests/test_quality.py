@@ -46,9 +46,10 @@ def test_sagitta_of_a_sphere_is_what_its_facets_lack_in_radius(subdivisions: int
     corners = mesh.vertices[mesh.triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     lacking = radius - np.linalg.norm(corners.mean(axis=1), axis=1)
-    # Normals are means over facets of unequal size, so they lean off the radius: less in the mean than at most.
-    assert report.largest_sagitta == pytest.approx(lacking.max(), rel=0.11)
-    assert report.mean_sagitta == pytest.approx((lacking * area).sum() / area.sum(), rel=0.02)
+    # The surface is quadratic between the corners: off by the sagitta over the radius.
+    second_order = lacking.max() / radius
+    assert report.largest_sagitta == pytest.approx(lacking.max(), rel=1.1 * second_order)
+    assert report.mean_sagitta == pytest.approx((lacking * area).sum() / area.sum(), rel=1.1 * second_order)
     assert report.largest_phase == pytest.approx(4.0 * np.pi * 60e9 / C * report.largest_sagitta, rel=1e-12)
     assert report.mean_phase == pytest.approx(4.0 * np.pi * 60e9 / C * report.mean_sagitta, rel=1e-12)
     assert (report.smooth_share, report.flat_share) == (1.0, 0.0)

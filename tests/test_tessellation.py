@@ -1,7 +1,8 @@
-"""Coarse meshes of curved bodies against the bodies themselves: tubes and spheres, in pixels and in cells."""
+"""Coarse meshes of curved bodies against the bodies themselves: turned parts and spheres, in pixels and in cells."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -28,17 +29,40 @@ ASPECTS_DEG = (0.0, 30.0, 45.0, 90.0)
 NOISE = 1e-4  # [m], rms along every axis
 
 
-@cache
-def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "smooth") -> rc.Mesh:
-    """A round rod along z with filleted rims, as CAD programs export it; the seed is that of noise on its vertices.
+SHOULDER, HOLLOW = 0.03, 0.008
+"""Radius of the thin half of a stepped shaft, and of the hollow fillet at its step [m]."""
 
-    Its side is one long quad per segment, a fillet as many rings of narrow ones as it has steps, and a cap a fan of
+Profile = NDArray[np.float64]
+"""Radii and heights, (point, 2) [m]."""
+
+
+def arc(center: tuple[float, float], radius: float, start_deg: float, stop_deg: float, steps: int) -> Profile:
+    angle = np.deg2rad(np.linspace(start_deg, stop_deg, steps + 1))
+    return center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def rod(steps: int) -> Profile:
+    """With filleted rims."""
+    radius, height = TUBE_RADIUS - FILLET, 0.5 * LENGTH - FILLET
+    rims = arc((radius, -height), FILLET, -90.0, 0.0, steps), arc((radius, height), FILLET, 0.0, 90.0, steps)
+    return np.concatenate(rims)
+
+
+def shaft(steps: int) -> Profile:
+    """A rod whose lower half is thinner."""
+    lower = arc((SHOULDER - FILLET, -0.5 * LENGTH + FILLET), FILLET, -90.0, 0.0, steps)
+    hollow = arc((SHOULDER + HOLLOW, -HOLLOW), HOLLOW, 180.0, 90.0, steps)
+    upper = arc((TUBE_RADIUS - FILLET, FILLET), FILLET, -90.0, 0.0, steps)
+    return np.concatenate([lower, hollow, upper, rod(steps)[steps + 1 :]])
+
+
+def turned(profile: Profile, segments: int, *, seed: int | None = None, shading: str = "smooth") -> rc.Mesh:
+    """A profile turned about z, as CAD programs export it; the seed is that of noise on its vertices.
+
+    A cylinder is one long quad per segment, a fillet as many rings of narrow ones as it has steps, and a cap a fan of
     slivers from one vertex of its rim.
     """
-    angle = np.linspace(0.0, 0.5 * np.pi, steps + 1)
-    radius = TUBE_RADIUS - FILLET + FILLET * np.sin(angle)
-    height = -0.5 * LENGTH + FILLET * (1.0 - np.cos(angle))
-    radius, height = np.concatenate([radius, radius[::-1]]), np.concatenate([height, -height[::-1]])
+    radius, height = profile.T
     turn = 2.0 * np.pi * np.arange(segments) / segments
     x, y = np.outer(radius, np.cos(turn)), np.outer(radius, np.sin(turn))
     vertices = np.stack([x, y, np.outer(height, np.ones(segments))], axis=-1).reshape(-1, 3)
@@ -56,6 +80,12 @@ def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "
     if seed is not None:
         vertices = vertices + np.random.default_rng(seed).normal(0.0, NOISE, vertices.shape)
     return rc.Mesh(vertices, np.concatenate(triangles), shading=shading)
+
+
+@cache
+def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "smooth") -> rc.Mesh:
+    """A round rod along z with filleted rims; see `turned`."""
+    return turned(rod(steps), segments, seed=seed, shading=shading)
 
 
 def strongest_peak_db(mesh: rc.Mesh, aspect_deg: float, **options: Any) -> float:
@@ -83,46 +113,52 @@ def test_tube_is_closed_and_has_the_volume_of_its_solid() -> None:
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_tube_of_32_segments_echoes_as_a_fine_one(sampling: str) -> None:
+@pytest.mark.parametrize(
+    ("profile", "segments", "steps", "bound_db"),
+    # The requirement is 2 dB, 1 dB rms.
+    [(rod, 32, 8, 0.2), (shaft, 24, 4, 0.5)],
+    ids=["tube of 32 segments", "shaft of 24 segments"],
+)
+def test_coarse_turned_part_echoes_as_a_fine_one(
+    profile: Callable[[int], Profile], segments: int, steps: int, bound_db: float, sampling: str
+) -> None:
     options = SAMPLINGS[sampling]
-    fine = peaks_db(tube(512, 32), **options)
-    smooth = peaks_db(tube(32, 8), **options) - fine
-    assert np.abs(smooth).max() <= 0.5
-    assert rms(smooth) <= 0.3
-    # Facets alone are off by their sagitta, 0.3 mm: 0.75 rad there and back.
-    flat = peaks_db(tube(32, 8, shading="flat"), **options) - fine
-    assert rms(flat) >= 1.0
+    fine = peaks_db(turned(profile(32), 512), **options)
+    smooth = peaks_db(turned(profile(steps), segments), **options) - fine
+    assert np.abs(smooth).max() <= bound_db
+    # Facets alone are off by their sagitta, 0.3 mm and more: 0.75 rad there and back.
+    flat = peaks_db(turned(profile(steps), segments, shading="flat"), **options) - fine
+    assert rms(flat) >= 0.8
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_noise_on_vertices_changes_peaks_little_more_than_those_of_flat_facets(sampling: str) -> None:
+def test_noise_on_vertices_changes_each_peak_little_more_than_on_flat_facets(sampling: str) -> None:
     options = SAMPLINGS[sampling] | ({} if sampling == "footprint" else {"rcs_floor": 1e-3})
     change = {}
     for shading in ("smooth", "flat"):
         clean = peaks_db(tube(32, 8, shading=shading), **options)
-        change[shading] = rms(
-            [peaks_db(tube(32, 8, seed=seed, shading=shading), **options) - clean for seed in range(4)]
-        )
-    assert change["flat"] > 0.3
-    assert change["smooth"] <= change["flat"] + 1.0
+        noisy = [peaks_db(tube(32, 8, seed=seed, shading=shading), **options) for seed in range(16)]
+        change[shading] = np.abs(np.array(noisy) - clean)
+    assert rms(change["flat"]) > 0.3
+    assert (change["smooth"] <= change["flat"] + 1.0).all()
+    assert rms(change["smooth"]) <= rms(change["flat"]) + 0.1
 
 
 @pytest.mark.parametrize(("subdivisions", "bound_db", "bound_phase"), [(2, 0.5, 0.2), (3, 0.3, 0.06)])
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_coarse_sphere_is_a_sphere_in_the_mean_over_its_turns(
+def test_coarse_sphere_is_a_sphere_however_it_is_turned(
     subdivisions: int, bound_db: float, bound_phase: float, sampling: str
 ) -> None:
-    # 320 and 1280 facets, up to 1.8 and 0.46 mm inside the sphere of 10 cm: 4.6 and 1.2 rad there and back. What is
-    # left are area-weighted normals that lean off the radius, by 0.9 and 0.4 degrees (rms).
+    # 320 and 1280 facets, up to 1.8 and 0.46 mm inside the sphere of 10 cm: 4.6 and 1.2 rad there and back. With
+    # area-weighted normals, which lean off the radius, some turns are off by more.
     mesh, expected = rc.shapes.sphere(0.1, subdivisions=subdivisions), [sphere(0.1, 1.0, f) for f in BAND]
     options = SAMPLINGS[sampling] | ({"resolution": 256} if sampling == "footprint" else {"rcs_floor": 1e-4})
-    ratios = []
-    for rotation in Rotation.random(16, rng=np.random.default_rng(0)).as_matrix():
+    for rotation in Rotation.random(24, rng=np.random.default_rng(0)).as_matrix():
         ball = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))
         sim = rc.Simulator(rc.Scene([ball]), rc.Radar(WAVEFORM), field_of_view_deg=(14.0, 14.0), **options)
-        ratios.append(spectrum(sim) / expected)
-    assert rms(db(ratios)) <= bound_db
-    assert rms(np.angle(ratios)) <= bound_phase
+        ratio = spectrum(sim) / expected
+        assert np.abs(db(ratio)).max() <= bound_db
+        assert np.abs(np.angle(ratio)).max() <= bound_phase
 
 
 @pytest.mark.parametrize(

@@ -171,7 +171,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
 
     Facets should stand off the surface they stand for by less than 0.1 mm. The numbers are estimates from the mesh
     alone: a smooth facet is taken for a piece of the surface through its corners with the corner normals, which are
-    themselves means over facets.
+    themselves estimates from the facets round them.
 
     Parameters
     ----------
