@@ -19,7 +19,7 @@ from radarcore.waveform import Waveform
 
 # Delays and amplitudes are each taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that
 # turn out of sight have a kink, which no number of times follows exactly.
-_NODE_COUNTS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+_NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
 _MAX_NODES_FOR_AMPLITUDES = 16
 # Numbers of times at which some paths are looked at, to choose one up to that.
 _PROBED_COUNTS = (8, 16, 32, 64)
