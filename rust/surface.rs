@@ -20,7 +20,7 @@ use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
 
 /// Triangles below this area are dropped [m^2].
-const MIN_AREA: f64 = 1e-18;
+pub const MIN_AREA: f64 = 1e-18;
 
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;

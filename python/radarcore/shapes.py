@@ -312,16 +312,9 @@ def _fan(center: int, rim: _Ints) -> _Ints:
 
 
 def _side(lower: _Ints, upper: _Ints) -> _Ints:
-    """Triangles of the strip between two rings, normals away from the axis, (2 len(lower), 3).
-
-    The diagonals alternate: a vertex then has as many triangles on its left as on its right, and the
-    area-weighted normal there is radial. Parallel diagonals turn it by a sixth of a facet's angle.
-    """
+    """Triangles of the strip between two rings, normals away from the axis, (2 len(lower), 3)."""
     a, b, c, d = lower, np.roll(lower, -1), np.roll(upper, -1), upper
-    rising = np.column_stack([a, b, c, a, c, d])
-    falling = np.column_stack([a, b, d, b, c, d])
-    even = (np.arange(len(a)) % 2 == 0)[:, None]
-    return np.where(even, rising, falling).reshape(-1, 3)
+    return np.column_stack([a, b, c, a, c, d]).reshape(-1, 3)
 
 
 def _half_sphere(radius: float, num_rings: int) -> tuple[_Floats, _Ints]:
