@@ -779,7 +779,9 @@ impl Quadtree {
             }
         }
         let of = |look: &Look, damped: f64| look.amplitude * damped / look.tolerance;
-        let field = of(&node.look, damped[0]).max(of(&other.look, damped[1]));
+        let field = of(&node.look, damped[0])
+            .max(of(&other.look, damped[1]))
+            .min(f64::from(f32::MAX));
         if !(node.found.is_hit() && other.found.is_hit()) {
             return Pair {
                 field: field as f32,

@@ -154,7 +154,7 @@ const NUM_SAMPLES: usize = 256;
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
         // The direct sum takes any motion, and needs to know nothing of it.
-        let is_direct = options.method == Method::Direct || series.num_delay_terms() > MAX_PLANNED_TERMS;
+        let is_direct = options.method == Method::Direct || series.num_terms() > MAX_PLANNED_TERMS;
         let survey = if is_direct {
             series.check_numbers()?;
             let longest = longest_delay(waveform, series);
@@ -243,7 +243,7 @@ impl<'a> Job<'a> {
 
     /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
     fn plan(&self, gain: f64) -> Result<Plan> {
-        let is_direct = self.series.num_delay_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
+        let is_direct = self.series.num_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
         let plan = self.try_plan(self.options.tolerance, gain, method);
         plan.ok_or_else(|| self.refusal(gain))

@@ -47,6 +47,11 @@ impl PathSeries<'_> {
         self.amplitude.len()
     }
 
+    /// Rows of both, the larger number.
+    pub fn num_terms(&self) -> usize {
+        self.num_delay_terms().max(self.num_amplitude_terms())
+    }
+
     /// Refuses shapes that do not fit together.
     pub fn check_shapes(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;

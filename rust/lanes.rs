@@ -92,7 +92,7 @@ struct Group {
 impl Group {
     fn new(waveform: &Waveform, series: &PathSeries, chirps: Range<usize>) -> Self {
         let block = Block::new(waveform, series, chirps.clone());
-        let num_degrees = series.num_delay_terms().max(series.num_amplitude_terms());
+        let num_degrees = series.num_terms();
         let mut taylor = vec![[[0.0; MAX_LANES]; TERMS]; num_degrees];
         let unit = 1.0 / (block.half * waveform.sample_rate);
         for lane in 0..MAX_LANES {

@@ -266,7 +266,7 @@ impl Goal<'_> {
     fn part(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
         let method = self.request.method;
         // Series of more rows are not surveyed.
-        let is_planned = self.request.series.num_delay_terms() <= MAX_PLANNED_TERMS;
+        let is_planned = self.request.series.num_terms() <= MAX_PLANNED_TERMS;
         let allowed =
             |wanted: Method| (method == wanted || method == Method::Auto) && (is_planned || wanted == Method::Direct);
         let mut best: Option<Part> = None;

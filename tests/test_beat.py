@@ -206,6 +206,24 @@ def test_delays_and_amplitudes_at_nodes_reproduce_cubics(num_nodes: int) -> None
     assert abs(constant[0] - exact_signal(delay, weights[0][:, None, None], wf)).max() <= bound
 
 
+@pytest.mark.parametrize(("num_delays", "num_amplitudes"), [(4, 7), (12, 5), (4, 200), (200, 4)])
+def test_delays_and_amplitudes_have_nodes_of_their_own(num_delays: int, num_amplitudes: int) -> None:
+    # Both are cubics of x in [-1, 1], which series of so many terms hold exactly; more than 64 are summed directly.
+    wf, rng = waveform(), np.random.default_rng(num_amplitudes)
+    shapes = rng.uniform(-1.0, 1.0, (4, 3)) * np.array([[1e-9], [1e-9], [1e-10], [1e-10]]) + [[10e-9], [0], [0], [0]]
+    weights = rng.standard_normal((4, 3)) + 1j * rng.standard_normal((4, 3))
+
+    def at(coefficients: NDArray[Any], times: NDArray[np.float64]) -> NDArray[Any]:
+        return np.polynomial.polynomial.polyval(2.0 * times / wf.duration - 1.0, coefficients)
+
+    delay = at(shapes, wf.delay_times(num_delays)).T[:, None]
+    amplitude = at(weights, wf.delay_times(num_amplitudes)).T[:, None]
+    expected = exact_signal(at(shapes, all_times(wf)), at(weights, all_times(wf)), wf)
+    for method in ("auto", "direct"):
+        got = rc.beat_signal(delay, amplitude, wf, tolerance=1e-6, method=method)
+        assert np.sqrt(np.mean(abs(got[0] - expected) ** 2)) <= 1e-6 * np.sqrt(np.sum(abs(weights).sum(axis=0) ** 2))
+
+
 @pytest.mark.parametrize("num_nodes", [4, 8, 12])
 @pytest.mark.parametrize("slope", [50e12, -50e12])
 def test_pass_by_at_nodes_agrees_with_exact_geometry_at_every_sample(num_nodes: int, slope: float) -> None:

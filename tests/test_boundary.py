@@ -340,6 +340,19 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
         (lambda: deformed_rates(VERTICES[:5]), r"vertices: expected shape \(6, 3\), got \(5, 3\)"),
         (lambda: deformed_rates(vertex_rates=VERTICES[1:]), r"vertex_rates: expected shape \(6, 3\), got \(5, 3\)"),
         (lambda: paths(vertices=[VERTICES[None]]), "vertices: expected 0 arrays, .* got 1"),
+        # Amplitudes at nodes of their own.
+        (
+            lambda: paths(amplitudes_at=(POSES[None, :0], POINTS, [])),
+            r"amplitudes_at\[0\]: expected shape \(n, 1, 3, 4\), got \(1, 0, 3, 4\)",
+        ),
+        (
+            lambda: paths(amplitudes_at=(np.zeros((2, 1, 3, 4)), POINTS, [])),
+            r"amplitudes_at\[1\]: expected shape \(2, 1, 3\), got \(1, 1, 3\)",
+        ),
+        (
+            lambda: deformed_paths(VERTICES[None], amplitudes_at=(POSES[None], POINTS, [VERTICES[None, :3]])),
+            r"amplitudes_at\[-1\]: expected shape \(1, 6, 3\), got \(1, 3, 3\)",
+        ),
         (lambda: HITS.place_on_mesh(HUGE), "pixel: expected one that hit something, got 18446744073709551615"),
         (lambda: EMPTY_HITS.place_on_mesh(0), "pixel: expected one that hit something, got 0"),
         (lambda: surfels(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
@@ -560,6 +573,9 @@ def test_threads_do_not_change_a_bit() -> None:
         hits = world.cast(poses, **(IMAGE | {"rows": 67, "columns": 91}), threads=threads)
         found = hits.scatterers([MATERIAL, GLASS], **ANTENNAS, threads=threads)
         delay, amplitude = found.paths(nodes, points, np.ones(7), threads=threads)
+        fewer = found.paths(nodes, points, np.ones(7), amplitudes_at=(nodes[:3], points[:3], []), threads=threads)
+        np.testing.assert_array_equal(fewer[0], delay)
+        np.testing.assert_array_equal(fewer[1], amplitude[:3])
         return [
             hits.distance(),
             hits.body(),

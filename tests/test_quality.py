@@ -59,8 +59,8 @@ def test_sagitta_of_a_sphere_is_what_its_facets_lack_in_radius(subdivisions: int
 
 
 def test_sagitta_of_a_cylinder_is_that_of_its_facets() -> None:
-    # Over the middle of a triangle, at a third of the width w of a side, an arc of the angle d is at w d / 9; whichever way the
-    # diagonals run, as both triangles of a side count as one.
+    # Over the middle of a triangle, at a third of the width w of a side, an arc of the angle d is at w d / 9; whichever
+    # way the diagonals run, as both triangles of a side count as one.
     n, a, length = 48, 0.1, 0.3
     angle = 2.0 * np.pi * np.arange(n) / n
     ring = np.stack([a * np.cos(angle), a * np.sin(angle)], 1)

@@ -18,9 +18,9 @@ from radarcore.units import SPEED_OF_LIGHT
 from radarcore.waveform import Waveform
 
 # Delays and amplitudes are each taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that
-# turn out of sight have a kink, which no number of times follows exactly.
+# turn out of sight have a kink, which no number of times follows exactly, and twice as many little better.
 _NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
-_MAX_NODES_FOR_AMPLITUDES = 16
+_ENOUGH_FOR_KINKS = 16
 # Numbers of times at which some paths are looked at, to choose one up to that.
 _PROBED_COUNTS = (8, 16, 32, 64)
 # Delays are followed to this phase [rad] whatever the tolerance: it costs little, and other processing may need it.
@@ -109,7 +109,7 @@ def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: fl
         counts = [count for count in _NODE_COUNTS if count <= probed]
         times = start + waveform.delay_times(probed)
         errors = _series_errors(*course.follow(times, times, probes), highest, counts)
-        last_phase = chosen[0][1]
+        (_, last_phase), (_, last_weight) = chosen
         chosen = [
             next(
                 ((n, error) for n, error in zip(counts, of_counts, strict=True) if error <= wanted),
@@ -120,16 +120,15 @@ def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: fl
         (_, phase), (_, weight) = chosen
         # Rounding of absolute time ends the improvement before the goal where time is large.
         phase_is_done = phase <= min(goal, _PHASE_GOAL) or (phase <= goal and phase > 0.5 * last_phase)
-        weight_is_done = weight <= goal or probed >= _MAX_NODES_FOR_AMPLITUDES
+        weight_is_done = weight <= goal or (probed >= _ENOUGH_FOR_KINKS and weight > 0.05 * last_weight)
         if phase_is_done and weight_is_done:
             break
     (num_delays, phase), (num_amplitudes, weight) = chosen
-    return Nodes(
-        start + waveform.delay_times(num_delays),
-        start + waveform.delay_times(min(num_amplitudes, _MAX_NODES_FOR_AMPLITUDES)),
-        phase,
-        weight,
-    )
+    if phase > min(goal, _PHASE_GOAL):
+        # As good as it gets: fewer times do as well where rounding is the limit.
+        enough = max(goal, 2.0 * min(errors[0]))
+        num_delays, phase = next((n, e) for n, e in zip(counts, errors[0], strict=True) if e <= enough)
+    return Nodes(start + waveform.delay_times(num_delays), start + waveform.delay_times(num_amplitudes), phase, weight)
 
 
 def first_times(waveform: Waveform, start: float) -> list[Times]:
@@ -191,6 +190,7 @@ def synthesise(
             worst = nodes
     stats = {
         "delay_nodes": len(worst.times),
+        "amplitude_nodes": len(worst.amplitude_times),
         "series_residual": worst.residual,
         "still_paths": num_still,
         "velocity_rows": rows,

@@ -760,7 +760,7 @@ def _summed(stats: list[dict[str, Any]]) -> dict[str, Any]:
     summed = dict(stats[0])
     for other in stats[1:]:
         for name, value in other.items():
-            if name in ("delay_nodes", "series_residual"):
+            if name in ("delay_nodes", "amplitude_nodes", "series_residual"):
                 summed[name] = max(summed[name], value)
             else:
                 summed[name] = f"{summed[name]}\n{value}" if name == "plan" else summed[name] + value
