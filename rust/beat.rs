@@ -150,6 +150,10 @@ struct Job<'a> {
 const MOST_CAUTION: f64 = 10.0;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
+/// Most plans are made for paths whose samples have this gain: a second run costs more than the finer plan.
+const RESERVE: f64 = 2.0;
+/// By so much the finer plan may cost more, where it is not in single precision.
+const MOST_RESERVE: f64 = 1.3;
 
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
@@ -162,7 +166,8 @@ impl<'a> Job<'a> {
             Survey::count(series)
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
-            let survey = Survey::new(series, &frame, options.level, options.is_parallel);
+            let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
+            let survey = Survey::new(series, &frame, carrier, options.level, options.is_parallel);
             if !survey.is_finite {
                 series.check_numbers()?;
             }
@@ -202,6 +207,9 @@ impl<'a> Job<'a> {
     fn draw(&mut self) {
         let selection = self.selection(Class::Moving);
         let mut samples = survey::samples(self.series, selection, NUM_SAMPLES);
+        if samples.len() == NUM_SAMPLES {
+            samples.extend(survey::extremes(self.series, &self.survey));
+        }
         // One that has much of the power is a sample by itself.
         let share = 1.0 / NUM_SAMPLES as f64;
         let most = 2.0 * self.survey.largest.powi(2);
@@ -245,8 +253,20 @@ impl<'a> Job<'a> {
     fn plan(&self, gain: f64) -> Result<Plan> {
         let is_direct = self.series.num_delay_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
-        let plan = self.try_plan(self.options.tolerance, gain, method);
-        plan.ok_or_else(|| self.refusal(gain))
+        let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
+        let safe = try_plan(RESERVE);
+        let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
+        let safe = match safe {
+            Some(plan) if is_single(&plan) => return Ok(plan),
+            other => other,
+        };
+        // Where the reserve costs much, it is not worth its price.
+        let cost = |plan: &Plan| plan.parts.iter().map(|part| part.cost).sum::<f64>();
+        match (safe, try_plan(1.0)) {
+            (Some(safe), Some(plan)) if cost(&safe) <= MOST_RESERVE * cost(&plan) => Ok(safe),
+            (_, Some(plan)) => Ok(plan),
+            (_, None) => Err(self.refusal(gain)),
+        }
     }
 
     fn try_plan(&self, tolerance: f64, gain: f64, method: Method) -> Option<Plan> {

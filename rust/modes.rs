@@ -287,7 +287,8 @@ impl Kernel for Search<'_> {
 
         // Cross approximation with full pivoting.
         let mut rows: Vec<Vec<Complex64>> = Vec::new();
-        let mut coefficients: Vec<Vec<Complex64>> = vec![Vec::new(); paths.len()];
+        // Coefficients of all paths, (mode, path).
+        let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
         let mut left = all;
         while left.relative(&all) > bound {
             if modes.instants.len() == self.max_modes {
@@ -303,21 +304,26 @@ impl Kernel for Search<'_> {
             }
             let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
             modes.lower.push(rows.iter().map(|row| row[column]).collect());
-            let own = coefficients[path].iter().map(|c| c / pivot).collect();
-            modes.references.push((paths[path].clone(), pivot.inv(), own));
+            let own = coefficients
+                .iter()
+                .map(|[re, im]| Complex64::new(re[path], im[path]) / pivot);
+            modes.references.push((paths[path].clone(), pivot.inv(), own.collect()));
             modes.instants.push(self.instants[column]);
-            let taken: Vec<Complex64> = (0..paths.len()).map(|p| matrix.at(p, column)).collect();
-            for (coefficients, c) in coefficients.iter_mut().zip(&taken) {
-                coefficients.push(*c);
-            }
-            let parts = |numbers: &[Complex64]| -> [Vec<f64>; 2] {
-                [
-                    numbers.iter().map(|c| c.re).collect(),
-                    numbers.iter().map(|c| c.im).collect(),
-                ]
-            };
-            let ([row_re, row_im], [taken_re, taken_im]) = (parts(&row), parts(&taken));
-            left = self.reduce::<I, true>(&mut matrix, &counts, [&row_re, &row_im], [&taken_re, &taken_im]);
+            let row_parts = [
+                row.iter().map(|c| c.re).collect::<Vec<f64>>(),
+                row.iter().map(|c| c.im).collect(),
+            ];
+            let taken = [&matrix.re, &matrix.im].map(|part| -> Vec<f64> {
+                let rows = part.chunks_exact(matrix.stride);
+                rows.map(|row| row[column]).collect()
+            });
+            left = self.reduce::<I, true>(
+                &mut matrix,
+                &counts,
+                [&row_parts[0], &row_parts[1]],
+                [&taken[0], &taken[1]],
+            );
+            coefficients.push(taken);
             rows.push(row);
         }
         self.add_checks(&matrix, &rows, &left, &mut modes);
@@ -428,8 +434,12 @@ impl Search<'_> {
     /// where modes are taken.
     fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
-        let sum = |x: usize| (0..self.paths.len()).map(|p| rest.at(p, x).norm_sqr()).sum::<f64>();
-        let all: Vec<f64> = (0..self.instants.len()).map(sum).collect();
+        let mut all = vec![0.0; self.instants.len()];
+        for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
+            for ((sum, re), im) in all.iter_mut().zip(re).zip(im) {
+                *sum += re * re + im * im;
+            }
+        }
         // Samples that are all references leave nothing but rounding.
         let power: f64 = self
             .paths

@@ -29,6 +29,8 @@ const FAST_MEMORY: f64 = 2e6;
 const BATCH: f64 = 2048.0;
 /// Time that it takes to plan for more blocks, and to look at all paths in them [s].
 const PLANNING: f64 = 5e-4;
+/// Delays and amplitudes are followed to this share of the error that is left.
+const LEAST_SHARE: f64 = 0.02;
 /// So many modes are few.
 const FEW_MODES: usize = 3;
 /// Largest grid of one block with all its modes [numbers].
@@ -51,8 +53,15 @@ impl Goal<'_> {
             return None;
         }
         if blocks.len() > 1 {
-            // Now with the ranges that the paths have in the blocks.
-            let expand = |(block, ranges): (&Block, Vec<Interval>)| self.expand(block, &ranges, kernel);
+            // Now with the ranges that the paths have in the blocks; modes of samples do not depend on them.
+            let mut known = laid.into_iter().peekable();
+            let expand = |(block, ranges): (&Block, Vec<Interval>)| {
+                let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
+                match known.next_if(is_known) {
+                    Some(laid) => self.fit(laid, &ranges, kernel),
+                    None => self.expand(block, &ranges, kernel),
+                }
+            };
             laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
         }
         let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
@@ -320,16 +329,7 @@ impl Goal<'_> {
             return None;
         }
 
-        let Axis {
-            middle_rate,
-            step,
-            rows,
-        } = self.velocity_axis(block, delay, &frame, kernel)?;
-
-        // Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
-        let budget = ((MARGIN * self.tolerance).powi(2) - kernel.error.powi(2))
-            .max(0.0)
-            .sqrt();
+        let budget = self.budget(kernel);
         let paths: Vec<Path> = self
             .request
             .samples
@@ -360,16 +360,7 @@ impl Goal<'_> {
             ),
             level,
         )?;
-        // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
-        let least = 0.02 * budget;
-        let top = (carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
-        let counts = |k: &usize| top * delay[*k].magnitude() > least;
-        let num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
-        let num_amplitudes = num_amplitudes(&paths, least);
-        let size = Layout::new(waveform.num_samples, kernel.width, rows).size();
-        if modes.num_sets().saturating_mul(size) > MAX_GRID {
-            return None;
-        }
+        let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
         let rounding = if kernel.is_single {
             SINGLE_TURN * modes.turns
         } else {
@@ -384,18 +375,43 @@ impl Goal<'_> {
         let expansion = Expansion {
             block: block.clone(),
             frame,
-            middle_rate,
-            step,
-            rows,
-            num_degrees,
+            middle_rate: 0.0,
+            step: 1.0,
+            rows: 1,
+            num_degrees: 2,
             num_amplitudes,
             modes,
         };
-        Some(Laid {
+        let laid = Laid {
             expansion,
             error,
             interpolation,
-        })
+        };
+        self.fit(laid, delay, kernel)
+    }
+
+    /// The same with the velocity axis and the degrees of delays in some ranges.
+    fn fit(&self, mut laid: Laid, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
+        let (waveform, expansion) = (self.request.waveform, &mut laid.expansion);
+        let axis = self.velocity_axis(&expansion.block, delay, &expansion.frame, kernel)?;
+        let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
+        if expansion.modes.num_sets().saturating_mul(size) > MAX_GRID {
+            return None;
+        }
+        (expansion.middle_rate, expansion.step, expansion.rows) = (axis.middle_rate, axis.step, axis.rows);
+        // Degrees that count: no path turns by more than a share of the budget in the others.
+        let top = (expansion.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let counts = |k: &usize| top * delay[*k].magnitude() > LEAST_SHARE * self.budget(kernel);
+        expansion.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        Some(laid)
+    }
+
+    /// Error that a kernel leaves to others.
+    ///
+    /// Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
+    fn budget(&self, kernel: Kernel) -> f64 {
+        let square = (MARGIN * self.tolerance).powi(2) - kernel.error.powi(2);
+        square.max(0.0).sqrt()
     }
 
     /// The velocity axis of a block. None if it is without measure.
