@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
 use crate::block::{Block, Class};
 use crate::expansion::Expansion;
-use crate::grid::{Layout, MAX_PARTS};
+use crate::grid::{Layout, MAX_CHANNELS, MAX_PARTS};
 use crate::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::modes::{self, Modes};
 use crate::residual::{Frame, Path};
@@ -70,7 +70,9 @@ impl Goal<'_> {
         let count = blocks.len();
         let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
         // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
-        let grids = (series.num_channels * count).clamp(MAX_PARTS, 16);
+        let num_grids = series.num_channels * count;
+        // Spectra are half as large, and wait for those of other channels.
+        let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
         let numbers = expansions
             .iter()
             .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
@@ -440,9 +442,9 @@ impl Goal<'_> {
 
 /// Degrees of amplitudes that change by more than a share.
 fn num_amplitudes(paths: &[Path], least: f64) -> usize {
-    let num_terms = paths.first().map_or(1, |path| path.re.len());
+    let num_terms = paths.first().map_or(1, |path| path.num_amplitudes());
     let power = |k: usize| {
-        let squares = paths.iter().map(|path| path.re[k].powi(2) + path.im[k].powi(2));
+        let squares = paths.iter().map(|path| path.re()[k].powi(2) + path.im()[k].powi(2));
         squares.sum::<f64>()
     };
     let total: f64 = (0..num_terms).map(power).sum();
