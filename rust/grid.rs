@@ -23,7 +23,7 @@ use crate::delay::PathSeries;
 use crate::expansion::Expansion;
 use crate::kernel::{KaiserBessel, OVERSAMPLING};
 use crate::parallel;
-use crate::simd::{Level, Precision, Real};
+use crate::simd::{Isa, Kernel, Level, Precision, Real};
 
 /// Cells of a row that no output needs, in whole vectors of either precision.
 const PAD: usize = 16;
@@ -228,14 +228,17 @@ impl Job<'_> {
             fft.process_with_scratch(buffer, scratch);
             // Outputs -middle .. 0 are at the end of the buffer, the others at its start.
             let (negative, num_negative) = first;
-            for (m, value) in buffer[negative..][..num_negative].iter().enumerate() {
-                re[m] = value.re * scale[m];
-                im[m] = value.im * scale[m];
-            }
-            for (i, value) in buffer[..num_samples - middle].iter().enumerate() {
-                let m = middle + i;
-                re[m] = value.re * scale[m];
-                im[m] = value.im * scale[m];
+            let parts = [
+                (&buffer[negative..][..num_negative], 0),
+                (&buffer[..num_samples - middle], middle),
+            ];
+            for (from, to) in parts {
+                self.level.run(Scaled {
+                    from,
+                    scale: &scale[to..],
+                    re: &mut re[to..],
+                    im: &mut im[to..],
+                });
             }
         };
         let (re, im) = (&mut spectra.re, &mut spectra.im);
@@ -252,6 +255,28 @@ impl Job<'_> {
             }
         }
         spectra
+    }
+}
+
+/// Real and imaginary parts of some numbers, times others.
+struct Scaled<'a, T> {
+    from: &'a [Complex<T>],
+    scale: &'a [T],
+    re: &'a mut [T],
+    im: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Scaled<'_, T> {
+    type Output = ();
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) {
+        let n = self.from.len();
+        let (from, scale, re, im) = (self.from, &self.scale[..n], &mut self.re[..n], &mut self.im[..n]);
+        for i in 0..n {
+            re[i] = from[i].re * scale[i];
+            im[i] = from[i].im * scale[i];
+        }
     }
 }
 
@@ -272,8 +297,11 @@ fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     for (value, [re, im]) in buffer.iter_mut().zip(&cells[origin..origin + n]) {
         *value = Complex::new(*re, *im);
     }
-    for i in (0..origin).chain(origin + n..cells.len()) {
-        let at = &mut buffer[(i + n - origin) % n];
+    // Without a division per cell.
+    let before = (0..origin).map(|i| (i, i + n - origin));
+    let behind = (origin + n..cells.len()).zip((0..n).cycle());
+    for (i, place) in before.chain(behind) {
+        let at = &mut buffer[place];
         *at = *at + Complex::new(cells[i][0], cells[i][1]);
     }
 }

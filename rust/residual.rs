@@ -65,22 +65,25 @@ pub struct Path {
 
 impl Path {
     /// A path of some bends and real and imaginary parts of amplitudes, as many of one as of the other.
-    pub fn new(
+    pub fn new(place: [f64; 2], bends: impl Iterator<Item = f64>, parts: [impl Iterator<Item = f64>; 2]) -> Self {
+        let mut path = Self::default();
+        path.set(place, bends, parts);
+        path
+    }
+
+    /// Another path in the same memory, see [`Self::new`].
+    pub fn set(
+        &mut self,
         [offset, rate]: [f64; 2],
         bends: impl Iterator<Item = f64>,
         parts: [impl Iterator<Item = f64>; 2],
-    ) -> Self {
-        let mut numbers = Vec::with_capacity(16);
-        numbers.extend(bends);
-        let num_bends = numbers.len();
+    ) {
+        (self.offset, self.rate) = (offset, rate);
+        self.numbers.clear();
+        self.numbers.extend(bends);
+        self.num_bends = self.numbers.len();
         for part in parts {
-            numbers.extend(part);
-        }
-        Self {
-            offset,
-            rate,
-            num_bends,
-            numbers,
+            self.numbers.extend(part);
         }
     }
 
@@ -172,13 +175,20 @@ impl Sample {
 
     /// The path in a block.
     pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
+        let mut path = Path::default();
+        self.set_in_block(block, frame, &mut path);
+        path
+    }
+
+    /// Make it the path in a block.
+    pub fn set_in_block(&self, block: &Block, frame: &Frame, path: &mut Path) {
         let mut delay = self.delay(block);
         let (offset, rate) = (delay.next().unwrap_or(0.0), delay.next().unwrap_or(0.0));
-        Path::new(
+        path.set(
             [frame.stretch * (offset - frame.middle_delay), frame.carrier * rate],
             delay.map(|c| frame.carrier * c),
             self.amplitude(block),
-        )
+        );
     }
 }
 

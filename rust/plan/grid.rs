@@ -332,12 +332,11 @@ impl Goal<'_> {
         }
 
         let budget = self.budget(kernel);
-        let paths: Vec<Path> = self
-            .request
-            .samples
-            .iter()
-            .map(|sample| sample.in_block(block, &frame))
-            .collect();
+        let mut paths = self.room.take();
+        paths.resize_with(self.request.samples.len(), Path::default);
+        for (path, sample) in paths.iter_mut().zip(self.request.samples) {
+            sample.set_in_block(block, &frame, path);
+        }
         let fluctuation = fluctuation(waveform);
         let allowed = budget / self.request.caution / fluctuation;
         let num_apart = if paths.len() < self.group.num_paths {
@@ -346,7 +345,7 @@ impl Goal<'_> {
             0
         };
         let level = self.request.level;
-        let (modes, left) = modes::find(
+        let found = modes::find(
             waveform,
             block,
             &frame,
@@ -361,8 +360,10 @@ impl Goal<'_> {
                 },
             ),
             level,
-        )?;
+        );
         let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
+        self.room.replace(paths);
+        let (modes, left) = found?;
         let rounding = if kernel.is_single {
             SINGLE_TURN * modes.turns
         } else {
