@@ -150,10 +150,10 @@ struct Job<'a> {
 const MOST_CAUTION: f64 = 10.0;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
-/// Most plans are made for paths whose samples have this gain: a second run costs more than the finer plan.
+/// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
 const RESERVE: f64 = 2.0;
-/// By so much the finer plan may cost more, where it is not in single precision.
-const MOST_RESERVE: f64 = 1.3;
+/// Tolerances up to this one need double precision with a reserve, and often without, which costs too much.
+const LEAST_RESERVED: f64 = 2e-6;
 
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
@@ -254,19 +254,13 @@ impl<'a> Job<'a> {
         let is_direct = self.series.num_delay_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
         let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
-        let safe = try_plan(RESERVE);
         let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
-        let safe = match safe {
-            Some(plan) if is_single(&plan) => return Ok(plan),
-            other => other,
+        let safe = if self.options.tolerance > LEAST_RESERVED {
+            try_plan(RESERVE).filter(is_single)
+        } else {
+            None
         };
-        // Where the reserve costs much, it is not worth its price.
-        let cost = |plan: &Plan| plan.parts.iter().map(|part| part.cost).sum::<f64>();
-        match (safe, try_plan(1.0)) {
-            (Some(safe), Some(plan)) if cost(&safe) <= MOST_RESERVE * cost(&plan) => Ok(safe),
-            (_, Some(plan)) => Ok(plan),
-            (_, None) => Err(self.refusal(gain)),
-        }
+        safe.or_else(|| try_plan(1.0)).ok_or_else(|| self.refusal(gain))
     }
 
     fn try_plan(&self, tolerance: f64, gain: f64, method: Method) -> Option<Plan> {
