@@ -273,8 +273,8 @@ def _series_errors(
 ) -> tuple[list[float], list[float]]:
     """Errors of Chebyshev series of some lengths through delays and amplitudes (node, channel, path).
 
-    Of phases and of amplitudes, rms over the frame relative to l2(amplitudes), the worst channel's: twice the l2 norm of the
-    coefficients beyond a length, as a series through so many times folds them back; for the last length, which is that of
+    Of phases and of amplitudes, rms over the frame relative to l2(amplitudes), the worst channel's: twice the l2 norm
+    of the coefficients beyond a length, as a series through so many times folds them back; for the last length, that of
     the whole series, four times the larger of the last two coefficients.
     """
     power = (amplitude.real**2 + amplitude.imag**2).max(axis=0)
