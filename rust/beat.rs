@@ -150,6 +150,10 @@ struct Job<'a> {
 const MOST_CAUTION: f64 = 10.0;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
+/// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
+const RESERVE: f64 = 2.0;
+/// Tolerances up to this one need double precision with a reserve, and often without, which costs too much.
+const LEAST_RESERVED: f64 = 2e-6;
 
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
@@ -162,7 +166,8 @@ impl<'a> Job<'a> {
             Survey::count(series)
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
-            let survey = Survey::new(series, &frame, options.level, options.is_parallel);
+            let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
+            let survey = Survey::new(series, &frame, carrier, options.level, options.is_parallel);
             if !survey.is_finite {
                 series.check_numbers()?;
             }
@@ -202,6 +207,9 @@ impl<'a> Job<'a> {
     fn draw(&mut self) {
         let selection = self.selection(Class::Moving);
         let mut samples = survey::samples(self.series, selection, NUM_SAMPLES);
+        if samples.len() == NUM_SAMPLES {
+            samples.extend(survey::extremes(self.series, &self.survey));
+        }
         // One that has much of the power is a sample by itself.
         let share = 1.0 / NUM_SAMPLES as f64;
         let most = 2.0 * self.survey.largest.powi(2);
@@ -245,8 +253,14 @@ impl<'a> Job<'a> {
     fn plan(&self, gain: f64) -> Result<Plan> {
         let is_direct = self.series.num_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
-        let plan = self.try_plan(self.options.tolerance, gain, method);
-        plan.ok_or_else(|| self.refusal(gain))
+        let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
+        let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
+        let safe = if self.options.tolerance > LEAST_RESERVED {
+            try_plan(RESERVE).filter(is_single)
+        } else {
+            None
+        };
+        safe.or_else(|| try_plan(1.0)).ok_or_else(|| self.refusal(gain))
     }
 
     fn try_plan(&self, tolerance: f64, gain: f64, method: Method) -> Option<Plan> {
@@ -455,6 +469,104 @@ mod tests {
                         assert!(error <= tolerance, "{error:e} {level:?} {}", report.plan);
                     }
                 }
+            }
+        }
+    }
+
+    /// Numbers that are as good as random, 0 to 1.
+    fn units(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+
+    /// Delay, rate, acceleration and amplitude of paths of many channels that hardly turn, but for every `rare`-th.
+    fn rarely_turning(num_paths: usize, rare: usize) -> ([Vec<f64>; 3], Vec<Complex64>) {
+        let mut unit = units(11);
+        let delay = (0..num_paths).map(|_| 2.0 / C * (0.5 + 7.5 * unit())).collect();
+        let rate = (0..num_paths).map(|_| 2.0 / C * (2.0 * unit() - 1.0)).collect();
+        let amplitude = (0..num_paths)
+            .map(|_| Complex64::from_polar(unit(), 6.3 * unit()))
+            .collect();
+        let bend = |i: usize| if i % rare == rare / 2 { 60.0 } else { 2.0 };
+        let acceleration = (0..num_paths).map(|i| 2.0 / C * bend(i) * unit()).collect();
+        ([delay, rate, acceleration], amplitude)
+    }
+
+    #[test]
+    fn rare_paths_that_turn_are_planned_for_at_once() {
+        let wf = waveform(64, 64, 1e9);
+        let ([delay, rate, acceleration], amplitude) = rarely_turning(20_000, 4000);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &acceleration],
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: delay.len(),
+        };
+        let (samples, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
+        assert_eq!(report.runs, 1, "{}", report.plan);
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        let error = error(&samples, &exact, &amplitude);
+        assert!(error <= 1e-4, "{error:e} {}", report.plan);
+    }
+
+    #[test]
+    fn paths_somewhat_in_phase_need_one_run() {
+        let wf = waveform(32, 64, 1e9);
+        let mut unit = units(5);
+        let n = 5000;
+        // Two in three of them are equal in groups of four.
+        let position: Vec<f64> = (0..n).map(|_| 0.5 + 7.5 * unit()).collect();
+        let place = |i: usize| if i % 6 < 4 { i / 6 * 6 } else { i };
+        let delay: Vec<f64> = (0..n).map(|i| 2.0 / C * position[place(i)]).collect();
+        let rate: Vec<f64> = (0..n).map(|i| 2.0 / C * (position[place(i)] - 4.0)).collect();
+        let amplitude = vec![Complex64::new(1.0, 0.0); n];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate],
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: n,
+        };
+        let (_, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
+        assert!(report.gain > 1.5 && report.gain < RESERVE, "{}", report.gain);
+        assert_eq!(report.runs, 1, "{}", report.plan);
+    }
+
+    #[test]
+    fn channels_that_are_summed_together_are_as_exact_as_one() {
+        let wf = waveform(48, 50, 1e9);
+        let (num_channels, num_paths) = (2 * crate::grid::MAX_CHANNELS - 1, 300);
+        let ([delay, rate, acceleration], amplitude) = rarely_turning(num_channels * num_paths, 7);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &acceleration],
+            amplitude: &[&amplitude],
+            num_channels,
+            num_paths,
+        };
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        for (tolerance, is_parallel) in [(1e-4, false), (1e-4, true), (1e-9, false)] {
+            let options = Options {
+                tolerance,
+                method: Method::Grid,
+                is_parallel,
+                ..Options::default()
+            };
+            let (samples, report) = beat_signal(&wf, &series, &options).unwrap();
+            let per_channel = exact.len() / num_channels;
+            for channel in 0..num_channels {
+                let range = channel * per_channel..(channel + 1) * per_channel;
+                let own = match &samples {
+                    Samples::Single(samples) => Samples::Single(samples[range.clone()].to_vec()),
+                    Samples::Double(samples) => Samples::Double(samples[range.clone()].to_vec()),
+                };
+                let amplitude = &amplitude[channel * num_paths..][..num_paths];
+                let error = error(&own, &exact[range], amplitude);
+                assert!(error <= tolerance, "{error:e} {channel} {}", report.plan);
             }
         }
     }

@@ -23,7 +23,7 @@ use crate::delay::PathSeries;
 use crate::expansion::Expansion;
 use crate::kernel::{KaiserBessel, OVERSAMPLING};
 use crate::parallel;
-use crate::simd::{Level, Precision, Real};
+use crate::simd::{Isa, Kernel, Level, Precision, Real};
 
 /// Cells of a row that no output needs, in whole vectors of either precision.
 const PAD: usize = 16;
@@ -102,37 +102,65 @@ pub struct Job<'a> {
     pub keep_empty_rows: bool,
 }
 
+/// Most channels whose spectra are held at the same time.
+pub const MAX_CHANNELS: usize = 4;
+
+/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share an expansion. Returns for each the number
+/// of rows that were transformed, and how far residuals are from their interpolation.
+pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Checked)> {
+    let Some(job) = jobs.first() else {
+        return Vec::new();
+    };
+    let layout = Layout::new(job.waveform.num_samples, job.width, job.expansion.rows);
+    let kernel = KaiserBessel::new(job.width);
+    let channels = parallel::map(job.is_parallel, jobs.iter().collect(), |job| {
+        job.spectra::<T>(&layout, &kernel)
+    });
+    if job.expansion.rows == 1 {
+        for (out, channel) in out.iter_mut().zip(&channels) {
+            let (re, im) = (&channel.spectra.re, &channel.spectra.im);
+            for chirp in out.chunks_exact_mut(job.waveform.num_samples) {
+                for ((sample, re), im) in chirp.iter_mut().zip(re).zip(im) {
+                    *sample = *sample + Complex::new(*re, *im);
+                }
+            }
+        }
+    } else {
+        slow_time::add_chirps(job, &layout, &kernel, &channels, &mut out);
+    }
+    let count = |channel: &Channel<T>| channel.is_used.iter().filter(|is_used| **is_used).count();
+    channels
+        .iter()
+        .map(|channel| (count(channel), channel.checked))
+        .collect()
+}
+
+/// The paths of a channel on the grid, after the range transform.
+struct Channel<T> {
+    spectra: Spectra<T>,
+    /// Rows that were transformed; there is nothing in the others.
+    is_used: Vec<bool>,
+    checked: Checked,
+}
+
 impl Job<'_> {
-    /// Add the samples `(chirp, sample)` of the block to `out`. Returns the number of rows that were transformed, and how far
-    /// residuals are from their interpolation.
-    pub fn add_to<T: Widths>(&self, out: &mut [Complex<T>]) -> (usize, Checked) {
-        let layout = Layout::new(self.waveform.num_samples, self.width, self.expansion.rows);
-        let (grid, checked) = self.fill::<T>(&layout);
+    /// Spread the paths and transform the rows that they touch.
+    fn spectra<T: Widths>(&self, layout: &Layout, kernel: &KaiserBessel) -> Channel<T> {
+        let (grid, checked) = self.fill::<T>(layout);
         let is_touched = |row: usize| {
             let mut terms = grid.chunks_exact(layout.size());
             terms.any(|term| is_any(&term[row * layout.stride..][..layout.stride]))
         };
-        let rows: Vec<usize> = (0..layout.rows)
-            .filter(|row| self.keep_empty_rows || is_touched(*row))
+        let is_used: Vec<bool> = (0..layout.rows)
+            .map(|row| self.keep_empty_rows || is_touched(row))
             .collect();
-        if rows.is_empty() {
-            return (0, checked);
-        }
-        let kernel = KaiserBessel::new(self.width);
-        let spectra = self.transform_rows(&layout, &kernel, &grid, &rows);
+        let spectra = self.transform_rows(layout, kernel, &grid, &is_used);
         T::give_back(grid);
-        let num_samples = self.waveform.num_samples;
-        if self.expansion.rows == 1 {
-            for chirp in out.chunks_exact_mut(num_samples) {
-                for (m, sample) in chirp.iter_mut().enumerate() {
-                    *sample = *sample + Complex::new(spectra.re[m], spectra.im[m]);
-                }
-            }
-            return (1, checked);
+        Channel {
+            spectra,
+            is_used,
+            checked,
         }
-        let num_rows = rows.len();
-        slow_time::add_chirps(self, &layout, &kernel, &spectra, &rows, out);
-        (num_rows, checked)
     }
 
     /// Spread all paths: (term, row, cell).
@@ -161,13 +189,13 @@ impl Job<'_> {
         (sum, checked)
     }
 
-    /// FFT over range of some rows of every term, divided by the kernel's transform: (term, row, sample).
+    /// FFT over range of the used rows of every term, divided by the kernel's transform: (term, row, sample).
     fn transform_rows<T: Widths>(
         &self,
         layout: &Layout,
         kernel: &KaiserBessel,
         grid: &[T],
-        rows: &[usize],
+        is_used: &[bool],
     ) -> Spectra<T> {
         let (n, num_samples) = (layout.num_cells, self.waveform.num_samples);
         let padded = num_samples.next_multiple_of(PAD);
@@ -182,28 +210,35 @@ impl Job<'_> {
             })
             .collect();
         let first = (m_index(0, middle, n), num_samples.min(middle));
+        let size = self.expansion.modes.num_sets() * layout.rows * padded;
         let mut spectra = Spectra {
-            re: vec![T::zero(); self.expansion.modes.num_sets() * rows.len() * padded],
-            im: vec![T::zero(); self.expansion.modes.num_sets() * rows.len() * padded],
+            re: vec![T::zero(); size],
+            im: vec![T::zero(); size],
             padded,
         };
         // A buffer for the row and one for the transform.
         let room = || [n, fft.get_inplace_scratch_len()].map(|len| vec![Complex::new(T::zero(), T::zero()); len]);
         let transform = |[buffer, scratch]: &mut [Vec<Complex<T>>; 2], index: usize, re: &mut [T], im: &mut [T]| {
-            let (term, row) = (index / rows.len(), rows[index % rows.len()]);
+            let (term, row) = (index / layout.rows, index % layout.rows);
+            if !is_used[row] {
+                return;
+            }
             let cells = &grid[term * layout.size() + row * layout.stride..][..layout.stride];
             fold(cells, origin(self.width), buffer);
             fft.process_with_scratch(buffer, scratch);
             // Outputs -middle .. 0 are at the end of the buffer, the others at its start.
             let (negative, num_negative) = first;
-            for (m, value) in buffer[negative..][..num_negative].iter().enumerate() {
-                re[m] = value.re * scale[m];
-                im[m] = value.im * scale[m];
-            }
-            for (i, value) in buffer[..num_samples - middle].iter().enumerate() {
-                let m = middle + i;
-                re[m] = value.re * scale[m];
-                im[m] = value.im * scale[m];
+            let parts = [
+                (&buffer[negative..][..num_negative], 0),
+                (&buffer[..num_samples - middle], middle),
+            ];
+            for (from, to) in parts {
+                self.level.run(Scaled {
+                    from,
+                    scale: &scale[to..],
+                    re: &mut re[to..],
+                    im: &mut im[to..],
+                });
             }
         };
         let (re, im) = (&mut spectra.re, &mut spectra.im);
@@ -220,6 +255,28 @@ impl Job<'_> {
             }
         }
         spectra
+    }
+}
+
+/// Real and imaginary parts of some numbers, times others.
+struct Scaled<'a, T> {
+    from: &'a [Complex<T>],
+    scale: &'a [T],
+    re: &'a mut [T],
+    im: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Scaled<'_, T> {
+    type Output = ();
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) {
+        let n = self.from.len();
+        let (from, scale, re, im) = (self.from, &self.scale[..n], &mut self.re[..n], &mut self.im[..n]);
+        for i in 0..n {
+            re[i] = from[i].re * scale[i];
+            im[i] = from[i].im * scale[i];
+        }
     }
 }
 
@@ -240,8 +297,11 @@ fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     for (value, [re, im]) in buffer.iter_mut().zip(&cells[origin..origin + n]) {
         *value = Complex::new(*re, *im);
     }
-    for i in (0..origin).chain(origin + n..cells.len()) {
-        let at = &mut buffer[(i + n - origin) % n];
+    // Without a division per cell.
+    let before = (0..origin).map(|i| (i, i + n - origin));
+    let behind = (origin + n..cells.len()).zip((0..n).cycle());
+    for (i, place) in before.chain(behind) {
+        let at = &mut buffer[place];
         *at = *at + Complex::new(cells[i][0], cells[i][1]);
     }
 }

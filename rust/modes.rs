@@ -76,7 +76,7 @@ impl Modes {
     /// Degrees of the series of references.
     pub fn num_degrees(&self) -> usize {
         let paths = self.references.iter().map(|(path, ..)| path).chain([&self.mean]);
-        let degrees = paths.map(|path| path.re.len().max(path.bends.len() + 2));
+        let degrees = paths.map(|path| path.num_amplitudes().max(path.bends().len() + 2));
         degrees.max().unwrap_or(0)
     }
 
@@ -131,7 +131,7 @@ pub fn find(
         (NUM_CHIRPS, NUM_FAST)
     };
     // exp(2 pi j z T_2(x)) is a polynomial of degree 4 pi z and a few more.
-    let bends = |path: &Path| path.bends.iter().map(|bend| bend.abs()).sum::<f64>();
+    let bends = |path: &Path| path.bends().iter().map(|bend| bend.abs()).sum::<f64>();
     let most = paths.iter().map(bends).fold(0.0, f64::max);
     let chirps = chirps.max(((2.0 * TAU * most) as usize).saturating_add(6).min(MOST_CHIRPS));
     let instant = |chirp: usize, sample: usize| {
@@ -231,6 +231,13 @@ struct Search<'a> {
     rounding: f64,
 }
 
+/// Instants in whole vectors.
+struct Times {
+    /// Chebyshev polynomials, (degree, instant).
+    polynomials: Vec<Vec<f64>>,
+    sweeps: Vec<f64>,
+}
+
 /// Residuals of all samples, (path, instant), in whole vectors; the last instant is repeated.
 struct Matrix {
     stride: usize,
@@ -275,8 +282,8 @@ impl Kernel for Search<'_> {
             ..Modes::none()
         };
         let [common_re, common_im] = self.phasors::<I>(&modes.mean, matrix.stride);
-        let mean_re: Vec<f64> = paths.iter().map(|path| path.re[0]).collect();
-        let mean_im: Vec<f64> = paths.iter().map(|path| -path.im[0]).collect();
+        let mean_re: Vec<f64> = paths.iter().map(|path| path.re()[0]).collect();
+        let mean_im: Vec<f64> = paths.iter().map(|path| -path.im()[0]).collect();
         let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
         let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
         if flat.relative(&all) <= bound / (SHARE * SHARE) {
@@ -287,7 +294,8 @@ impl Kernel for Search<'_> {
 
         // Cross approximation with full pivoting.
         let mut rows: Vec<Vec<Complex64>> = Vec::new();
-        let mut coefficients: Vec<Vec<Complex64>> = vec![Vec::new(); paths.len()];
+        // Coefficients of all paths, (mode, path).
+        let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
         let mut left = all;
         while left.relative(&all) > bound {
             if modes.instants.len() == self.max_modes {
@@ -303,21 +311,26 @@ impl Kernel for Search<'_> {
             }
             let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
             modes.lower.push(rows.iter().map(|row| row[column]).collect());
-            let own = coefficients[path].iter().map(|c| c / pivot).collect();
-            modes.references.push((paths[path].clone(), pivot.inv(), own));
+            let own = coefficients
+                .iter()
+                .map(|[re, im]| Complex64::new(re[path], im[path]) / pivot);
+            modes.references.push((paths[path].clone(), pivot.inv(), own.collect()));
             modes.instants.push(self.instants[column]);
-            let taken: Vec<Complex64> = (0..paths.len()).map(|p| matrix.at(p, column)).collect();
-            for (coefficients, c) in coefficients.iter_mut().zip(&taken) {
-                coefficients.push(*c);
-            }
-            let parts = |numbers: &[Complex64]| -> [Vec<f64>; 2] {
-                [
-                    numbers.iter().map(|c| c.re).collect(),
-                    numbers.iter().map(|c| c.im).collect(),
-                ]
-            };
-            let ([row_re, row_im], [taken_re, taken_im]) = (parts(&row), parts(&taken));
-            left = self.reduce::<I, true>(&mut matrix, &counts, [&row_re, &row_im], [&taken_re, &taken_im]);
+            let row_parts = [
+                row.iter().map(|c| c.re).collect::<Vec<f64>>(),
+                row.iter().map(|c| c.im).collect(),
+            ];
+            let taken = [&matrix.re, &matrix.im].map(|part| -> Vec<f64> {
+                let rows = part.chunks_exact(matrix.stride);
+                rows.map(|row| row[column]).collect()
+            });
+            left = self.reduce::<I, true>(
+                &mut matrix,
+                &counts,
+                [&row_parts[0], &row_parts[1]],
+                [&taken[0], &taken[1]],
+            );
+            coefficients.push(taken);
             rows.push(row);
         }
         self.add_checks(&matrix, &rows, &left, &mut modes);
@@ -335,23 +348,22 @@ impl Search<'_> {
             re: vec![0.0; self.paths.len() * stride],
             im: vec![0.0; self.paths.len() * stride],
         };
-        let [times, sweeps] = self.times(stride);
+        let times = self.times(stride);
         let splat = <I::F64 as Vector>::splat;
         let (mut squares, mut power) = (splat(0.0), 0.0);
         for p in 0..self.paths.len() {
             let path = &self.paths[p];
-            let own = path.re[0] * path.re[0] + path.im[0] * path.im[0];
+            let (res, ims) = (path.re(), path.im());
+            let own = res[0] * res[0] + ims[0] * ims[0];
             power += own;
             for at in (0..stride).step_by(8) {
-                let x = I::F64::load(&times[at..]);
-                let (mut before, mut current) = (splat(1.0), x);
-                let (mut re, mut im) = (splat(path.re[0]), splat(path.im[0]));
-                for k in 1..path.re.len() {
-                    re = current.mul_add(splat(path.re[k]), re);
-                    im = current.mul_add(splat(path.im[k]), im);
-                    (before, current) = (current, x.add(x).mul(current).sub(before));
+                let (mut re, mut im) = (splat(res[0]), splat(ims[0]));
+                for k in 1..res.len() {
+                    let polynomial = I::F64::load(&times.polynomials[k][at..]);
+                    re = polynomial.mul_add(splat(res[k]), re);
+                    im = polynomial.mul_add(splat(ims[k]), im);
                 }
-                let phase = self.phases::<I>(path, x, I::F64::load(&sweeps[at..]));
+                let phase = self.phases::<I>(path, &times, at);
                 squares = phase.mul(splat(own)).mul_add(phase, squares);
                 let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
                 let to = p * stride + at;
@@ -373,10 +385,10 @@ impl Search<'_> {
     /// Cosine and sine of the residual phase of a path.
     #[inline(always)]
     fn phasors<I: Isa>(&self, path: &Path, stride: usize) -> [Vec<f64>; 2] {
-        let [times, sweeps] = self.times(stride);
+        let times = self.times(stride);
         let mut phasors = [vec![0.0; stride], vec![0.0; stride]];
         for at in (0..stride).step_by(8) {
-            let phase = self.phases::<I>(path, I::F64::load(&times[at..]), I::F64::load(&sweeps[at..]));
+            let phase = self.phases::<I>(path, &times, at);
             let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
             cos.store(&mut phasors[0][at..]);
             sin.store(&mut phasors[1][at..]);
@@ -384,27 +396,41 @@ impl Search<'_> {
         phasors
     }
 
-    /// Residual phases of a path [turns].
+    /// Residual phases of a path at the instants from `at` on [turns].
     #[inline(always)]
-    fn phases<I: Isa>(&self, path: &Path, x: I::F64, sweep: I::F64) -> I::F64 {
+    fn phases<I: Isa>(&self, path: &Path, times: &Times, at: usize) -> I::F64 {
         let splat = <I::F64 as Vector>::splat;
-        let (mut before, mut current) = (splat(1.0), x);
+        let bends = path.bends();
         let mut delta = splat(0.0);
-        for k in 0..path.bends.len() {
-            (before, current) = (current, x.add(x).mul(current).sub(before));
-            delta = current.mul_add(splat(path.bends[k]), delta);
+        for k in 0..bends.len() {
+            delta = I::F64::load(&times.polynomials[k + 2][at..]).mul_add(splat(bends[k]), delta);
         }
         let (offset, rate) = (splat(path.offset), splat(path.rate));
+        let (x, sweep) = (
+            I::F64::load(&times.polynomials[1][at..]),
+            I::F64::load(&times.sweeps[at..]),
+        );
         turns(delta, offset, rate, x, sweep, splat(self.frame.bend))
     }
 
     /// Times and sweeps of the instants, the last repeated to fill whole vectors.
-    fn times(&self, stride: usize) -> [Vec<f64>; 2] {
-        let last = self.instants.len() - 1;
-        let pick = |value: fn(&Instant) -> f64| -> Vec<f64> {
-            (0..stride).map(|i| value(&self.instants[i.min(last)])).collect()
-        };
-        [pick(|instant| instant.x), pick(|instant| instant.sweep)]
+    fn times(&self, stride: usize) -> Times {
+        let instant = |i: usize| &self.instants[i.min(self.instants.len() - 1)];
+        let x: Vec<f64> = (0..stride).map(|i| instant(i).x).collect();
+        let degrees = self
+            .paths
+            .iter()
+            .map(|path| path.num_amplitudes().max(path.bends().len() + 2));
+        let num_degrees = degrees.max().unwrap_or(0);
+        let mut polynomials = vec![vec![1.0; stride], x];
+        for k in 2..num_degrees {
+            let next = |i: usize| 2.0 * polynomials[1][i] * polynomials[k - 1][i] - polynomials[k - 2][i];
+            polynomials.push((0..stride).map(next).collect());
+        }
+        Times {
+            polynomials,
+            sweeps: (0..stride).map(|i| instant(i).sweep).collect(),
+        }
     }
 
     /// Instant of the largest element of a path at the trained instants.
@@ -428,13 +454,17 @@ impl Search<'_> {
     /// where modes are taken.
     fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
-        let sum = |x: usize| (0..self.paths.len()).map(|p| rest.at(p, x).norm_sqr()).sum::<f64>();
-        let all: Vec<f64> = (0..self.instants.len()).map(sum).collect();
+        let mut all = vec![0.0; self.instants.len()];
+        for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
+            for ((sum, re), im) in all.iter_mut().zip(re).zip(im) {
+                *sum += re * re + im * im;
+            }
+        }
         // Samples that are all references leave nothing but rounding.
         let power: f64 = self
             .paths
             .iter()
-            .map(|path| path.re[0].powi(2) + path.im[0].powi(2))
+            .map(|path| path.re()[0].powi(2) + path.im()[0].powi(2))
             .sum();
         let is_exact = left <= 1e-24 * power;
         let count = match (self.are_alike, self.budget < FINE) {
@@ -488,7 +518,7 @@ impl Search<'_> {
 
 /// A path with the mean residual phase of some: of `rate^2`, `offset rate` and the bends, weighted with their power.
 fn mean(paths: &[Path]) -> Path {
-    let power = |path: &Path| path.re[0].powi(2) + path.im[0].powi(2);
+    let power = |path: &Path| path.re()[0].powi(2) + path.im()[0].powi(2);
     let total: f64 = paths.iter().map(power).sum();
     let mean = |value: &dyn Fn(&Path) -> f64| {
         if total > 0.0 {
@@ -499,14 +529,10 @@ fn mean(paths: &[Path]) -> Path {
     };
     let rate = mean(&|path| path.rate * path.rate).sqrt();
     let skew = mean(&|path| path.offset * path.rate);
-    let num_bends = paths.iter().map(|path| path.bends.len()).max().unwrap_or(0);
-    Path {
-        offset: if rate > 0.0 { skew / rate } else { 0.0 },
-        rate,
-        bends: (0..num_bends).map(|k| mean(&|path| path.bends[k])).collect(),
-        re: Vec::new(),
-        im: Vec::new(),
-    }
+    let num_bends = paths.iter().map(|path| path.bends().len()).max().unwrap_or(0);
+    let offset = if rate > 0.0 { skew / rate } else { 0.0 };
+    let bends = (0..num_bends).map(|k| mean(&|path| path.bends()[k]));
+    Path::new([offset, rate], bends, [std::iter::empty(), std::iter::empty()])
 }
 
 /// What is left of a matrix.
@@ -568,12 +594,15 @@ impl Search<'_> {
             if is_apart {
                 continue;
             }
-            let mut lanes = [0.0; 8];
+            let mut lanes = [0.0_f64; 8];
             most.store(&mut lanes);
-            for i in 0..8 {
-                if lanes[i] > largest * TIE {
-                    (largest, row) = (lanes[i], path);
+            for half in [4, 2, 1] {
+                for i in 0..half {
+                    lanes[i] = lanes[i].max(lanes[i + half]);
                 }
+            }
+            if lanes[0] > largest * TIE {
+                (largest, row) = (lanes[0], path);
             }
         }
         let mut lanes = [[0.0; 8]; 2];
@@ -621,12 +650,13 @@ mod tests {
         let block = Block::new(wf, &series, 0..wf.chirp_times.len());
         let frame = Frame::new(wf.start_frequency, 2e-8, wf.slope);
         let paths = (0..count)
-            .map(|_| Path {
-                offset: 1e-5 * (unit() - 0.5),
-                rate: 40.0 * (unit() - 0.5),
-                bends: vec![0.3 * (unit() - 0.5), 0.05 * (unit() - 0.5)],
-                re: vec![1.0 + unit(), 0.05 * (unit() - 0.5)],
-                im: vec![unit(), 0.05 * (unit() - 0.5)],
+            .map(|_| {
+                let mut about = |middle: f64, span: f64| middle + span * (unit() - 0.5);
+                Path::new(
+                    [about(0.0, 1e-5), about(0.0, 40.0)],
+                    [about(0.0, 0.3), about(0.0, 0.05)].into_iter(),
+                    [1.5, 0.5].map(|middle| [about(middle, 1.0), about(0.0, 0.05)].into_iter()),
+                )
             })
             .collect();
         (block, frame, paths)
@@ -638,11 +668,11 @@ mod tests {
         let sum = |series: &[f64], first: usize| -> f64 {
             series.iter().enumerate().map(|(k, c)| c * chebyshev(first + k)).sum()
         };
-        let delta = sum(&path.bends, 2);
+        let delta = sum(path.bends(), 2);
         let turns = delta * (1.0 + instant.sweep - path.offset) + instant.x * instant.sweep * path.offset * path.rate
             - frame.bend * (path.rate * instant.x + delta).powi(2);
         let phasor = Complex64::from_polar(1.0, std::f64::consts::TAU * turns);
-        Complex64::new(sum(&path.re, 0), -sum(&path.im, 0)) * phasor
+        Complex64::new(sum(path.re(), 0), -sum(path.im(), 0)) * phasor
     }
 
     /// Value at an instant of the interpolation between those at the modes' instants.
@@ -708,9 +738,8 @@ mod tests {
         let wf = waveform();
         let (block, frame, mut paths) = paths(&wf, 50);
         for path in &mut paths {
-            path.bends.clear();
-            path.re.truncate(1);
-            path.im.truncate(1);
+            let parts = [path.re()[0], path.im()[0]].map(std::iter::once);
+            *path = Path::new([path.offset, path.rate], std::iter::empty(), parts);
         }
         let (modes, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
         assert!(modes.are_flat() && modes.num_sets() == 1 && error < 1e-3);

@@ -5,7 +5,7 @@
 
 mod grid;
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::f64::consts::TAU;
 use std::fmt;
 
@@ -16,7 +16,7 @@ use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::expansion::Expansion;
 use crate::lanes;
-use crate::residual::Sample;
+use crate::residual::{Path, Sample};
 use crate::simd::Level;
 use crate::survey::{Group, Interval, Survey};
 
@@ -203,6 +203,7 @@ impl Request<'_> {
                 tolerance: tolerance.max(self.tolerance).min(0.1_f64.max(self.tolerance)),
                 share: share.min(1.0),
                 are_alike: OnceCell::new(),
+                room: RefCell::default(),
             };
             plan.parts.push(goal.part(&look)?);
         }
@@ -259,6 +260,8 @@ struct Goal<'a> {
     effective_paths: f64,
     /// Whether all paths are like the samples, once that is known.
     are_alike: OnceCell<bool>,
+    /// Memory for the samples in a block.
+    room: RefCell<Vec<Path>>,
 }
 
 impl Goal<'_> {

@@ -57,19 +57,60 @@ pub struct Path {
     pub offset: f64,
     /// f_c c_1
     pub rate: f64,
-    /// f_c c_k, k = 2, 3, ...
-    pub bends: Vec<f64>,
-    /// Real part of the amplitude's coefficients.
-    pub re: Vec<f64>,
-    /// Imaginary part.
-    pub im: Vec<f64>,
+    num_bends: usize,
+    /// Bends, real and imaginary parts of the amplitude's coefficients: there are hundreds of paths, and one piece of memory
+    /// is faster to get than three.
+    numbers: Vec<f64>,
 }
 
 impl Path {
+    /// A path of some bends and real and imaginary parts of amplitudes, as many of one as of the other.
+    pub fn new(place: [f64; 2], bends: impl Iterator<Item = f64>, parts: [impl Iterator<Item = f64>; 2]) -> Self {
+        let mut path = Self::default();
+        path.set(place, bends, parts);
+        path
+    }
+
+    /// Another path in the same memory, see [`Self::new`].
+    pub fn set(
+        &mut self,
+        [offset, rate]: [f64; 2],
+        bends: impl Iterator<Item = f64>,
+        parts: [impl Iterator<Item = f64>; 2],
+    ) {
+        (self.offset, self.rate) = (offset, rate);
+        self.numbers.clear();
+        self.numbers.extend(bends);
+        self.num_bends = self.numbers.len();
+        for part in parts {
+            self.numbers.extend(part);
+        }
+    }
+
+    /// f_c c_k, k = 2, 3, ...
+    pub fn bends(&self) -> &[f64] {
+        &self.numbers[..self.num_bends]
+    }
+
+    /// Coefficients of the amplitude.
+    pub fn num_amplitudes(&self) -> usize {
+        (self.numbers.len() - self.num_bends) / 2
+    }
+
+    /// Real part of the amplitude's coefficients.
+    pub fn re(&self) -> &[f64] {
+        &self.numbers[self.num_bends..][..self.num_amplitudes()]
+    }
+
+    /// Imaginary part.
+    pub fn im(&self) -> &[f64] {
+        &self.numbers[self.num_bends + self.num_amplitudes()..]
+    }
+
     /// R at an instant [turns].
     pub fn turns(&self, frame: &Frame, instant: &Instant) -> f64 {
         let (mut before, mut current, mut delta) = (1.0, instant.x, 0.0);
-        for bend in &self.bends {
+        for bend in self.bends() {
             (before, current) = (current, 2.0 * instant.x * current - before);
             delta += bend * current;
         }
@@ -134,16 +175,20 @@ impl Sample {
 
     /// The path in a block.
     pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
+        let mut path = Path::default();
+        self.set_in_block(block, frame, &mut path);
+        path
+    }
+
+    /// Make it the path in a block.
+    pub fn set_in_block(&self, block: &Block, frame: &Frame, path: &mut Path) {
         let mut delay = self.delay(block);
         let (offset, rate) = (delay.next().unwrap_or(0.0), delay.next().unwrap_or(0.0));
-        let [re, im] = self.amplitude(block);
-        Path {
-            offset: frame.stretch * (offset - frame.middle_delay),
-            rate: frame.carrier * rate,
-            bends: delay.map(|c| frame.carrier * c).collect(),
-            re: re.collect(),
-            im: im.collect(),
-        }
+        path.set(
+            [frame.stretch * (offset - frame.middle_delay), frame.carrier * rate],
+            delay.map(|c| frame.carrier * c),
+            self.amplitude(block),
+        );
     }
 }
 
@@ -222,7 +267,7 @@ mod tests {
             wf.slope,
         );
         let path = Sample::new(&series, 0).in_block(&block, &frame);
-        assert_eq!((path.re[0], path.im[0]), (1.0, 2.0));
+        assert_eq!((path.re()[0], path.im()[0]), (1.0, 2.0));
 
         let c_0 = path.offset / frame.stretch + middle_delay;
         let b = path.rate / frame.carrier * (1.0 - path.offset) / block.half;
@@ -239,7 +284,7 @@ mod tests {
                     + b * ((frame.carrier + wf.slope * fine) * (slow - fine) + wf.slope * fine * fine);
                 let x = block.x(time);
                 let instant = [
-                    path.bends[0] * (2.0 * x * x - 1.0),
+                    path.bends()[0] * (2.0 * x * x - 1.0),
                     path.offset,
                     path.rate,
                     x,

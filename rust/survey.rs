@@ -1,5 +1,6 @@
 //! What a plan has to know of all paths: how many there are of each class, the ranges of their series, their power.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use crate::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
@@ -123,18 +124,37 @@ pub struct Survey {
     pub is_finite: bool,
     /// A bit per path that moves, (channel, chunk).
     pub masks: Vec<u128>,
+    /// Some of the paths whose residuals change most, of every part of the work.
+    pub extremes: Vec<Extreme>,
 }
+
+/// A path whose residual changes more than its neighbours'.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extreme {
+    /// Estimate of the square of that change.
+    pub change: f64,
+    /// Number of the path in its channel.
+    pub path: usize,
+    /// Number of the channel.
+    pub channel: usize,
+}
+
+/// Most of them.
+const NUM_EXTREMES: usize = 12;
+/// So many neighbours have one of them.
+const NEIGHBOURS: usize = 32;
 
 /// Chunks per part of the work: sums do not depend on the number of threads.
 const PART: usize = 64;
 
 impl Survey {
-    /// Look at all paths of a frame, which is one block.
-    pub fn new(series: &PathSeries, frame: &Block, level: Level, is_parallel: bool) -> Self {
+    /// Look at all paths of a frame, which is one block, about a carrier [Hz].
+    pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
         let look = |(channel, chunks): (usize, Range<usize>)| {
             level.run(Look {
                 series,
                 frame,
+                carrier,
                 channel,
                 chunks,
             })
@@ -144,6 +164,7 @@ impl Survey {
         for look in &looks {
             all.join(look);
         }
+        sort(&mut all.extremes);
         all
     }
 
@@ -193,6 +214,7 @@ impl Survey {
             largest: 0.0,
             is_finite: true,
             masks: Vec::new(),
+            extremes: Vec::new(),
         }
     }
 
@@ -213,6 +235,7 @@ impl Survey {
         self.largest = self.largest.max(other.largest);
         self.is_finite &= other.is_finite;
         self.masks.extend(&other.masks);
+        self.extremes.extend(&other.extremes);
     }
 }
 
@@ -247,6 +270,31 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
     (0..count)
         .map(|rank| sample(series, selection, (channel, chunk), rank))
         .collect()
+}
+
+/// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
+pub fn extremes(series: &PathSeries, survey: &Survey) -> Vec<Sample> {
+    let mut chosen: Vec<&Extreme> = Vec::new();
+    for extreme in &survey.extremes {
+        if chosen.len() == NUM_EXTREMES {
+            break;
+        }
+        if chosen
+            .iter()
+            .all(|other| other.path / NEIGHBOURS != extreme.path / NEIGHBOURS)
+        {
+            chosen.push(extreme);
+        }
+    }
+    chosen
+        .iter()
+        .map(|extreme| Sample::new(series, extreme.channel * series.num_paths + extreme.path))
+        .collect()
+}
+
+/// The largest changes first.
+fn sort(extremes: &mut [Extreme]) {
+    extremes.sort_by(|a, b| b.change.total_cmp(&a.change));
 }
 
 /// All selected paths whose first amplitude has more than a share of the power of their channel.
@@ -339,7 +387,7 @@ impl Kernel for LookAtBlocks<'_> {
             }
             for i in 0..ranges.len() {
                 let (block, k) = (&self.blocks[i / num_delays], i % num_delays);
-                ranges[i].take_in::<I>(block, &rows, k, None);
+                ranges[i].take_in::<I>(block, &rows, k, None, None);
             }
         }
         let mut intervals = Vec::new();
@@ -353,6 +401,7 @@ impl Kernel for LookAtBlocks<'_> {
 struct Look<'a> {
     series: &'a PathSeries<'a>,
     frame: &'a Block,
+    carrier: f64,
     channel: usize,
     chunks: Range<usize>,
 }
@@ -372,6 +421,7 @@ impl Kernel for Look<'_> {
         let sums = vec![zero; series.num_amplitude_terms()];
         let mut powers = [sums.clone(), sums];
         let mut counts = [0, 0];
+        let phase = (TAU * self.carrier).powi(2);
         for index in self.chunks {
             rows.gather(series, channel, index * CHUNK, Selection::ALL);
             let mask = rows.moving();
@@ -384,6 +434,7 @@ impl Kernel for Look<'_> {
             let num_moving = mask.count_ones() as usize;
             let numbers = [rows.len - num_moving, num_moving];
             let is_mixed = numbers[0] > 0 && numbers[1] > 0;
+            let (mut bends, mut changes) = ([0.0; CHUNK], [0.0; CHUNK]);
             for (class, bits) in [!mask, mask].into_iter().enumerate() {
                 if numbers[class] == 0 {
                     continue;
@@ -394,13 +445,34 @@ impl Kernel for Look<'_> {
                 // Those that stand still have one coefficient.
                 let most = if class == 0 { 1 } else { usize::MAX };
                 for k in 0..ranges[class].len().min(most) {
-                    ranges[class][k].take_in::<I>(frame, &rows, k, far.as_ref());
+                    let squares = (k >= 2).then_some(&mut bends);
+                    ranges[class][k].take_in::<I>(frame, &rows, k, far.as_ref(), squares);
                 }
                 for k in 0..powers[class].len().min(most) {
-                    powers[class][k] = add_power::<I>(frame, &rows, k, members.as_ref(), powers[class][k]);
+                    let squares = (k >= 1).then_some(&mut changes);
+                    powers[class][k] = add_power::<I>(frame, &rows, k, members.as_ref(), powers[class][k], squares);
+                }
+            }
+            for first in (0..rows.len).step_by(NEIGHBOURS) {
+                let mut most = Extreme::default();
+                for place in first..rows.len.min(first + NEIGHBOURS) {
+                    let (re, im) = (rows.re[0][place], rows.im[0][place]);
+                    let change = phase * bends[place] * (re * re + im * im) + changes[place];
+                    if change > most.change {
+                        most = Extreme {
+                            change,
+                            path: index * CHUNK + place,
+                            channel,
+                        };
+                    }
+                }
+                if most.change > 0.0 {
+                    survey.extremes.push(most);
                 }
             }
         }
+        sort(&mut survey.extremes);
+        survey.extremes.truncate(NUM_EXTREMES);
         survey.is_finite = sum_of::<I>(nothing) == 0.0;
         survey.largest = -least_of::<I>(wide::sub(zero, largest));
         survey.fourth[channel] = sum_of::<I>(fourth);
@@ -508,9 +580,16 @@ fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
 }
 
 /// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last path
-/// has none.
+/// has none. Adds them to `squares` as well, path by path.
 #[inline(always)]
-fn add_power<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane>, mut power: Wide<I>) -> Wide<I> {
+fn add_power<I: Isa>(
+    block: &Block,
+    rows: &Rows,
+    k: usize,
+    members: Option<&Lane>,
+    mut power: Wide<I>,
+    mut squares: Option<&mut Lane>,
+) -> Wide<I> {
     for at in (0..CHUNK).step_by(8 * AT_ONCE) {
         for lanes in [&rows.re, &rows.im] {
             let mut value = whole::<I>(&block.amplitude, lanes, k, at);
@@ -518,9 +597,19 @@ fn add_power<I: Isa>(block: &Block, rows: &Rows, k: usize, members: Option<&Lane
                 value = wide::mul(value, wide::load::<I, AT_ONCE>(&members[at..]));
             }
             power = wide::mul_add(value, value, power);
+            if let Some(squares) = &mut squares {
+                add_squares::<I>(value, squares, at);
+            }
         }
     }
     power
+}
+
+/// Add squares to the numbers from `at` on.
+#[inline(always)]
+fn add_squares<I: Isa>(value: Wide<I>, squares: &mut Lane, at: usize) {
+    let sum = wide::load::<I, AT_ONCE>(&squares[at..]);
+    wide::store(wide::mul_add(value, value, sum), &mut squares[at..]);
 }
 
 /// Beyond every delay.
@@ -544,12 +633,22 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
     }
 
     /// Coefficient k of the delay of all paths, or of those that are not `far`. What follows the last path of a chunk is a copy
-    /// of it.
+    /// of it. Adds its squares to `squares`, path by path.
     #[inline(always)]
-    fn take_in<I: Isa<F64 = V>>(&mut self, block: &Block, rows: &Rows, k: usize, far: Option<&Lane>) {
+    fn take_in<I: Isa<F64 = V>>(
+        &mut self,
+        block: &Block,
+        rows: &Rows,
+        k: usize,
+        far: Option<&Lane>,
+        mut squares: Option<&mut Lane>,
+    ) {
         let Self { mut low, mut high } = *self;
         for at in (0..CHUNK).step_by(8 * AT_ONCE) {
             let value = whole::<I>(&block.delay, &rows.delay, k, at);
+            if let Some(squares) = &mut squares {
+                add_squares::<I>(value, squares, at);
+            }
             let mut ends = [value; 2];
             if let Some(far) = far {
                 let far = wide::load::<I, AT_ONCE>(&far[at..]);
@@ -571,5 +670,53 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
             });
         }
         intervals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use num_complex::Complex64;
+
+    use super::*;
+    use crate::chirp::Waveform;
+    use crate::delay::Basis;
+
+    #[test]
+    fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
+        let waveform = Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..10).map(|c| f64::from(c) * 1e-4).collect(),
+        };
+        let num_paths = 1000;
+        let (mut bend, mut amplitude) = (vec![0.0; 2 * num_paths], vec![Complex64::ONE; 2 * num_paths]);
+        // Both channels, the second more; a neighbour; as much, but faint; a strong one that bends less; the last.
+        (bend[100], bend[num_paths + 100], bend[101]) = (3e-8, 4e-8, 3.5e-8);
+        (bend[300], amplitude[300]) = (4e-8, Complex64::new(1e-3, 0.0));
+        (bend[500], amplitude[500]) = (2e-8, Complex64::new(0.0, 10.0));
+        bend[2 * num_paths - 1] = 1e-8;
+        let (delay, rate) = (vec![1e-8; 2 * num_paths], vec![0.0; 2 * num_paths]);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &bend],
+            amplitude: &[&amplitude],
+            num_channels: 2,
+            num_paths,
+        };
+        let frame = Block::new(&waveform, &series, 0..10);
+        for level in Level::available() {
+            let survey = Survey::new(&series, &frame, 60e9, level, false);
+            let bends: Vec<f64> = extremes(&series, &survey)
+                .iter()
+                .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])
+                .collect();
+            for (got, expected) in bends.iter().zip([2e-8, 4e-8, 1e-8, 4e-8]) {
+                assert!((got / expected - 1.0).abs() < 1e-9, "{bends:?}");
+            }
+            assert_eq!(bends.len(), 4, "{bends:?}");
+        }
     }
 }

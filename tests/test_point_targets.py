@@ -253,3 +253,21 @@ def test_target_of_no_cross_section_and_no_target_are_silent() -> None:
 def test_target_on_an_antenna_is_an_error() -> None:
     with pytest.raises(ValueError, match="expected nothing at the place of an antenna"):
         simulate([rc.PointTarget([0.0, 0.0, 0.0])], rc.Radar(waveform()))
+
+
+def test_echo_is_within_the_tolerance_while_the_radar_s_acceleration_jumps() -> None:
+    radar, jump, acceleration = rc.Radar(waveform(num_chirps=64), rx=RX), 7.3e-3, 4.0
+
+    def along(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 0.3 * time + 0.5 * acceleration * np.maximum(time - jump, 0.0) ** 2
+
+    motion = rc.Function(lambda time: rc.Pose([float(along(np.array(time))), 0.0, 0.0]))
+    scene, tolerance = rc.Scene([rc.PointTarget([1.9, 0.7, -0.4])]), 1e-3
+    frame = rc.Simulator(scene, radar, radar_motion=motion, resolution=16, tolerance=tolerance).frame()
+    position = at_rest([1.9, 0.7, -0.4], radar.waveform).copy()
+    position[..., 0] -= along(frame_times(radar.waveform))
+    expected = point_echo_reference(position, 1.0, radar)
+    for got, wanted in zip(frame.cube, expected, strict=True):
+        assert np.linalg.norm(got - wanted) <= tolerance * np.linalg.norm(wanted)
+    # Coefficients of the series fall with the third power of their degree: rms errors need far fewer than largest ones.
+    assert frame.stats["delay_nodes"] <= 32

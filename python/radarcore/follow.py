@@ -23,7 +23,8 @@ _NODE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
 _ENOUGH_FOR_KINKS = 16
 # Numbers of times at which some paths are looked at, to choose one up to that.
 _PROBED_COUNTS = (8, 16, 32, 64)
-# Delays are followed to this phase [rad] whatever the tolerance: it costs little, and other processing may need it.
+# Delays are followed to this phase [rad] whatever the tolerance where few times are enough: it costs little, and other
+# processing may need it.
 _PHASE_GOAL = 1e-7
 # Those that most courses need.
 _USUAL_COUNTS = (8, 6, 4)
@@ -104,29 +105,27 @@ def follow_nodes(course: Course, waveform: Waveform, start: float, tolerance: fl
     probes = slice(0, course.num_paths, max(1, course.num_paths // _NUM_PROBES))
     highest = max(waveform.start_frequency, waveform.center_frequency) + 0.5 * waveform.bandwidth
     goal = 0.1 * tolerance
-    chosen: list[tuple[int, float]] = [(0, np.inf), (0, np.inf)]
+    last_weight = np.inf
     for probed in _PROBED_COUNTS:
         counts = [count for count in _NODE_COUNTS if count <= probed]
         times = start + waveform.delay_times(probed)
         errors = _series_errors(*course.follow(times, times, probes), highest, counts)
-        (_, last_phase), (_, last_weight) = chosen
+        phase_goal = min(goal, _PHASE_GOAL) if probed == _PROBED_COUNTS[0] else goal
         chosen = [
             next(
                 ((n, error) for n, error in zip(counts, of_counts, strict=True) if error <= wanted),
                 (probed, of_counts[-1]),
             )
-            for of_counts, wanted in zip(errors, (min(goal, _PHASE_GOAL), goal), strict=True)
+            for of_counts, wanted in zip(errors, (phase_goal, goal), strict=True)
         ]
         (_, phase), (_, weight) = chosen
-        # Rounding of absolute time ends the improvement before the goal where time is large.
-        phase_is_done = phase <= min(goal, _PHASE_GOAL) or (phase <= goal and phase > 0.5 * last_phase)
-        weight_is_done = weight <= goal or (probed >= _ENOUGH_FOR_KINKS and weight > 0.05 * last_weight)
-        if phase_is_done and weight_is_done:
+        if phase <= goal and (weight <= goal or (probed >= _ENOUGH_FOR_KINKS and weight > 0.05 * last_weight)):
             break
+        last_weight = weight
     (num_delays, phase), (num_amplitudes, weight) = chosen
-    if phase > min(goal, _PHASE_GOAL):
-        # As good as it gets: fewer times do as well where rounding is the limit.
-        enough = max(goal, 2.0 * min(errors[0]))
+    if phase > goal:
+        # Rounding of large absolute times is the limit: fewer times do as well.
+        enough = 2.0 * min(errors[0])
         num_delays, phase = next((n, e) for n, e in zip(counts, errors[0], strict=True) if e <= enough)
     return Nodes(start + waveform.delay_times(num_delays), start + waveform.delay_times(num_amplitudes), phase, weight)
 
@@ -276,19 +275,19 @@ def _series_errors(
 ) -> tuple[list[float], list[float]]:
     """Errors of Chebyshev series of some lengths through delays and amplitudes (node, channel, path).
 
-    Of phases and of amplitudes, relative to l2(amplitudes), the worst channel's: what the coefficients beyond a length
-    add up to, twice, as a series through so many times folds them back; for the last length, which is that of the whole
-    series, the last two coefficients, which for smooth motion are larger than all that follow.
+    Of phases and of amplitudes, rms over the frame relative to l2(amplitudes), the worst channel's: twice the l2 norm
+    of the coefficients beyond a length, as a series through so many times folds them back; for the last length, that of
+    the whole series, four times the larger of the last two coefficients.
     """
     power = (amplitude.real**2 + amplitude.imag**2).max(axis=0)
     total = np.maximum(np.sqrt(power.sum(axis=-1, keepdims=True)), np.finfo(float).tiny)
 
     def left_out(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """What series of `counts` leave out, (channel, count, number), of coefficients (channel, order, number)."""
-        sizes = np.abs(coefficients)
-        beyond = 2.0 * np.cumsum(sizes[:, ::-1], axis=1)[:, ::-1]
-        last = sizes[:, -2:].max(axis=1, keepdims=True)
-        return np.concatenate([beyond[:, counts[:-1]], last], axis=1)
+        squares = coefficients * coefficients
+        beyond = 2.0 * np.sqrt(np.cumsum(squares[:, ::-1], axis=1)[:, ::-1][:, counts[:-1]])
+        last = 4.0 * np.sqrt(squares[:, -2:].max(axis=1, keepdims=True))
+        return np.concatenate([beyond, last], axis=1)
 
     # Without the first of the delays, the rounding of whole delays is no part of the phases.
     phases = 2.0 * np.pi * frequency * left_out(_coefficients(delay - delay[0]))

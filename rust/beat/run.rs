@@ -159,24 +159,32 @@ impl Job<'_> {
         out: &mut [Complex<T>],
     ) -> Outcome {
         let num_samples = self.waveform.num_samples;
-        // One task per channel and block, in the order of the samples.
-        let mut tasks = Vec::new();
+        // Samples by block and channel; one task per block and some channels.
+        let mut samples: Vec<Vec<&mut [Complex<T>]>> = expansions.iter().map(|_| Vec::new()).collect();
         let mut rest = out;
-        for channel in 0..self.series.num_channels {
-            for expansion in expansions {
-                let (samples, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
-                tasks.push((channel, expansion, samples));
+        for _ in 0..self.series.num_channels {
+            for (expansion, samples) in expansions.iter().zip(&mut samples) {
+                let (own, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
+                samples.push(own);
                 rest = behind;
             }
         }
+        let mut tasks = Vec::new();
+        for (expansion, samples) in expansions.iter().zip(samples) {
+            let mut samples = samples.into_iter();
+            for first in (0..self.series.num_channels).step_by(grid::MAX_CHANNELS) {
+                let some: Vec<_> = samples.by_ref().take(grid::MAX_CHANNELS).collect();
+                tasks.push((first, expansion, some));
+            }
+        }
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
-        let num_parts = if tasks.len() >= 4 {
+        let num_parts = if self.series.num_channels * expansions.len() >= 4 {
             1
         } else {
             (num_chunks / 256).clamp(1, grid::MAX_PARTS)
         };
-        let outcomes = parallel::map(self.options.is_parallel, tasks, |(channel, expansion, samples)| {
-            let job = grid::Job {
+        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, expansion, samples)| {
+            let job = |channel: usize| grid::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
@@ -189,16 +197,19 @@ impl Job<'_> {
                 is_parallel: self.options.is_parallel,
                 keep_empty_rows: !self.options.skip_rows,
             };
-            let (used, checked) = job.add_to(samples);
-            let mut rest = vec![0.0; self.series.num_channels];
+            let jobs: Vec<grid::Job> = (first..first + samples.len()).map(job).collect();
             let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
-            rest[channel] = share * checked.sum;
-            Outcome {
-                rows: used,
-                rows_skipped: expansion.rows - used,
-                rest,
-                worst: vec![(channel, checked.worst.0)],
+            let mut outcome = Outcome {
+                rest: vec![0.0; self.series.num_channels],
+                ..Outcome::default()
+            };
+            for (job, (used, checked)) in jobs.iter().zip(grid::add_channels(&jobs, samples)) {
+                outcome.rows += used;
+                outcome.rows_skipped += expansion.rows - used;
+                outcome.rest[job.channel] = share * checked.sum;
+                outcome.worst.push((job.channel, checked.worst.0));
             }
+            outcome
         });
         outcomes.into_iter().fold(Outcome::default(), |mut sum, outcome| {
             sum.join(outcome);

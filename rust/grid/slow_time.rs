@@ -2,7 +2,7 @@
 
 use num_complex::Complex;
 
-use super::{Job, Layout, Spectra, Widths};
+use super::{Channel, Job, Layout, Widths};
 use crate::expansion::offset;
 use crate::kernel::KaiserBessel;
 use crate::parallel;
@@ -10,32 +10,33 @@ use crate::residual::{Path, turns};
 use crate::simd::{Isa, Kernel, Vector, interleave};
 use crate::wide::{self, Wide, add, mul, mul_add};
 
-/// Add the samples of all chirps of a block, (chirp, sample).
+/// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
 pub fn add_chirps<T: Widths>(
     job: &Job,
     layout: &Layout,
     kernel: &KaiserBessel,
-    spectra: &Spectra<T>,
-    rows: &[usize],
-    out: &mut [Complex<T>],
+    channels: &[Channel<T>],
+    out: &mut [&mut [Complex<T>]],
 ) {
     let num_samples = job.waveform.num_samples;
-    let slow = SlowTime::<T>::new(job, layout, kernel, rows);
+    let slow = SlowTime::<T>::new(job, layout, kernel, channels);
     let tile = |i: usize| {
         job.level.run(Tile {
             job,
             slow: &slow,
-            spectra,
+            channels,
             first: i * T::LANES,
         })
     };
     let num_tiles = num_samples.div_ceil(T::LANES);
     let tiles: Vec<Vec<T>> = parallel::map(job.is_parallel, (0..num_tiles).collect(), tile);
+    let num_chirps = job.expansion.block.chirps.len();
     for (i, tile) in tiles.iter().enumerate() {
         let first = i * T::LANES;
         let len = T::LANES.min(num_samples - first);
-        for (chirp, values) in tile.chunks_exact(2 * T::LANES).enumerate() {
-            let samples = &mut out[chirp * num_samples + first..][..len];
+        for (row, values) in tile.chunks_exact(2 * T::LANES).enumerate() {
+            let (channel, chirp) = (row / num_chirps, row % num_chirps);
+            let samples = &mut out[channel][chirp * num_samples + first..][..len];
             for (sample, [re, im]) in samples.iter_mut().zip(values.as_chunks().0) {
                 *sample = *sample + Complex::new(*re, *im);
             }
@@ -50,6 +51,8 @@ struct SlowTime<T> {
     /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
     groups: Vec<Group>,
     num_rows: usize,
+    /// Strengths of all channels, each with a set per mode.
+    num_terms: usize,
     /// Degrees of the series of references.
     num_degrees: usize,
     /// Keeps the amplitudes of references in range.
@@ -62,21 +65,17 @@ struct SlowTime<T> {
 struct Group {
     /// Steps from the middle of the axis to the first pair, less one half.
     first: usize,
-    /// Places of the row above the middle and of the one below in the spectra, if they were touched. Pairs at the end that
-    /// nothing has touched are left out.
+    /// The row above the middle and the one below, if they are used. Pairs at the end that are not are left out.
     pairs: Vec<[Option<usize>; 2]>,
 }
 
 impl<T: Widths> SlowTime<T> {
-    fn new(job: &Job, layout: &Layout, kernel: &KaiserBessel, rows: &[usize]) -> Self {
-        let mut place = vec![None; layout.rows];
-        for (i, row) in rows.iter().enumerate() {
-            place[*row] = Some(i);
-        }
+    fn new(job: &Job, layout: &Layout, kernel: &KaiserBessel, channels: &[Channel<T>]) -> Self {
+        let used = |row: usize| channels.iter().any(|channel| channel.is_used[row]).then_some(row);
         let half = layout.rows / 2;
         let groups = (0..half).step_by(GROUP).map(|first| {
             let last = half.min(first + GROUP);
-            let mut pairs: Vec<_> = (first..last).map(|k| [place[half + k], place[half - 1 - k]]).collect();
+            let mut pairs: Vec<_> = (first..last).map(|k| [used(half + k), used(half - 1 - k)]).collect();
             while pairs.last() == Some(&[None, None]) {
                 pairs.pop();
             }
@@ -101,7 +100,8 @@ impl<T: Widths> SlowTime<T> {
         Self {
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
-            num_rows: rows.len(),
+            num_rows: layout.rows,
+            num_terms: channels.len() * job.expansion.modes.num_sets(),
             num_degrees: job.expansion.modes.num_degrees(),
             scale: job.scale,
             chirps,
@@ -113,7 +113,7 @@ impl<T: Widths> SlowTime<T> {
 struct Tile<'a, T> {
     job: &'a Job<'a>,
     slow: &'a SlowTime<T>,
-    spectra: &'a Spectra<T>,
+    channels: &'a [Channel<T>],
     first: usize,
 }
 
@@ -143,12 +143,12 @@ struct Fast<I: Isa, const P: usize> {
 }
 
 impl<T: Widths> Tile<'_, T> {
-    /// All chirps at `8 P` samples, (chirp, lane, [re, im]).
+    /// All chirps at `8 P` samples, (channel, chirp, lane, [re, im]).
     #[inline(always)]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
         let (waveform, expansion) = (job.waveform, job.expansion);
-        let num_terms = expansion.modes.num_sets();
+        let num_terms = slow.num_terms;
         let mut time = [0.0; 16];
         for i in 0..16 {
             time[i] = ((self.first + i) as f64 - (waveform.num_samples / 2) as f64) / waveform.sample_rate;
@@ -162,7 +162,8 @@ impl<T: Widths> Tile<'_, T> {
 
         let sums = self.even_and_odd::<I, P>(&fast);
         let zero = <T::In<I>>::splat(T::zero());
-        let mut out = vec![T::zero(); expansion.block.chirps.len() * 2 * T::LANES];
+        let num_numbers = expansion.block.chirps.len() * 2 * T::LANES;
+        let mut out = vec![T::zero(); self.channels.len() * num_numbers];
         let mut transformed = vec![[zero; 4]; 2 * num_terms];
         let mut room = Room::default();
         let mut number = 0;
@@ -178,13 +179,18 @@ impl<T: Widths> Tile<'_, T> {
             for i in 0..chirps.len() {
                 let (time, one, other) = chirps[i];
                 let transformed = &transformed[i * num_terms..][..num_terms];
-                if let Some(chirp) = one {
-                    let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
-                    self.finish::<I, P>(transformed, 1.0, time, &fast, &mut room, samples);
-                }
-                if let Some(chirp) = other {
-                    let samples = &mut out[chirp * 2 * T::LANES..][..2 * T::LANES];
-                    self.finish::<I, P>(transformed, -1.0, -time, &fast, &mut room, samples);
+                for (sign, chirp) in [(1.0, one), (-1.0, other)] {
+                    let Some(chirp) = chirp else {
+                        continue;
+                    };
+                    self.weights::<I, P>(sign * time, &fast, &mut room);
+                    for channel in 0..self.channels.len() {
+                        let num_modes = room.weights.len();
+                        let sums = &transformed[channel * num_modes..][..num_modes];
+                        let samples = &mut out[channel * num_numbers + chirp * 2 * T::LANES..][..2 * T::LANES];
+                        let [re, im] = weighted::<T, I>(sums, sign, &room.weights);
+                        wide::store(interleave(re, im), samples);
+                    }
                 }
             }
         }
@@ -194,8 +200,8 @@ impl<T: Widths> Tile<'_, T> {
     /// Sums and differences of the rows of every pair, (group, term, pair, [sum re, im, difference re, im]).
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
-        let (expansion, slow, spectra) = (self.job.expansion, self.slow, self.spectra);
-        let num_terms = expansion.modes.num_sets();
+        let (expansion, slow) = (self.job.expansion, self.slow);
+        let (num_terms, num_modes) = (slow.num_terms, expansion.modes.num_sets());
         let zero = <T::In<I>>::splat(T::zero());
         let mut sums = vec![[zero; 4]; slow.groups.len() * num_terms * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
@@ -205,14 +211,16 @@ impl<T: Widths> Tile<'_, T> {
                 let rate = expansion.step * ((group.first + p) as f64 + 0.5);
                 let [cos, sin] = wide::cos_sin::<T, I, P>(mul(square, wide::splat::<I, P>(rate)));
                 for term in 0..num_terms {
+                    let spectra = &self.channels[term / num_modes].spectra;
+                    let mode = term % num_modes;
                     let [mut a_re, mut a_im, mut b_re, mut b_im] = [zero; 4];
-                    if let Some(place) = group.pairs[p][0] {
-                        let at = (term * slow.num_rows + place) * spectra.padded + self.first;
+                    if let Some(row) = group.pairs[p][0] {
+                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
                         a_re = <T::In<I>>::load(&spectra.re[at..]);
                         a_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
-                    if let Some(place) = group.pairs[p][1] {
-                        let at = (term * slow.num_rows + place) * spectra.padded + self.first;
+                    if let Some(row) = group.pairs[p][1] {
+                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
                         b_re = <T::In<I>>::load(&spectra.re[at..]);
                         b_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
@@ -236,7 +244,7 @@ impl<T: Widths> Tile<'_, T> {
         sums: &[[T::In<I>; 4]],
         transformed: &mut [[T::In<I>; 4]],
     ) {
-        let num_terms = self.job.expansion.modes.num_sets();
+        let num_terms = self.slow.num_terms;
         let zero = <T::In<I>>::splat(T::zero());
         transformed.fill([zero; 4]);
         // Phasors (k + 1/2) steps from the middle, as products of two: within a group, and to its first pair.
@@ -282,17 +290,10 @@ impl<T: Widths> Tile<'_, T> {
         }
     }
 
-    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: `re, im, re, ...`.
+    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums of
+    /// all modes are multiplied by, whatever the channel.
     #[inline(always)]
-    fn finish<I: Isa, const P: usize>(
-        &self,
-        transformed: &[[T::In<I>; 4]],
-        sign: f64,
-        time: f64,
-        fast: &Fast<I, P>,
-        room: &mut Room<T::In<I>>,
-        out: &mut [T],
-    ) {
+    fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
         let (waveform, expansion) = (self.job.waveform, self.job.expansion);
         let splat = wide::splat::<I, P>;
         let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
@@ -305,21 +306,17 @@ impl<T: Widths> Tile<'_, T> {
         let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
         let x = wide::narrow::<T, I, P>(x);
         let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(expansion.frame.stretch)));
-        room.sums.clear();
-        let sign = <T::In<I>>::splat(T::of(sign));
-        for number in 0..transformed.len() {
-            let [p_re, p_im, q_im, q_re] = transformed[number];
-            room.sums.push([sign.neg_mul_add(q_im, p_re), sign.mul_add(q_re, p_im)]);
-        }
-        let sum = self.interpolate::<I>(x, sweep, room);
+        self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
-        let [re, im] = product(sum, [cos.mul(weight), sin.mul(weight)]);
-        wide::store(interleave(re, im), out);
+        let common = [cos.mul(weight), sin.mul(weight)];
+        for mode in 0..room.weights.len() {
+            room.weights[mode] = product(room.weights[mode], common);
+        }
     }
 
-    /// Sums over paths of the residuals, from those at the instants of the modes; symbols as in `modes.rs`.
+    /// Weights of the modes' sums in those of the residuals; symbols as in `modes.rs`: `L^T w = q`.
     #[inline(always)]
-    fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) -> Phasor<T::In<I>> {
+    fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
         let modes = &self.job.expansion.modes;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
@@ -331,42 +328,44 @@ impl<T: Widths> Tile<'_, T> {
             let (before, current) = (room.polynomials[k - 2], room.polynomials[k - 1]);
             room.polynomials.push(x.add(x).mul(current).sub(before));
         }
+        room.weights.clear();
         if modes.are_flat() {
-            return product(self.phasor::<I>(&modes.mean, x, sweep, room), room.sums[0]);
+            room.weights
+                .push(self.phasor::<I>(&modes.mean, x, sweep, &room.polynomials));
+            return;
         }
-        room.functions.clear();
-        let mut total = [zero, zero];
         for i in 0..modes.references.len() {
             let (path, inverse, own) = &modes.references[i];
             let (mut re, mut im) = (zero, zero);
-            for k in 0..path.re.len() {
-                re = room.polynomials[k].mul_add(number(path.re[k] * self.slow.scale), re);
-                im = room.polynomials[k].mul_add(number(path.im[k] * self.slow.scale), im);
+            for k in 0..path.num_amplitudes() {
+                re = room.polynomials[k].mul_add(number(path.re()[k] * self.slow.scale), re);
+                im = room.polynomials[k].mul_add(number(path.im()[k] * self.slow.scale), im);
             }
-            let phasor = self.phasor::<I>(path, x, sweep, room);
+            let phasor = self.phasor::<I>(path, x, sweep, &room.polynomials);
             let residual = product(phasor, [re, zero.sub(im)]);
             let inverse = inverse / self.slow.scale;
             let mut function = product(residual, [number(inverse.re), number(inverse.im)]);
-            let mut sum = room.sums[i];
             for j in 0..i {
-                function = less_product::<T, I>(function, room.functions[j], own[j].re, own[j].im);
-                sum = less_product::<T, I>(sum, room.sums[j], modes.lower[i][j].re, modes.lower[i][j].im);
+                function = less_product::<T, I>(function, room.weights[j], own[j].re, own[j].im);
             }
-            room.functions.push(function);
-            room.sums[i] = sum;
-            let [re, im] = product(function, sum);
-            total = [total[0].add(re), total[1].add(im)];
+            room.weights.push(function);
         }
-        total
+        for i in (0..modes.lower.len()).rev() {
+            let weight = room.weights[i];
+            for j in 0..i {
+                let value = modes.lower[i][j];
+                room.weights[j] = less_product::<T, I>(room.weights[j], weight, value.re, value.im);
+            }
+        }
     }
 
     /// Cosine and sine of the residual phase of a path.
     #[inline(always)]
-    fn phasor<I: Isa>(&self, path: &Path, x: T::In<I>, sweep: T::In<I>, room: &Room<T::In<I>>) -> Phasor<T::In<I>> {
+    fn phasor<I: Isa>(&self, path: &Path, x: T::In<I>, sweep: T::In<I>, polynomials: &[T::In<I>]) -> Phasor<T::In<I>> {
         let number = wide::number::<T, I>;
         let mut delta = <T::In<I>>::splat(T::zero());
-        for k in 0..path.bends.len() {
-            delta = room.polynomials[k + 2].mul_add(number(path.bends[k]), delta);
+        for k in 0..path.bends().len() {
+            delta = polynomials[k + 2].mul_add(number(path.bends()[k]), delta);
         }
         let (offset, rate, bend) = (path.offset, path.rate, self.job.expansion.frame.bend);
         wide::cos_sin_of::<T, I>(turns(delta, number(offset), number(rate), x, sweep, number(bend)))
@@ -375,19 +374,35 @@ impl<T: Widths> Tile<'_, T> {
 
 /// Numbers of one chirp that do not fit into registers.
 struct Room<V> {
-    sums: Vec<Phasor<V>>,
     polynomials: Vec<V>,
-    functions: Vec<Phasor<V>>,
+    /// Of the modes' sums.
+    weights: Vec<Phasor<V>>,
 }
 
 impl<V> Default for Room<V> {
     fn default() -> Self {
         Self {
-            sums: Vec::new(),
             polynomials: Vec::new(),
-            functions: Vec::new(),
+            weights: Vec::new(),
         }
     }
+}
+
+/// Weighted sum of one channel's modes at the chirp before or after the middle, by `sign`.
+#[inline(always)]
+fn weighted<T: Widths, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
+    let zero = <T::In<I>>::splat(T::zero());
+    let sign = <T::In<I>>::splat(T::of(sign));
+    let mut total = [zero, zero];
+    for mode in 0..sums.len() {
+        let ([p_re, p_im, q_im, q_re], [a, b]) = (sums[mode], weights[mode]);
+        let (re, im) = (sign.neg_mul_add(q_im, p_re), sign.mul_add(q_re, p_im));
+        total = [
+            b.neg_mul_add(im, re.mul_add(a, total[0])),
+            b.mul_add(re, im.mul_add(a, total[1])),
+        ];
+    }
+    total
 }
 
 /// `a - b (re + j im)`

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
 use crate::block::{Block, Class};
 use crate::expansion::Expansion;
-use crate::grid::{Layout, MAX_PARTS};
+use crate::grid::{Layout, MAX_CHANNELS, MAX_PARTS};
 use crate::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::modes::{self, Modes};
 use crate::residual::{Frame, Path};
@@ -29,6 +29,8 @@ const FAST_MEMORY: f64 = 2e6;
 const BATCH: f64 = 2048.0;
 /// Time that it takes to plan for more blocks, and to look at all paths in them [s].
 const PLANNING: f64 = 5e-4;
+/// Delays and amplitudes are followed to this share of the error that is left.
+const LEAST_SHARE: f64 = 0.02;
 /// So many modes are few.
 const FEW_MODES: usize = 3;
 /// Largest grid of one block with all its modes [numbers].
@@ -51,8 +53,15 @@ impl Goal<'_> {
             return None;
         }
         if blocks.len() > 1 {
-            // Now with the ranges that the paths have in the blocks.
-            let expand = |(block, ranges): (&Block, Vec<Interval>)| self.expand(block, &ranges, kernel);
+            // Now with the ranges that the paths have in the blocks; modes of samples do not depend on them.
+            let mut known = laid.into_iter().peekable();
+            let expand = |(block, ranges): (&Block, Vec<Interval>)| {
+                let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
+                match known.next_if(is_known) {
+                    Some(laid) => self.fit(laid, &ranges, kernel),
+                    None => self.expand(block, &ranges, kernel),
+                }
+            };
             laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
         }
         let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
@@ -61,7 +70,9 @@ impl Goal<'_> {
         let count = blocks.len();
         let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
         // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
-        let grids = (series.num_channels * count).clamp(MAX_PARTS, 16);
+        let num_grids = series.num_channels * count;
+        // Spectra are half as large, and wait for those of other channels.
+        let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
         let numbers = expansions
             .iter()
             .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
@@ -320,22 +331,12 @@ impl Goal<'_> {
             return None;
         }
 
-        let Axis {
-            middle_rate,
-            step,
-            rows,
-        } = self.velocity_axis(block, delay, &frame, kernel)?;
-
-        // Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
-        let budget = ((MARGIN * self.tolerance).powi(2) - kernel.error.powi(2))
-            .max(0.0)
-            .sqrt();
-        let paths: Vec<Path> = self
-            .request
-            .samples
-            .iter()
-            .map(|sample| sample.in_block(block, &frame))
-            .collect();
+        let budget = self.budget(kernel);
+        let mut paths = self.room.take();
+        paths.resize_with(self.request.samples.len(), Path::default);
+        for (path, sample) in paths.iter_mut().zip(self.request.samples) {
+            sample.set_in_block(block, &frame, path);
+        }
         let fluctuation = fluctuation(waveform);
         let allowed = budget / self.request.caution / fluctuation;
         let num_apart = if paths.len() < self.group.num_paths {
@@ -344,7 +345,7 @@ impl Goal<'_> {
             0
         };
         let level = self.request.level;
-        let (modes, left) = modes::find(
+        let found = modes::find(
             waveform,
             block,
             &frame,
@@ -359,17 +360,10 @@ impl Goal<'_> {
                 },
             ),
             level,
-        )?;
-        // Degrees that count: no path turns by more than a share of the budget in the others, or changes by it.
-        let least = 0.02 * budget;
-        let top = (carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
-        let counts = |k: &usize| top * delay[*k].magnitude() > least;
-        let num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
-        let num_amplitudes = num_amplitudes(&paths, least);
-        let size = Layout::new(waveform.num_samples, kernel.width, rows).size();
-        if modes.num_sets().saturating_mul(size) > MAX_GRID {
-            return None;
-        }
+        );
+        let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
+        self.room.replace(paths);
+        let (modes, left) = found?;
         let rounding = if kernel.is_single {
             SINGLE_TURN * modes.turns
         } else {
@@ -384,18 +378,43 @@ impl Goal<'_> {
         let expansion = Expansion {
             block: block.clone(),
             frame,
-            middle_rate,
-            step,
-            rows,
-            num_degrees,
+            middle_rate: 0.0,
+            step: 1.0,
+            rows: 1,
+            num_degrees: 2,
             num_amplitudes,
             modes,
         };
-        Some(Laid {
+        let laid = Laid {
             expansion,
             error,
             interpolation,
-        })
+        };
+        self.fit(laid, delay, kernel)
+    }
+
+    /// The same with the velocity axis and the degrees of delays in some ranges.
+    fn fit(&self, mut laid: Laid, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
+        let (waveform, expansion) = (self.request.waveform, &mut laid.expansion);
+        let axis = self.velocity_axis(&expansion.block, delay, &expansion.frame, kernel)?;
+        let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
+        if expansion.modes.num_sets().saturating_mul(size) > MAX_GRID {
+            return None;
+        }
+        (expansion.middle_rate, expansion.step, expansion.rows) = (axis.middle_rate, axis.step, axis.rows);
+        // Degrees that count: no path turns by more than a share of the budget in the others.
+        let top = (expansion.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let counts = |k: &usize| top * delay[*k].magnitude() > LEAST_SHARE * self.budget(kernel);
+        expansion.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        Some(laid)
+    }
+
+    /// Error that a kernel leaves to others.
+    ///
+    /// Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
+    fn budget(&self, kernel: Kernel) -> f64 {
+        let square = (MARGIN * self.tolerance).powi(2) - kernel.error.powi(2);
+        square.max(0.0).sqrt()
     }
 
     /// The velocity axis of a block. None if it is without measure.
@@ -424,9 +443,9 @@ impl Goal<'_> {
 
 /// Degrees of amplitudes that change by more than a share.
 fn num_amplitudes(paths: &[Path], least: f64) -> usize {
-    let num_terms = paths.first().map_or(1, |path| path.re.len());
+    let num_terms = paths.first().map_or(1, |path| path.num_amplitudes());
     let power = |k: usize| {
-        let squares = paths.iter().map(|path| path.re[k].powi(2) + path.im[k].powi(2));
+        let squares = paths.iter().map(|path| path.re()[k].powi(2) + path.im()[k].powi(2));
         squares.sum::<f64>()
     };
     let total: f64 = (0..num_terms).map(power).sum();
