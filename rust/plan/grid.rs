@@ -443,7 +443,7 @@ impl Goal<'_> {
 
 /// Degrees of amplitudes that change by more than a share.
 fn num_amplitudes(paths: &[Path], least: f64) -> usize {
-    let num_terms = paths.first().map_or(1, |path| path.num_amplitudes());
+    let num_terms = paths.first().map_or(1, Path::num_amplitudes);
     let power = |k: usize| {
         let squares = paths.iter().map(|path| path.re()[k].powi(2) + path.im()[k].powi(2));
         squares.sum::<f64>()
