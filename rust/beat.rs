@@ -9,7 +9,7 @@ use crate::chirp::Waveform;
 use crate::delay::{Basis, PathSeries};
 use crate::direct;
 use crate::error::{Error, Result, fits_memory};
-use crate::plan::{self, MAX_PLANNED_TERMS, Method, Plan, Request};
+use crate::plan::{self, Method, Plan, Request};
 use crate::residual::Sample;
 use crate::simd::{Level, Real};
 use crate::survey::{self, Interval, Survey};
@@ -142,12 +142,16 @@ struct Job<'a> {
     caution: f64,
     /// See [`Request::allows_single`].
     allows_single: bool,
+    /// No plan kept what it had promised.
+    is_lost: bool,
     /// Amplitudes are multiplied by this power of two: it keeps the numbers of single precision in range.
     scale: f64,
 }
 
 /// Largest caution in single precision.
 const MOST_CAUTION: f64 = 10.0;
+/// And in double precision: beyond it delays are not what their series says.
+const MOST_DOUBLE_CAUTION: f64 = 1e4;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
 /// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
@@ -158,7 +162,7 @@ const LEAST_RESERVED: f64 = 2e-6;
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
         // The direct sum takes any motion, and needs to know nothing of it.
-        let is_direct = options.method == Method::Direct || series.num_terms() > MAX_PLANNED_TERMS;
+        let is_direct = options.method == Method::Direct || !series.can_be_planned(waveform);
         let survey = if is_direct {
             series.check_numbers()?;
             let longest = longest_delay(waveform, series);
@@ -186,6 +190,7 @@ impl<'a> Job<'a> {
             extra: Vec::new(),
             caution: 1.0,
             allows_single: true,
+            is_lost: false,
             scale,
         };
         if !is_direct {
@@ -234,6 +239,7 @@ impl<'a> Job<'a> {
             // What is left may be rounding.
             (self.caution, self.allows_single) = (1.0, false);
         }
+        self.is_lost |= self.caution > MOST_DOUBLE_CAUTION;
         self.draw();
     }
 
@@ -251,7 +257,11 @@ impl<'a> Job<'a> {
 
     /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
     fn plan(&self, gain: f64) -> Result<Plan> {
-        let is_direct = self.series.num_terms() > MAX_PLANNED_TERMS && self.options.method == Method::Auto;
+        if self.is_lost && self.options.method != Method::Auto {
+            return Err(self.refused(None));
+        }
+        let is_unplanned = self.is_lost || !self.series.can_be_planned(self.waveform);
+        let is_direct = is_unplanned && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
         let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
         let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
@@ -296,6 +306,10 @@ impl<'a> Job<'a> {
                 let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
                 self.try_plan(*tolerance, gain.max(1.0), self.options.method).is_some()
             });
+        self.refused(reachable)
+    }
+
+    fn refused(&self, reachable: Option<f64>) -> Error {
         let expected = match reachable {
             Some(reachable) => format!("at least {reachable:.0e} with this method for these paths"),
             None => "the method \"auto\" for these paths: this one cannot follow them".to_owned(),

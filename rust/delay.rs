@@ -12,6 +12,12 @@ use crate::error::{Error, Result};
 /// Most values per path: the matrix from values to coefficients has the square of that.
 const MAX_NODES: usize = 4096;
 
+/// Most rows of a series that sums are planned for.
+const MAX_PLANNED_TERMS: usize = 64;
+
+/// How much larger a term of a series may be beside the frame than within: rounding grows as much.
+const MOST_GROWTH: f64 = 1e3;
+
 /// How the numbers of [`PathSeries`] follow each other along their first axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
@@ -50,6 +56,15 @@ impl PathSeries<'_> {
     /// Rows of both, the larger number.
     pub fn num_terms(&self) -> usize {
         self.num_delay_terms().max(self.num_amplitude_terms())
+    }
+
+    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks, which
+    /// are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
+    pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
+        let degree = self.num_terms().max(1) - 1;
+        let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);
+        let growth = || (degree as f64 * (1.0 + 2.0 * beyond / waveform.duration()).max(1.0).acosh()).cosh();
+        degree < MAX_PLANNED_TERMS && (degree == 0 || self.basis != Basis::Chebyshev || growth() <= MOST_GROWTH)
     }
 
     /// Refuses shapes that do not fit together.

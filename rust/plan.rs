@@ -149,9 +149,6 @@ const SINGLE_RECURRENCE: f64 = 6e-6;
 const DOUBLE_RECURRENCE: f64 = 5e-13;
 /// Share of the tolerance that predicted errors may fill.
 const MARGIN: f64 = 0.9;
-/// Most rows of a series that are planned for; beyond it, the direct sum.
-pub const MAX_PLANNED_TERMS: usize = 64;
-
 /// Errors of paths add up with phases of their own: in a frame of few samples, to so much more than on average.
 pub fn fluctuation(waveform: &Waveform) -> f64 {
     let num_samples = (waveform.chirp_times.len() * waveform.num_samples) as f64;
@@ -269,7 +266,7 @@ impl Goal<'_> {
     fn part(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
         let method = self.request.method;
         // Series of more rows are not surveyed.
-        let is_planned = self.request.series.num_terms() <= MAX_PLANNED_TERMS;
+        let is_planned = self.request.series.can_be_planned(self.request.waveform);
         let allowed =
             |wanted: Method| (method == wanted || method == Method::Auto) && (is_planned || wanted == Method::Direct);
         let mut best: Option<Part> = None;
@@ -286,9 +283,9 @@ impl Goal<'_> {
         if allowed(Method::Recurrence) {
             // Chunks are summed first, and added up then.
             let equal = SINGLE_EQUAL_SUM * (self.request.gain.powi(2) / CHUNK as f64);
-            let rest = self.recurrence_rest();
-            let single = SINGLE_RECURRENCE.hypot(equal).hypot(rest);
-            let double = DOUBLE_RECURRENCE.hypot(rest);
+            let [single_rest, double_rest] = self.recurrence_rest();
+            let single = SINGLE_RECURRENCE.hypot(equal).hypot(single_rest);
+            let double = DOUBLE_RECURRENCE.hypot(double_rest);
             if single <= MARGIN * self.tolerance {
                 offer(Some(self.simple(
                     Step::Recurrence { is_single: true },
@@ -355,9 +352,10 @@ impl Goal<'_> {
         }
     }
 
-    /// Bound on what the recurrence sum leaves out: in a chirp it follows delays to fourth order in time, amplitudes to
-    /// second.
-    fn recurrence_rest(&self) -> f64 {
+    /// Bounds on what the recurrence sums in single and in double precision leave out: in a chirp they follow phases to third
+    /// and to fourth order in time, amplitudes to second. Of the fourth order the second leaves out squares of the delays, and
+    /// of the fifth all.
+    fn recurrence_rest(&self) -> [f64; 2] {
         let waveform = self.request.waveform;
         let frame = Block::new(waveform, self.request.series, 0..waveform.chirp_times.len());
         let ratio = waveform.half_sweep() / frame.half;
@@ -368,13 +366,22 @@ impl Goal<'_> {
                 .product()
         };
         let delay = &self.group.delay;
-        let fifth: f64 = (5..delay.len()).map(|k| term(k, 5) * delay[k].magnitude()).sum();
+        let order = |n: usize| -> f64 { (n..delay.len()).map(|k| term(k, n) * delay[k].magnitude()).sum() };
         let top = waveform.start_frequency.abs()
             + waveform.slope.abs() * waveform.sample_time(waveform.num_samples - 1).abs();
         let power = &self.group.power;
         let third: f64 = (3..power.len()).map(|k| term(k, 3) * share(&power[k], &self.own)).sum();
-        // rms of t^5 and t^3 over a chirp.
-        (0.3 * TAU * top * fifth).hypot(0.38 * third)
+        // rms of t^3, t^4 and t^5 over a chirp.
+        let sweep = waveform.slope.abs() * waveform.half_sweep();
+        let squares = waveform.slope.abs() * (0.5 * order(2).powi(2) + order(1) * order(3));
+        let fifth = 0.3 * TAU * (top * order(5) + sweep * order(4));
+        let fourth = 0.33 * TAU * squares;
+        // Of phases that bend within the shortest segment, of two samples to either side, it follows seven orders.
+        let samples = waveform.half_sweep() * waveform.sample_rate;
+        let bend = TAU * (top * (order(2) + 3.0 * order(3) + 6.0 * order(4)) + sweep * order(1));
+        let within = (bend * (2.0_f64.min(samples) / samples).powi(2)).powi(4) / 24.0;
+        let double = fifth.hypot(fourth).hypot(0.38 * third).hypot(within);
+        [double.hypot(0.33 * TAU * top * order(4)), double]
     }
 
     /// Chirp lanes with the narrowest kernel.

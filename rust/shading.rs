@@ -40,8 +40,8 @@ pub const MAX_CORRECTED_COSINE: f64 = -0.05;
 /// Triangles whose normals are this much apart across an edge lie in one plane [rad]: rounding of files again.
 const PLANE_ANGLE: f64 = 1e-3;
 
-/// Facets up to this part of a facet's area are too small to say how that bends.
-const SMALL_FACET: f64 = 0.1;
+/// Facets up to this part of a facet's area are too small to say how that bends; just a tenth is, whatever the rounding.
+const SMALL_FACET: f64 = 0.1 * (1.0 + 1e-6);
 
 impl Shading {
     /// Every facet is what it is.
@@ -70,10 +70,7 @@ impl Shading {
         let stars = Stars::new(vertices, triangles, groups);
         let groups = &groups.corners;
         let number = stars.means.len();
-        let normals_of_groups: Vec<DVec3> = (0..number)
-            .into_par_iter()
-            .map(|group| stars.normal(group, 0.0))
-            .collect();
+        let normals_of_groups: Vec<DVec3> = (0..number).into_par_iter().map(|group| stars.normal(group)).collect();
         let smallest: Vec<f64> = (0..number).into_par_iter().map(|group| stars.smallest(group)).collect();
 
         // Keep the normals where they describe a curved surface through the three vertices.
@@ -82,6 +79,7 @@ impl Shading {
             normals: Vec::new(),
         };
         let mut places = vec![u32::MAX; normals_of_groups.len()];
+        let mut ladders = HashMap::new();
         for (index, triangle) in triangles.iter().enumerate() {
             let corners = triangle.map(|vertex| vertices[vertex as usize]);
             let own = [0, 1, 2].map(|i| groups[3 * index + i] as usize);
@@ -91,7 +89,8 @@ impl Shading {
                 if is_shared[i] {
                     normals_of_groups[own[i]]
                 } else {
-                    stars.normal(own[i], least)
+                    let ladder = ladders.entry(own[i]).or_insert_with(|| stars.ladder(own[i]));
+                    ladder.normal(least)
                 }
             });
             let face_normal = stars.area_normals[index].normalize_or_zero();
@@ -309,15 +308,30 @@ impl<'a> Stars<'a> {
         areas.fold(f64::INFINITY, f64::min)
     }
 
-    /// Unit normal of a group's facets of more than some area, in the order of the triangles.
-    fn normal(&self, group: usize, least: f64) -> DVec3 {
+    /// Unit normal of a group, in the order of the triangles.
+    fn normal(&self, group: usize) -> DVec3 {
         let mut star = Star::default();
         for corner in self.members.of(group) {
-            if self.facets.areas[corner / 3] > least {
-                self.add(&mut star, corner);
-            }
+            self.add(&mut star, corner);
         }
         star.unit_normal()
+    }
+
+    /// The facets of a group, from the largest to the smallest.
+    fn ladder(&self, group: usize) -> Ladder {
+        let area = |corner: &usize| self.facets.areas[corner / 3];
+        let mut corners: Vec<usize> = self.members.of(group).collect();
+        corners.sort_by(|a, b| area(b).total_cmp(&area(a)));
+        let mut star = Star::default();
+        let mut stars = vec![star];
+        for corner in &corners {
+            self.add(&mut star, *corner);
+            stars.push(star);
+        }
+        Ladder {
+            areas: corners.iter().map(area).collect(),
+            stars,
+        }
     }
 
     fn add(&self, star: &mut Star, corner: usize) {
@@ -351,6 +365,21 @@ impl<'a> Stars<'a> {
                 star.turn[k] += weight * area * turn[k];
             }
         }
+    }
+}
+
+/// What the largest facets of a group say: of none, of the largest, of the two largest, ...
+struct Ladder {
+    /// Of the facets, falling.
+    areas: Vec<f64>,
+    stars: Vec<Star>,
+}
+
+impl Ladder {
+    /// Unit normal of the facets of more than some area.
+    fn normal(&self, least: f64) -> DVec3 {
+        let number = self.areas.partition_point(|area| *area > least);
+        self.stars[number].unit_normal()
     }
 }
 

@@ -548,3 +548,42 @@ def test_rounding_of_delays_is_what_the_allowance_says() -> None:
     nudged = replace(paths, delay=paths.delay * (1.0 + EPS))
     error = relative_error(nudged.exact(wf), exact := paths.exact(wf), paths)
     assert error < allowance(exact, paths, wf, 1e-9) < 20.0 * error
+
+
+@pytest.mark.parametrize("num_nodes", [5, 6, 8, 16])
+@pytest.mark.parametrize("num_chirps", [1, 4])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-9])
+def test_what_vibrates_within_slow_sweeps_is_within_the_tolerance(
+    num_nodes: int, num_chirps: int, tolerance: float
+) -> None:
+    # 1 mm at 100 Hz, in chirps of 10 ms: phases of which no few Taylor terms are enough.
+    wf = rc.Waveform(start_frequency=77e9, slope=5e10, sample_rate=100e3, num_samples=1024, num_chirps=num_chirps)
+    rng = np.random.default_rng(num_nodes)
+    times = wf.delay_times(num_nodes)[:, None, None]
+    away = 5.0 + rng.random(40)
+    delay = 2.0 / C * (away + 1e-3 * np.sin(2.0 * np.pi * 100.0 * times + 6.0 * rng.random(40)))
+    amplitude = rng.standard_normal((1, 40)) + 1j * rng.standard_normal((1, 40))
+    exact = rc.beat_signal(delay, amplitude, wf, method="direct", tolerance=1e-12)
+    got = rc.beat_signal(delay, amplitude, wf, tolerance=tolerance)
+    assert np.sqrt(np.mean(abs(got - exact) ** 2)) <= tolerance * np.linalg.norm(amplitude)
+
+
+@pytest.mark.parametrize("num_samples", [1, 2, 4, 64, 128])
+@pytest.mark.parametrize("num_nodes", [4, 12, 20, 64])
+def test_many_nodes_in_a_frame_of_few_samples_are_within_the_tolerance(num_nodes: int, num_samples: int) -> None:
+    # Blocks end a sample behind the frame, where series of so many terms are large, and their rounding is.
+    wf = rc.Waveform(
+        start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=num_samples, num_chirps=1, adc_delay=1e-6
+    )
+    rng = np.random.default_rng(0)
+    phase = 3.0 * wf.delay_times(num_nodes)[:, None, None] / wf.duration + 6.0 * rng.random(200)
+    delay = 2.0 / C * (5.0 + rng.random(200) + 1e-3 * np.sin(phase))
+    amplitude = rng.standard_normal((1, 200)) + 1j * rng.standard_normal((1, 200))
+    exact = rc.beat_signal(delay, amplitude, wf, method="direct", tolerance=1e-12)
+    got = rc.beat_signal(delay, amplitude, wf, tolerance=1e-7)
+    assert np.sqrt(np.mean(abs(got - exact) ** 2)) <= 1e-7 * np.linalg.norm(amplitude)
+    try:
+        got = rc.beat_signal(delay, amplitude, wf, method="grid", tolerance=1e-7)
+    except ValueError:
+        assert num_nodes > 4
+    assert np.sqrt(np.mean(abs(got - exact) ** 2)) <= 1e-7 * np.linalg.norm(amplitude)
