@@ -55,6 +55,15 @@ pub enum Samples {
 /// Smallest tolerance whose samples are in single precision.
 pub const SINGLE_TOLERANCE: f64 = 1e-6;
 
+/// Path-samples that are summed before a thread of a pool would have woken up.
+const SMALL_SUM: usize = 1 << 21;
+
+/// Whether a sum over so many paths, channels, chirps and samples is worth more than one thread.
+pub fn is_worth_threads(work: [usize; 4]) -> bool {
+    let product = work.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
+    product.is_none_or(|n| n >= SMALL_SUM)
+}
+
 /// What was done.
 #[derive(Clone, Debug, Default)]
 pub struct Report {

@@ -46,6 +46,11 @@ impl Waveform {
         self.chirp_times.last().copied().unwrap_or(0.0) + self.sample_time(self.num_samples - 1)
     }
 
+    /// Centre of the sampled band [Hz].
+    pub fn center_frequency(&self) -> f64 {
+        self.start_frequency + self.slope * (self.adc_delay + self.num_samples as f64 / (2.0 * self.sample_rate))
+    }
+
     /// Time of the middle sample, number `num_samples / 2`, after the start of its ramp [s].
     pub fn middle_time(&self) -> f64 {
         self.sample_time(self.num_samples / 2)

@@ -11,6 +11,8 @@ pub enum Error {
     Value(String),
     /// A result that does not fit into memory.
     Memory(String),
+    /// Stopped, as it was asked for.
+    Interrupted,
     /// A file that does not hold what its format promises; `line` counts from 1.
     Format {
         /// The file.
@@ -59,6 +61,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Value(message) | Self::Memory(message) => f.write_str(message),
+            Self::Interrupted => f.write_str("interrupted"),
             Self::Format { path, line, message } => write!(f, "{}:{line}: {message}", path.display()),
             Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
         }
@@ -69,7 +72,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Io { source, .. } => Some(source),
-            Self::Value(_) | Self::Memory(_) | Self::Format { .. } => None,
+            Self::Value(_) | Self::Memory(_) | Self::Interrupted | Self::Format { .. } => None,
         }
     }
 }

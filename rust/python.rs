@@ -5,43 +5,39 @@
 
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use num_complex::Complex64;
 use numpy::ndarray::Dimension;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
-    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+    PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-use crate::adaptive::{Leaf, Rule};
 use crate::antenna::Array;
 use crate::beat;
-use crate::bounce::Limits;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
+use crate::frame;
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
 use crate::pattern;
 use crate::plan::{Method, Step};
 use crate::polarization::Seen;
-use crate::rays::ImagePlane;
-use crate::samples;
-use crate::scatter::{self, Places, Sampling, Selection, Surfels};
-use crate::shown::Shown;
+use crate::scatter::{self, Sampling};
 use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
-use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
+use crate::trace::{self, NO_BODY};
 
-mod bounces;
+mod cross_section;
+mod simulator;
 
-use bounces::Bounces;
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -50,19 +46,20 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(levels, module)?)?;
-    module.add_function(wrap_pyfunction!(image_scatterers, module)?)?;
-    module.add_function(wrap_pyfunction!(bounces::cross_sections, module)?)?;
+    module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;
     module.add_class::<Material>()?;
     module.add_class::<Pattern>()?;
     module.add_class::<Antennas>()?;
-    module.add_class::<Scene>()?;
     module.add_class::<Hits>()?;
-    module.add_class::<Samples>()?;
-    module.add_class::<Scatterers>()?;
-    module.add_class::<Bounces>()?;
+    module.add_class::<simulator::Scene>()?;
+    module.add_class::<simulator::DepthScene>()?;
+    module.add_class::<simulator::Settings>()?;
+    module.add_class::<simulator::Placement>()?;
+    module.add_class::<simulator::IdealFrame>()?;
+    module.add_class::<simulator::Simulator>()?;
     Ok(())
 }
 
@@ -71,6 +68,7 @@ impl From<Error> for PyErr {
         match &error {
             Error::Value(_) | Error::Format { .. } => PyValueError::new_err(error.to_string()),
             Error::Memory(_) => PyMemoryError::new_err(error.to_string()),
+            Error::Interrupted => PyKeyboardInterrupt::new_err(()),
             Error::Io { path, source } => match source.raw_os_error() {
                 // Python picks the subclass (FileNotFoundError, ...) by the number.
                 Some(code) => {
@@ -92,8 +90,12 @@ static POOLS: Mutex<(u32, Vec<Arc<ThreadPool>>)> = Mutex::new((0, Vec::new()));
 
 /// Run without the interpreter, on `threads` threads or as many as there are cores.
 fn compute<T: Send>(py: Python<'_>, threads: Option<usize>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
-    let num = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, NonZero::get));
-    py.detach(|| pool(num)?.install(work).map_err(PyErr::from))
+    py.detach(|| pool(num_threads(threads))?.install(work).map_err(PyErr::from))
+}
+
+/// As many threads as are asked for, or as there are cores.
+fn num_threads(threads: Option<usize>) -> usize {
+    threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, NonZero::get))
 }
 
 /// Refuses numbers of threads that no pool has.
@@ -286,6 +288,21 @@ fn contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) 
     }
 }
 
+/// A way to sum, from Python's words.
+fn method(name: &str) -> Result<Method> {
+    match name {
+        "auto" => Ok(Method::Auto),
+        "direct" => Ok(Method::Direct),
+        "grid" => Ok(Method::Grid),
+        "recurrence" => Ok(Method::Recurrence),
+        "lanes" => Ok(Method::Lanes),
+        _ => {
+            let expected = "'auto', 'direct', 'grid', 'recurrence' or 'lanes'";
+            Err(Error::value("method", expected, format!("{name:?}")))
+        }
+    }
+}
+
 /// How to sum, from Python's words.
 fn options(
     tolerance: f64,
@@ -295,17 +312,7 @@ fn options(
     skip_rows: bool,
     is_parallel: bool,
 ) -> Result<beat::Options> {
-    let method = match method {
-        "auto" => Method::Auto,
-        "direct" => Method::Direct,
-        "grid" => Method::Grid,
-        "recurrence" => Method::Recurrence,
-        "lanes" => Method::Lanes,
-        _ => {
-            let expected = "'auto', 'direct', 'grid', 'recurrence' or 'lanes'";
-            return Err(Error::value("method", expected, format!("{method:?}")));
-        }
-    };
+    let method = self::method(method)?;
     let levels = Level::available();
     let level = match level {
         None => Level::best(),
@@ -323,9 +330,6 @@ fn options(
         skip_rows,
     })
 }
-
-/// Path-samples that are summed before a thread of a pool would have woken up.
-const SMALL_SUM: usize = 1 << 21;
 
 /// Beat samples (channel, chirp, sample) of paths, and what was done.
 #[pyfunction(signature = (
@@ -351,11 +355,7 @@ fn beat_signal<'py>(
     let waveform = &waveform.0;
     let (num_chirps, num_samples) = (waveform.chirp_times.len(), waveform.num_samples);
     let work = [paths.num_channels, paths.num_paths, num_chirps, num_samples];
-    let is_small = work
-        .iter()
-        .try_fold(1_usize, |product, n| product.checked_mul(*n))
-        .is_some_and(|n| n < SMALL_SUM);
-    let is_parallel = threads != Some(1) && !is_small;
+    let is_parallel = threads != Some(1) && beat::is_worth_threads(work);
     let options = options(tolerance, method, level, split_still, skip_rows, is_parallel)?;
     let (samples, report) = paths.with_series(|series| {
         let sum = || beat::beat_signal(waveform, series, &options);
@@ -716,155 +716,17 @@ impl Antennas {
     }
 }
 
-/// Surfaces.
-#[pyclass(frozen, module = "radarcore._core")]
-struct Scene {
-    surfaces: Vec<Arc<surface::Surface>>,
-}
-
-#[pymethods]
-impl Scene {
-    #[new]
-    fn new(surfaces: Vec<PyRef<'_, Surface>>) -> Self {
-        Self {
-            surfaces: surfaces.iter().map(|s| s.0.clone()).collect(),
-        }
-    }
-
-    /// Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4), and how many searches ended
-    /// at a triangle in the way while there were boxes in front of it: none unless `ends_early`.
-    #[pyo3(signature = (poses, points, *, ends_early=true, threads=None))]
-    fn hide<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray3<'_, f64>,
-        points: PyReadonlyArray2<'_, f64>,
-        ends_early: bool,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray1<bool>>, usize)> {
-        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
-        let points = self::points(numbers("points", &points, [None, Some(3)])?);
-        let hidden = compute(py, threads, || Ok(self.snapshot(&poses).hide(&points, ends_early)))?;
-        Ok((hidden.is_hidden.into_pyarray(py), hidden.ended_early))
-    }
-
-    /// Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor. `previous` hits of the same scene
-    /// are taken over where no body has moved. `beam`, antennas and their least gain of interest there and back relative to
-    /// the peaks, and `skip_empty` say which tiles of the image are left out.
-    #[pyo3(signature = (
-        poses, *, rows, columns, half_width, half_height, previous=None, beam=None, skip_empty=true, with_cosines=false,
-        threads=None
-    ))]
-    fn cast(
-        &self,
-        py: Python<'_>,
-        poses: PyReadonlyArray3<'_, f64>,
-        rows: usize,
-        columns: usize,
-        half_width: f64,
-        half_height: f64,
-        previous: Option<PyRef<'_, Hits>>,
-        beam: Option<(PyRef<'_, Antennas>, f64)>,
-        skip_empty: bool,
-        with_cosines: bool,
-        threads: Option<usize>,
-    ) -> PyResult<Hits> {
-        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
-        let plane = ImagePlane::centered(rows, columns, half_width, half_height);
-        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
-        let cast = Cast {
-            beam: beam.as_ref(),
-            skip_empty,
-            with_cosines,
-            previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
-            ..Cast::default()
-        };
-        let (snapshot, hits) = compute(py, threads, || {
-            let snapshot = self.snapshot(&poses);
-            let hits = snapshot.cast_image_with(&plane, &cast)?;
-            Ok((snapshot, hits))
-        })?;
-        Ok(Hits {
-            snapshot,
-            image: hits,
-            shown: OnceLock::new(),
-        })
-    }
-
-    /// Cast rays where they are needed with the bodies at `poses` (body, 3, 4), body to sensor: through a base grid of `rows`
-    /// x `columns` cells, which are split until they leave open less than `rcs_floor` asks for, as far as `budget` rays go.
-    /// `end_points`: cells whose phase turns fast stand for their ends.
-    /// What was sampled of the same scene before is taken over where no body has moved. `beam` and `skip_empty` as in `cast`.
-    #[pyo3(signature = (
-        poses, materials, *, rows, columns, half_width, half_height, antennas, rcs_floor, budget=None, end_points, seed,
-        previous=None, beam=None, skip_empty=true, threads=None
-    ))]
-    fn sample(
-        &self,
-        py: Python<'_>,
-        poses: PyReadonlyArray3<'_, f64>,
-        materials: Vec<PyRef<'_, Material>>,
-        rows: usize,
-        columns: usize,
-        half_width: f64,
-        half_height: f64,
-        antennas: PyRef<'_, Antennas>,
-        rcs_floor: f64,
-        budget: Option<usize>,
-        end_points: bool,
-        seed: u64,
-        previous: Option<PyRef<'_, Samples>>,
-        beam: Option<(PyRef<'_, Antennas>, f64)>,
-        skip_empty: bool,
-        threads: Option<usize>,
-    ) -> PyResult<Samples> {
-        let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
-        let materials = self::materials(&materials, self.surfaces.len())?;
-        let array = &antennas.0;
-        let rule = Rule {
-            base: ImagePlane::centered(rows, columns, half_width, half_height),
-            rcs_floor,
-            budget,
-            end_points,
-        };
-        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
-        let cast = Cast {
-            beam: beam.as_ref(),
-            skip_empty,
-            ..Cast::default()
-        };
-        let before = previous.as_ref().map(|before| (&before.snapshot, &before.samples));
-        let (snapshot, samples) = compute(py, threads, || {
-            let snapshot = self.snapshot(&poses);
-            let samples = samples::Samples::new(&snapshot, &cast, &materials, array, &rule, seed, before)?;
-            Ok((snapshot, samples))
-        })?;
-        Ok(Samples { snapshot, samples })
-    }
-}
-
-/// Snapshots of a scene.
-impl Scene {
-    fn snapshot(&self, poses: &[Pose]) -> Snapshot {
-        Snapshot::new(self.surfaces.clone(), poses.to_vec())
-    }
-}
-
 type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// What the rays of an image hit.
 #[pyclass(frozen, module = "radarcore._core")]
-struct Hits {
-    snapshot: Snapshot,
-    image: trace::Hits,
-    shown: OnceLock<Shown>,
-}
+struct Hits(Arc<frame::Image>);
 
 #[pymethods]
 impl Hits {
     /// Distance along the ray [m], (rows, columns); inf where nothing was hit.
     fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        self.image(PyArray1::from_slice(py, &self.image.distance))
+        self.image(PyArray1::from_slice(py, &self.0.hits.distance))
     }
 
     /// Rays that were cast, and tiles that were skipped and taken over.
@@ -874,7 +736,7 @@ impl Hits {
             rays,
             tiles_skipped,
             tiles_reused,
-        } = self.image.counts;
+        } = self.0.hits.counts;
         (rays, tiles_skipped, tiles_reused)
     }
 
@@ -882,10 +744,10 @@ impl Hits {
     #[pyo3(signature = (*, threads=None))]
     fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         check_threads(threads)?;
-        if let Some(cosine) = &self.image.cosine {
+        if let Some(cosine) = &self.0.hits.cosine {
             return self.image(PyArray1::from_slice(py, cosine));
         }
-        let shown = compute(py, threads, || Ok(self.shown()))?;
+        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
         self.image(PyArray1::from_slice(py, &shown.cosine))
     }
 
@@ -893,8 +755,8 @@ impl Hits {
     /// towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
-        let shown = compute(py, threads, || Ok(self.shown()))?;
-        let plane = &self.image.plane;
+        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
+        let plane = &self.0.hits.plane;
         let normals = shown.normal.iter().flat_map(DVec3::to_array);
         Ok((
             self.image(PyArray1::from_slice(py, &shown.distance))?,
@@ -912,12 +774,12 @@ impl Hits {
         polarization: Option<[f64; 3]>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
+        let materials = self::materials(&materials, self.0.scene.num_bodies())?;
         let polarization = polarization.map(DVec3::from_array);
         let reflectance = compute(py, threads, || {
-            let shown = || self.shown();
+            let shown = || self.0.smooth();
             Ok(scatter::reflectance(
-                &self.image,
+                &self.0.hits,
                 &materials,
                 frequency,
                 polarization,
@@ -930,23 +792,23 @@ impl Hits {
     /// Number of the body, (rows, columns); -1 where nothing was hit.
     fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
         const { assert!(NO_BODY.cast_signed() == -1) };
-        let numbers: Vec<i32> = self.image.body.iter().map(|body| body.cast_signed()).collect();
+        let numbers: Vec<i32> = self.0.hits.body.iter().map(|body| body.cast_signed()).collect();
         self.image(numbers.into_pyarray(py))
     }
 
     /// The vertices of the triangle that a pixel hit and their weights there; the pixel hit something.
     fn place_on_mesh(&self, pixel: usize) -> PyResult<([u32; 3], [f64; 3])> {
-        let body = self.image.body.get(pixel).copied().filter(|body| *body != NO_BODY);
+        let body = self.0.hits.body.get(pixel).copied().filter(|body| *body != NO_BODY);
         let body = body.ok_or_else(|| Error::value("pixel", "one that hit something", pixel))?;
-        let plane = &self.image.plane;
+        let plane = &self.0.hits.plane;
         let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
-        let triangle = self.image.triangle[pixel];
-        Ok(scatter::place_on_mesh(&self.snapshot, &cell, body, triangle))
+        let triangle = self.0.hits.triangle[pixel];
+        Ok(scatter::place_on_mesh(&self.0.scene, &cell, body, triangle))
     }
 
     /// Unit direction of the ray of a pixel in the sensor frame.
     fn direction(&self, pixel: usize) -> PyResult<[f64; 3]> {
-        let plane = &self.image.plane;
+        let plane = &self.0.hits.plane;
         if pixel >= plane.num_pixels() {
             let expected = format!("a number below {}", plane.num_pixels());
             return Err(Error::value("pixel", expected, pixel).into());
@@ -956,205 +818,17 @@ impl Hits {
 
     /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
     fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let plane = &self.image.plane;
+        let plane = &self.0.hits.plane;
         let pixels = (0..plane.rows).flat_map(|row| (0..plane.columns).map(move |column| (row, column)));
         let numbers = pixels.flat_map(|(row, column)| plane.direction(row, column).to_array());
         PyArray1::from_iter(py, numbers).reshape([plane.rows, plane.columns, 3])
     }
-
-    /// Material points of all hits that send anything back; `materials` has one per body.
-    #[pyo3(signature = (materials, *, antennas, is_footprint, seed, threads=None))]
-    fn scatterers(
-        &self,
-        py: Python<'_>,
-        materials: Vec<PyRef<'_, Material>>,
-        antennas: PyRef<'_, Antennas>,
-        is_footprint: bool,
-        seed: u64,
-        threads: Option<usize>,
-    ) -> PyResult<Scatterers> {
-        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
-        let array = antennas.0.clone();
-        let sampling = sampling(is_footprint);
-        let scatterers = compute(py, threads, || {
-            Ok(scatter::Scatterers::new(
-                &self.snapshot,
-                &self.image,
-                self.shown(),
-                &materials,
-                array,
-                sampling,
-                seed,
-            ))
-        })?;
-        Ok(Scatterers {
-            scatterers,
-            num_bodies: self.snapshot.num_bodies(),
-        })
-    }
-
-    /// Routes of two to `max_bounces` reflections of all hits; `materials` has one per body. Tubes end where their power is
-    /// less than `floor` of what was launched.
-    #[pyo3(signature = (materials, *, antennas, is_footprint, max_bounces, floor, threads=None))]
-    fn bounces(
-        &self,
-        py: Python<'_>,
-        materials: Vec<PyRef<'_, Material>>,
-        antennas: PyRef<'_, Antennas>,
-        is_footprint: bool,
-        max_bounces: usize,
-        floor: f64,
-        threads: Option<usize>,
-    ) -> PyResult<Bounces> {
-        let limits = Limits { max_bounces, floor };
-        let array = antennas.0.clone();
-        Bounces::new(py, self, materials, array, is_footprint, limits, threads)
-    }
 }
 
 impl Hits {
-    /// What the pixels show; computed once.
-    fn shown(&self) -> &Shown {
-        self.shown.get_or_init(|| Shown::new(&self.snapshot, &self.image))
-    }
-
     fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
-        pixels.reshape([self.image.plane.rows, self.image.plane.columns])
+        pixels.reshape([self.0.hits.plane.rows, self.0.hits.plane.columns])
     }
-}
-
-/// Cells of the image plane, fine where they need to be, and what their rays hit.
-#[pyclass(frozen, module = "radarcore._core")]
-struct Samples {
-    snapshot: Snapshot,
-    samples: samples::Samples,
-}
-
-#[pymethods]
-impl Samples {
-    fn __len__(&self) -> usize {
-        self.samples.leaves.len()
-    }
-
-    /// Rays that were cast, bundles of rays that were skipped and taken over, and cells that could have been split.
-    #[getter]
-    fn counts(&self) -> (usize, usize, usize, usize) {
-        let trace::Counts {
-            rays,
-            tiles_skipped,
-            tiles_reused,
-        } = self.samples.counts;
-        (rays, tiles_skipped, tiles_reused, self.samples.num_coarse())
-    }
-
-    /// Centre (u, v) and widths of the cells that hit something, (cell, 4).
-    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let rows = self
-            .samples
-            .leaves
-            .iter()
-            .map(|leaf| leaf.cell)
-            .map(|c| [c.u, c.v, c.du, c.dv]);
-        matrix(py, rows.collect())
-    }
-
-    /// Number of the body that every cell hit, (cell,).
-    fn body<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i32>> {
-        PyArray1::from_iter(py, self.samples.leaves.iter().map(|leaf| leaf.found.body.cast_signed()))
-    }
-
-    /// Distance along the ray [m], (cell,).
-    fn distance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.samples.leaves.iter().map(|leaf| leaf.found.to_facet))
-    }
-
-    /// Unit direction of the ray of a cell in the sensor frame.
-    fn direction(&self, cell: usize) -> PyResult<[f64; 3]> {
-        Ok(self.leaf(cell)?.cell.direction().to_array())
-    }
-
-    /// The vertices of the triangle that a cell hit and their weights there.
-    fn place_on_mesh(&self, cell: usize) -> PyResult<([u32; 3], [f64; 3])> {
-        let Leaf { cell, found, .. } = self.leaf(cell)?;
-        Ok(scatter::place_on_mesh(&self.snapshot, cell, found.body, found.triangle))
-    }
-
-    /// Material points of all cells that send anything back; `materials` has one per body.
-    #[pyo3(signature = (materials, *, antennas, threads=None))]
-    fn scatterers(
-        &self,
-        py: Python<'_>,
-        materials: Vec<PyRef<'_, Material>>,
-        antennas: PyRef<'_, Antennas>,
-        threads: Option<usize>,
-    ) -> PyResult<Scatterers> {
-        let materials = self::materials(&materials, self.snapshot.num_bodies())?;
-        let array = antennas.0.clone();
-        let scatterers = compute(py, threads, || {
-            let (snapshot, samples) = (&self.snapshot, &self.samples);
-            Ok(scatter::Scatterers::of_samples(snapshot, samples, &materials, array))
-        })?;
-        Ok(Scatterers {
-            scatterers,
-            num_bodies: self.snapshot.num_bodies(),
-        })
-    }
-}
-
-impl Samples {
-    fn leaf(&self, number: usize) -> Result<&Leaf> {
-        let expected = || format!("a number below {}", self.samples.leaves.len());
-        let leaf = self.samples.leaves.get(number);
-        leaf.ok_or_else(|| Error::value("cell", expected(), number))
-    }
-}
-
-/// Material points of the surface elements of an image that send anything back; the bodies' frames are the sensor frame.
-#[pyfunction(signature = (
-    distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, antennas, is_footprint, seed,
-    threads=None
-))]
-fn image_scatterers(
-    py: Python<'_>,
-    distance: PyReadonlyArray2<'_, f64>,
-    normals: PyReadonlyArray3<'_, f64>,
-    reflection: PyReadonlyArray2<'_, Complex64>,
-    albedo: PyReadonlyArray2<'_, f64>,
-    body: PyReadonlyArray2<'_, i32>,
-    num_bodies: usize,
-    focal_length: (f64, f64),
-    principal_point: (f64, f64),
-    antennas: PyRef<'_, Antennas>,
-    is_footprint: bool,
-    seed: u64,
-    threads: Option<usize>,
-) -> PyResult<Scatterers> {
-    let [rows, columns] = *distance.shape() else {
-        unreachable!("two axes")
-    };
-    let image = [Some(rows), Some(columns)];
-    let normal = points(numbers("normals", &normals, [image[0], image[1], Some(3)])?);
-    let surfels = Surfels {
-        plane: ImagePlane {
-            rows,
-            columns,
-            du: focal_length.0.recip(),
-            dv: focal_length.1.recip(),
-            axis_column: principal_point.0,
-            axis_row: principal_point.1,
-        },
-        distance: numbers("distance", &distance, image)?,
-        normal: &normal,
-        reflection: numbers("reflection", &reflection, image)?,
-        albedo: numbers("albedo", &albedo, image)?,
-        body: numbers("body", &body, image)?,
-        num_bodies,
-    };
-    let array = antennas.0.clone();
-    let scatterers = compute(py, threads, || {
-        scatter::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
-    })?;
-    Ok(Scatterers { scatterers, num_bodies })
 }
 
 fn sampling(is_footprint: bool) -> Sampling {
@@ -1163,246 +837,6 @@ fn sampling(is_footprint: bool) -> Sampling {
     } else {
         Sampling::Point
     }
-}
-
-/// Material points; delays and amplitudes follow from where their bodies are.
-#[pyclass(frozen, module = "radarcore._core")]
-struct Scatterers {
-    scatterers: scatter::Scatterers,
-    num_bodies: usize,
-}
-
-type DelaysAndAmplitudes<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<Complex64>>);
-
-#[pymethods]
-impl Scatterers {
-    fn __len__(&self) -> usize {
-        self.scatterers.len()
-    }
-
-    /// Number of the body of every material point.
-    fn body<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.scatterers.bodies())
-    }
-
-    /// Number of the cell of every material point: of the pixel, row by row, or of the cell of samples.
-    fn cell<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, self.scatterers.cells())
-    }
-
-    /// Numbers of the bodies that deform and have material points here, increasing.
-    fn deforming<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_iter(py, self.scatterers.deforming().iter().map(|(body, _)| *body))
-    }
-
-    /// By which power of the frequency the field of every material point falls.
-    fn order<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        PyArray1::from_slice(py, self.scatterers.orders())
-    }
-
-    /// The material points of the bodies for which `wanted` (body,) is true, and of an order, in the same order.
-    fn select(&self, wanted: PyReadonlyArray1<'_, bool>, order: u8) -> PyResult<Self> {
-        let wanted = numbers("wanted", &wanted, [Some(self.num_bodies)])?;
-        Ok(Self {
-            scatterers: self.scatterers.select(|body, of| wanted[body as usize] && of == order),
-            num_bodies: self.num_bodies,
-        })
-    }
-
-    /// Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` up to `last`:
-    /// first the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-    /// (node, point, 3). `vertices` has those of the bodies of `deforming` (node, vertex, 3). Amplitudes are those at
-    /// `amplitudes_at`, which are such poses, points and vertices at other nodes.
-    #[pyo3(signature = (
-        poses, points, rcs, *, vertices=None, amplitudes_at=None, first=0, last=None, step=1, threads=None
-    ))]
-    fn paths<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray4<'py, f64>,
-        points: PyReadonlyArray3<'py, f64>,
-        rcs: PyReadonlyArray1<'py, f64>,
-        vertices: Option<Vec<PyReadonlyArray3<'py, f64>>>,
-        amplitudes_at: Option<PosesPointsVertices<'py>>,
-        first: usize,
-        last: Option<usize>,
-        step: usize,
-        threads: Option<usize>,
-    ) -> PyResult<DelaysAndAmplitudes<'py>> {
-        let rcs = numbers("rcs", &rcs, [None])?;
-        let bodies = self.scatterers.deforming();
-        let vertices = vertices.unwrap_or_default();
-        let names = ["poses", "points", "vertices"];
-        let nodes = Nodes::new(
-            names,
-            &poses,
-            Some((&points, rcs.len())),
-            &vertices,
-            self.num_bodies,
-            bodies,
-        )?;
-        let others = match &amplitudes_at {
-            None => None,
-            Some((poses, points, vertices)) => {
-                let points = Some((points, rcs.len()));
-                Some(Nodes::new(
-                    AMPLITUDES_AT,
-                    poses,
-                    points,
-                    vertices,
-                    self.num_bodies,
-                    bodies,
-                )?)
-            }
-        };
-        let places = nodes.places(rcs);
-        let amplitudes_at = others.as_ref().map_or(places, |nodes| nodes.places(rcs));
-        let num_paths = self.scatterers.len() + rcs.len();
-        let last = last.unwrap_or(num_paths);
-        if step == 0 || last > num_paths {
-            let expected = format!("a step of at least 1 and at most {num_paths} paths");
-            return Err(Error::value("step, last", expected, format!("{step}, {last}")).into());
-        }
-        let selection = Selection { first, last, step };
-        let paths = compute(py, threads, || {
-            self.scatterers.paths(&places, &amplitudes_at, selection)
-        })?;
-        let shape = |nodes| [nodes, self.scatterers.num_channels(), selection.len()];
-        Ok((
-            paths.delay.into_pyarray(py).reshape(shape(places.num_nodes))?,
-            paths
-                .amplitude
-                .into_pyarray(py)
-                .reshape(shape(amplitudes_at.num_nodes))?,
-        ))
-    }
-
-    /// Rate of every delay [s/s], (channel, path), from poses (body, 3, 4) and points (point, 3) and their time
-    /// derivatives; likewise the vertices (vertex, 3) of the bodies of `deforming`.
-    #[pyo3(signature = (poses, pose_rates, points, point_rates, *, vertices=None, vertex_rates=None, threads=None))]
-    fn delay_rates<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray3<'py, f64>,
-        pose_rates: PyReadonlyArray3<'py, f64>,
-        points: PyReadonlyArray2<'py, f64>,
-        point_rates: PyReadonlyArray2<'py, f64>,
-        vertices: Option<Vec<PyReadonlyArray2<'py, f64>>>,
-        vertex_rates: Option<Vec<PyReadonlyArray2<'py, f64>>>,
-        threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let per_body = [Some(self.num_bodies), Some(3), Some(4)];
-        let poses = self::poses(numbers("poses", &poses, per_body)?);
-        let pose_rates = self::poses(numbers("pose_rates", &pose_rates, per_body)?);
-        let per_point = [Some(points.shape()[0]), Some(3)];
-        let point_rates = self::points(numbers("point_rates", &point_rates, per_point)?);
-        let points = self::points(numbers("points", &points, per_point)?);
-        let (vertices, vertex_rates) = (vertices.unwrap_or_default(), vertex_rates.unwrap_or_default());
-        let shape = |n| [Some(n), Some(3)];
-        let bodies = self.scatterers.deforming();
-        let vertices = self::vertices("vertices", bodies, &vertices, shape)?;
-        let vertex_rates = self::vertices("vertex_rates", bodies, &vertex_rates, shape)?;
-        let places = self.places(1, &poses, &points, &[], &vertices);
-        let rates = self.places(1, &pose_rates, &point_rates, &[], &vertex_rates);
-        let shape = [self.scatterers.num_channels(), self.scatterers.len() + points.len()];
-        let rates = compute(py, threads, || Ok(self.scatterers.delay_rates(&places, &rates)))?;
-        rates.into_pyarray(py).reshape(shape)
-    }
-}
-
-impl Scatterers {
-    fn places<'a>(
-        &self,
-        num_nodes: usize,
-        poses: &'a [Pose],
-        points: &'a [DVec3],
-        rcs: &'a [f64],
-        vertices: &'a [&'a [[f64; 3]]],
-    ) -> Places<'a> {
-        Places {
-            num_nodes,
-            num_bodies: self.num_bodies,
-            poses,
-            points,
-            rcs,
-            vertices,
-        }
-    }
-}
-
-/// Poses (node, body, 3, 4), points (node, point, 3), and vertices (node, vertex, 3) of every body that deforms.
-type PosesPointsVertices<'py> = (
-    PyReadonlyArray4<'py, f64>,
-    PyReadonlyArray3<'py, f64>,
-    Vec<PyReadonlyArray3<'py, f64>>,
-);
-
-/// Names of the parts of an argument.
-const AMPLITUDES_AT: [&str; 3] = ["amplitudes_at[0]", "amplitudes_at[1]", "amplitudes_at[-1]"];
-
-/// Where everything is at some nodes, as the core takes it.
-struct Nodes<'a> {
-    number: usize,
-    num_bodies: usize,
-    poses: Vec<Pose>,
-    points: Vec<DVec3>,
-    vertices: Vec<&'a [[f64; 3]]>,
-}
-
-impl<'a> Nodes<'a> {
-    /// Refuses shapes that do not fit together; `names` are those of the arrays, the points come with their number.
-    fn new(
-        names: [&str; 3],
-        poses: &PyReadonlyArray4<'_, f64>,
-        points: Option<(&PyReadonlyArray3<'_, f64>, usize)>,
-        vertices: &'a [PyReadonlyArray3<'_, f64>],
-        num_bodies: usize,
-        deforming: &[(u32, usize)],
-    ) -> PyResult<Self> {
-        let number = poses.shape()[0];
-        let poses = self::poses(numbers(names[0], poses, [None, Some(num_bodies), Some(3), Some(4)])?);
-        let points = match points {
-            None => Vec::new(),
-            Some((points, num_points)) => {
-                self::points(numbers(names[1], points, [Some(number), Some(num_points), Some(3)])?)
-            }
-        };
-        Ok(Self {
-            number,
-            num_bodies,
-            poses,
-            points,
-            vertices: self::vertices(names[2], deforming, vertices, |n| [Some(number), Some(n), Some(3)])?,
-        })
-    }
-
-    fn places<'b>(&'b self, rcs: &'b [f64]) -> Places<'b> {
-        Places {
-            num_nodes: self.number,
-            num_bodies: self.num_bodies,
-            poses: &self.poses,
-            points: &self.points,
-            rcs,
-            vertices: &self.vertices,
-        }
-    }
-}
-
-/// One array for every body that deforms, of the shape that its number of vertices asks for.
-fn vertices<'a, D: Dimension, const N: usize>(
-    name: &str,
-    bodies: &[(u32, usize)],
-    arrays: &'a [PyReadonlyArray<'_, f64, D>],
-    shape: impl Fn(usize) -> [Option<usize>; N],
-) -> PyResult<Vec<&'a [[f64; 3]]>> {
-    if arrays.len() != bodies.len() {
-        let expected = format!("{} arrays, one per body that deforms", bodies.len());
-        return Err(Error::value(name, expected, arrays.len()).into());
-    }
-    let arrays = arrays.iter().zip(bodies);
-    arrays
-        .map(|(array, (_, number))| Ok(numbers(name, array, shape(*number))?.as_chunks().0))
-        .collect()
 }
 
 /// The numbers of an array in C order; other layouts and lengths than expected (`None`: any) are refused.

@@ -112,7 +112,8 @@ impl Bounces {
         bounces
     }
 
-    fn empty(array: Array) -> Self {
+    /// No routes.
+    pub fn empty(array: Array) -> Self {
         Self {
             array,
             first: vec![0],

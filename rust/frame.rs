@@ -1,0 +1,241 @@
+//! The pipeline: poses in, ideal beat signal of a frame out.
+//!
+//! ```text
+//! motion ── posed scene ── rays ── scatterers, bounces ── node times ── delays, amplitudes ── samples
+//!                            └──────────────────────────────────────────────────────────────── truth
+//! ```
+//!
+//! [`simulate`] has one line per stage. A frame whose bodies turn fast is cast in parts, one after the other.
+
+mod model;
+mod parts;
+mod rays;
+mod sum;
+mod truth;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::beat::Samples;
+use crate::error::{Result, fits_memory};
+use crate::placement::World;
+use crate::trace::Hidden;
+
+pub use model::{Cancel, DepthImage, Memory, Model, PosedScene, Scene, Settings, Source};
+pub use rays::{Image, RaySampling};
+pub use sum::{Outcome, PathArrays};
+pub use truth::Truth;
+
+use parts::Part;
+use rays::Rays;
+use sum::Groups;
+
+/// Series of motions may err by this share of the tolerance.
+const MOTION_SHARE: f64 = 0.1;
+
+/// Times of motions beyond which no more are asked for.
+const MOST_TIMES: usize = 65;
+
+/// A simulated frame before the receiver.
+pub struct Frame {
+    /// Beat samples `(channel, chirp, sample)`.
+    pub cube: Samples,
+    /// Per body and point target, in the order of the scene; none for images.
+    pub truth: Option<Truth>,
+    /// Counts of what was done.
+    pub counts: Counts,
+}
+
+/// Either a frame, or the number of times at which its motion has to be placed to be followed.
+pub enum Simulated {
+    /// The frame.
+    Frame(Box<Frame>),
+    /// More times than there were.
+    NeedsTimes(usize),
+}
+
+/// Counts of what was done for a frame, summed over its parts, and the worst errors.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    /// Times at which rays were cast.
+    pub casts: usize,
+    /// Rays that were cast.
+    pub rays_cast: usize,
+    /// Of all rays, those that hit a body.
+    pub rays_hit: usize,
+    /// Tiles left out.
+    pub tiles_skipped: usize,
+    /// Tiles taken over from the frame before.
+    pub tiles_reused: usize,
+    /// Cells of adaptive sampling that could have been split.
+    pub cells_not_split: Option<usize>,
+    /// Paths, those of several reflections included.
+    pub paths: usize,
+    /// Hits that return nothing.
+    pub paths_skipped: usize,
+    /// Paths of several reflections.
+    pub bounce_paths: usize,
+    /// Rays from surfaces to the next.
+    pub bounce_rays: usize,
+    /// Ray tubes that ended at the floor.
+    pub bounces_stopped: usize,
+    /// How the sum was formed.
+    pub sum: Outcome,
+    /// Distance of the farthest echo [m].
+    pub farthest: f64,
+    /// Error of phases by the series of the motion [rad].
+    pub motion_error: f64,
+}
+
+/// Simulate a frame. `at` and `rates`: places and their time derivatives at the middle of the frame, in the world;
+/// `motion`: places at the Chebyshev times of the frame.
+pub fn simulate(
+    model: &Model,
+    motion: &World,
+    rates: &World,
+    memory: &mut Memory,
+    cancel: &Cancel,
+) -> Result<Simulated> {
+    // Motion as series over the frame, seen from the sensor.
+    let placement = model.placement(motion)?;
+    let motion_error = model.phase_error(&placement);
+    if motion_error > MOTION_SHARE * model.settings.tolerance && placement.num_times() < MOST_TIMES {
+        return Ok(Simulated::NeedsTimes(2 * placement.num_times() - 1));
+    }
+    let rates = model.rates(&placement, motion, rates)?;
+
+    let mut frame = FrameBuilder::new(model)?;
+    for part in parts::of_frame(model, &placement, &rates) {
+        cancel.check()?;
+        let scene = model.posed(&placement, &part, memory)?;
+        let rays = Rays::cast(model, scene, memory)?;
+        let groups = Groups::new(model, &placement, &rays, memory, cancel)?;
+        let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
+        frame.add(&part, samples, &outcome, &rays, &groups);
+        if part.has_middle {
+            frame.truth = truth::of(model, &rays, &placement, &rates);
+        }
+        rays.remember(memory);
+    }
+    Ok(Simulated::Frame(Box::new(frame.finish(motion_error))))
+}
+
+/// Paths at one time, from the rays of the first part of the frame that `motion` and `rates` describe; `at` and `rates_at`: one
+/// time each.
+pub fn paths(
+    model: &Model,
+    (motion, rates): (&World, &World),
+    (at, rates_at): (&World, &World),
+    memory: &mut Memory,
+    cancel: &Cancel,
+) -> Result<PathArrays> {
+    let placement = model.placement(motion)?;
+    let rates = model.rates(&placement, motion, rates)?;
+    let part = &parts::of_frame(model, &placement, &rates)[0];
+    let rays = Rays::cast(model, model.posed(&placement, part, memory)?, memory)?;
+    let groups = Groups::new(model, &placement, &rays, memory, cancel)?;
+    rays.remember(memory);
+    let at_seen = model.placement(at)?;
+    groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)
+}
+
+/// Image of what rays hit at one time.
+pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image>> {
+    let placement = model.placement(at)?;
+    let scene = model.posed(&placement, &Part::at_once(&model.waveform), memory)?;
+    model.cast_image(scene, memory)
+}
+
+/// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.
+pub fn occluded(
+    model: &Model,
+    at: &World,
+    points: &[DVec3],
+    ends_early: bool,
+    memory: &mut Memory,
+) -> Result<Hidden> {
+    let placement = model.placement(at)?;
+    let scene = model.posed(&placement, &Part::at_once(&model.waveform), memory)?;
+    Ok(scene.hide(points, ends_early))
+}
+
+/// A frame that grows part by part.
+struct FrameBuilder<'a> {
+    model: &'a Model,
+    cube: Option<Samples>,
+    truth: Option<Truth>,
+    counts: Counts,
+}
+
+impl<'a> FrameBuilder<'a> {
+    fn new(model: &'a Model) -> Result<Self> {
+        let shape = [model.array.num_channels(), model.waveform.chirp_times.len(), model.waveform.num_samples];
+        fits_memory("samples", &shape, 2 * size_of::<num_complex::Complex64>())?;
+        Ok(Self {
+            model,
+            cube: None,
+            truth: None,
+            counts: Counts::default(),
+        })
+    }
+
+    fn add(&mut self, part: &Part, samples: Samples, outcome: &Outcome, rays: &Rays, groups: &Groups) {
+        let counts = &mut self.counts;
+        let (cast, hit, (num_bounces, bounces)) = (rays.counts(), rays.num_hit(), groups.bounces());
+        counts.casts += 1;
+        counts.rays_cast += cast.rays;
+        counts.rays_hit += hit;
+        counts.tiles_skipped += cast.tiles_skipped;
+        counts.tiles_reused += cast.tiles_reused;
+        if let Some(number) = rays.num_coarse() {
+            *counts.cells_not_split.get_or_insert(0) += number;
+        }
+        counts.paths += groups.num_paths();
+        counts.paths_skipped += hit.saturating_sub(groups.num_cells());
+        counts.bounce_paths += num_bounces;
+        counts.bounce_rays += bounces.rays;
+        counts.bounces_stopped += bounces.stopped;
+        counts.farthest = counts.farthest.max(outcome.farthest).max(groups.farthest());
+        counts.sum.add(outcome);
+
+        // A part has some of the chirps of every channel.
+        let (num_chirps, num_samples) = (self.model.waveform.chirp_times.len(), self.model.waveform.num_samples);
+        if part.chirps.len() == num_chirps {
+            self.cube = Some(samples);
+            return;
+        }
+        let shape = [self.model.array.num_channels(), num_chirps, num_samples];
+        let cube = self.cube.get_or_insert_with(|| sum::zeros(shape, self.model.settings.tolerance));
+        match (cube, samples) {
+            (Samples::Single(cube), Samples::Single(samples)) => place(cube, &samples, part, num_chirps, num_samples),
+            (Samples::Double(cube), Samples::Double(samples)) => place(cube, &samples, part, num_chirps, num_samples),
+            _ => unreachable!("one tolerance, one precision"),
+        }
+    }
+
+    fn finish(self, motion_error: f64) -> Frame {
+        let shape = [
+            self.model.array.num_channels(),
+            self.model.waveform.chirp_times.len(),
+            self.model.waveform.num_samples,
+        ];
+        Frame {
+            cube: self.cube.unwrap_or_else(|| sum::zeros(shape, self.model.settings.tolerance)),
+            truth: self.truth,
+            counts: Counts {
+                motion_error,
+                ..self.counts
+            },
+        }
+    }
+}
+
+/// Put the samples of a part into the cube of its frame.
+fn place<T: Copy>(cube: &mut [T], samples: &[T], part: &Part, num_chirps: usize, num_samples: usize) {
+    let rows = samples.chunks_exact(part.chirps.len() * num_samples);
+    for (frame, rows) in cube.chunks_exact_mut(num_chirps * num_samples).zip(rows) {
+        let first = part.chirps.start * num_samples;
+        frame[first..first + rows.len()].copy_from_slice(rows);
+    }
+}

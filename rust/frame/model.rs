@@ -1,0 +1,309 @@
+//! The fixed side of a simulation: bodies or an image, materials, radar and settings; and what is kept from frame to frame.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use super::parts::Part;
+use super::rays::{Image, RaySampling, Rays};
+use crate::antenna::Array;
+use crate::beat;
+use crate::bounce::Limits;
+use crate::chirp::Waveform;
+use crate::error::{Error, Result};
+use crate::material::Material;
+use crate::placement::{Placement, VertexMotion, World, chebyshev_nodes};
+use crate::plan::Method;
+use crate::rays::ImagePlane;
+use crate::scatter::{SPEED_OF_LIGHT, Surfels};
+use crate::simd::Level;
+use crate::surface::Surface;
+use crate::trace::{Beam, Snapshot};
+
+/// Bodies and point targets at their places in the sensor frame when rays are cast.
+pub type PosedScene = Snapshot;
+
+/// Bodies with surfaces, and point targets.
+#[derive(Clone)]
+pub struct Scene {
+    /// Surface of every body, as its mesh was given.
+    pub surfaces: Vec<Arc<Surface>>,
+    /// Bodies whose vertices move, increasing.
+    pub deforming: Vec<usize>,
+    /// Radar cross-sections of the point targets [m^2].
+    pub rcs: Vec<f64>,
+    /// Numbers of the bodies with surfaces and of the point targets in the scene.
+    pub body_numbers: Vec<usize>,
+    /// See `body_numbers`.
+    pub point_numbers: Vec<usize>,
+}
+
+/// Depth image of another program: one surface element per pixel.
+pub struct DepthImage {
+    /// The pixels.
+    pub plane: ImagePlane,
+    /// Distance along the ray [m]; no return where it is not positive and finite.
+    pub distance: Vec<f64>,
+    /// Unit normals towards the sensor.
+    pub normal: Vec<DVec3>,
+    /// Field reflection coefficients.
+    pub reflection: Vec<Complex64>,
+    /// Diffuse albedo.
+    pub albedo: Vec<f64>,
+    /// Number of the body, negative for no return.
+    pub body: Vec<i32>,
+    /// Number of bodies.
+    pub num_bodies: usize,
+    /// Range rate of every pixel beside the motion of its body [m/s]; none: all zero.
+    pub range_rate: Option<Vec<f64>>,
+    /// Time of the start of the frame after that of the image [s].
+    pub age: f64,
+}
+
+impl DepthImage {
+    pub(super) fn surfels(&self) -> Surfels<'_> {
+        Surfels {
+            plane: self.plane,
+            distance: &self.distance,
+            normal: &self.normal,
+            reflection: &self.reflection,
+            albedo: &self.albedo,
+            body: &self.body,
+            num_bodies: self.num_bodies,
+        }
+    }
+}
+
+/// Origin of the surfaces that the sensor sees.
+pub enum Source {
+    /// Meshes and points.
+    Scene(Scene),
+    /// An image.
+    Depth(Arc<DepthImage>),
+}
+
+/// Settings of the simulation.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Rays of frames.
+    pub rays: RaySampling,
+    /// Pixels of images.
+    pub image: ImagePlane,
+    /// Least gain of interest of a pair of antennas relative to their peaks, there and back; none: all directions are cast.
+    pub gain_floor: Option<f64>,
+    /// Whether tiles without bodies are left out.
+    pub skip_empty: bool,
+    /// Whether tiles in which nothing has moved are taken over from the frame before.
+    pub reuse_tiles: bool,
+    /// Most reflections, and the power at which ray tubes end.
+    pub limits: Limits,
+    /// Largest angle by which bodies may turn from a cast on [rad]; may be infinite.
+    pub retrace: f64,
+    /// Seed of speckle.
+    pub seed: u64,
+    /// Bound on the error of the sum, see [`beat::Options`].
+    pub tolerance: f64,
+    /// Way to sum.
+    pub method: Method,
+}
+
+/// A simulation without its motion.
+pub struct Model {
+    /// Surfaces.
+    pub source: Source,
+    /// One per body with a surface.
+    pub materials: Vec<Material>,
+    /// Antennas.
+    pub array: Array,
+    /// Waveform.
+    pub waveform: Waveform,
+    /// Middle of the array in sensor axes [m].
+    pub center: DVec3,
+    /// Settings.
+    pub settings: Settings,
+    /// Directions that the antennas see; none: all.
+    beam: Option<Beam>,
+    /// Largest distance of a vertex from the origin of its body [m].
+    radii: Vec<f64>,
+    /// Smallest and largest coordinates of the vertices of every body [m].
+    pub(super) boxes: Vec<[DVec3; 2]>,
+}
+
+impl Model {
+    /// Refuses materials that do not fit the bodies.
+    pub fn new(
+        source: Source,
+        materials: Vec<Material>,
+        array: Array,
+        waveform: Waveform,
+        center: DVec3,
+        settings: Settings,
+    ) -> Result<Self> {
+        let (radii, boxes) = match &source {
+            Source::Scene(scene) => {
+                if materials.len() != scene.surfaces.len() {
+                    let expected = format!("{}, one per body", scene.surfaces.len());
+                    return Err(Error::value("materials", expected, materials.len()));
+                }
+                let radius = |surface: &Arc<Surface>| {
+                    let vertices = surface.vertices().iter();
+                    vertices.map(|vertex| vertex.length()).fold(0.0, f64::max)
+                };
+                let corners = |surface: &Arc<Surface>| {
+                    let vertices = surface.vertices().iter();
+                    vertices.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], vertex| {
+                        [low.min(*vertex), high.max(*vertex)]
+                    })
+                };
+                let surfaces = scene.surfaces.iter();
+                (surfaces.clone().map(radius).collect(), surfaces.map(corners).collect())
+            }
+            Source::Depth(image) => {
+                let farthest = image.distance.iter().filter(|distance| distance.is_finite());
+                (vec![farthest.copied().fold(0.0, f64::max); image.num_bodies], Vec::new())
+            }
+        };
+        Ok(Self {
+            beam: settings.gain_floor.map(|floor| Beam::new(&array, floor)),
+            radii,
+            boxes,
+            source,
+            materials,
+            array,
+            waveform,
+            center,
+            settings,
+        })
+    }
+
+    /// Directions that the antennas see.
+    pub(super) fn beam(&self) -> Option<&Beam> {
+        self.beam.as_ref()
+    }
+
+    /// Motion as the sensor sees it.
+    pub(super) fn placement(&self, motion: &World) -> Result<Placement> {
+        let placement = motion.seen(self.center);
+        let (bodies, points, vertices) = match &self.source {
+            Source::Scene(scene) => {
+                let vertices = scene.deforming.iter();
+                let vertices = vertices.map(|body| scene.surfaces[*body].vertices().len());
+                (scene.surfaces.len(), scene.rcs.len(), vertices.collect())
+            }
+            Source::Depth(image) => (image.num_bodies, 0, Vec::new()),
+        };
+        placement.check(bodies, points, &vertices)?;
+        Ok(placement)
+    }
+
+    /// Time derivatives as the sensor sees them, at the middle of the frame.
+    pub(super) fn rates(&self, placement: &Placement, motion: &World, rates: &World) -> Result<Placement> {
+        let middle = motion.num_times() / 2;
+        let (bodies, points) = (placement.num_bodies(), placement.num_points());
+        let at = World {
+            sensor: vec![motion.sensor[middle]],
+            poses: motion.poses[middle * bodies..(middle + 1) * bodies].to_vec(),
+            points: motion.points[middle * points..(middle + 1) * points].to_vec(),
+            vertices: Vec::new(),
+        };
+        let seen = World::seen_rates(&at, rates, self.center);
+        let num_vertices: Vec<usize> = placement.vertices().iter().map(VertexMotion::num_vertices).collect();
+        seen.check(bodies, points, &num_vertices)?;
+        Ok(seen)
+    }
+
+    /// Error of phases by the series of the motion [rad].
+    pub(super) fn phase_error(&self, placement: &Placement) -> f64 {
+        let per_length = 2.0 * std::f64::consts::TAU * self.highest_frequency() / SPEED_OF_LIGHT;
+        per_length * placement.tail(&self.radii)
+    }
+
+    /// Bodies at the time of a part's cast, those that deform with the vertices of that time.
+    pub(super) fn posed(&self, placement: &Placement, part: &Part, memory: &mut Memory) -> Result<Arc<PosedScene>> {
+        let Source::Scene(scene) = &self.source else {
+            return Ok(Arc::new(PosedScene::new(Vec::new(), Vec::new())));
+        };
+        let mut surfaces = scene.surfaces.clone();
+        for (body, motion) in scene.deforming.iter().zip(placement.vertices()) {
+            let vertices: Vec<DVec3> = motion.at(part.cast).into_iter().map(DVec3::from_array).collect();
+            surfaces[*body] = memory.deformed(*body, &scene.surfaces[*body], vertices)?;
+        }
+        Ok(Arc::new(PosedScene::new(surfaces, placement.poses_at(part.cast))))
+    }
+
+    /// Highest frequency of the sampled band [Hz].
+    pub(super) fn highest_frequency(&self) -> f64 {
+        let waveform = &self.waveform;
+        let half = 0.5 * waveform.slope.abs() * waveform.num_samples as f64 / waveform.sample_rate;
+        waveform.start_frequency.max(waveform.center_frequency()) + half
+    }
+
+    /// How to sum `num_paths` paths.
+    pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options {
+        let work = [num_paths, self.array.num_channels(), num_chirps, self.waveform.num_samples];
+        beat::Options {
+            tolerance: self.settings.tolerance,
+            method: self.settings.method,
+            level: Level::best(),
+            is_parallel: rayon::current_num_threads() > 1 && beat::is_worth_threads(work),
+            ..beat::Options::default()
+        }
+    }
+}
+
+/// Kept from frame to frame: what did not move need not be cast again. Results do not depend on it.
+#[derive(Default)]
+pub struct Memory {
+    /// Rays of the frame before.
+    pub(super) rays: Option<Rays>,
+    /// Rays that launched ray tubes, with adaptive sampling.
+    pub(super) tubes: Option<Image>,
+    /// The image before.
+    pub(super) image: Option<Arc<Image>>,
+    /// Surfaces of bodies that deform, by body.
+    shapes: Vec<(usize, Arc<Surface>)>,
+}
+
+impl Memory {
+    /// A surface with other vertices; the one before where these are the same.
+    fn deformed(&mut self, body: usize, rest: &Arc<Surface>, vertices: Vec<DVec3>) -> Result<Arc<Surface>> {
+        let known = self.shapes.iter().position(|(number, _)| *number == body);
+        let before = known.map_or(rest, |at| &self.shapes[at].1);
+        if known.is_some() && before.vertices() == vertices {
+            return Ok(before.clone());
+        }
+        let surface = Arc::new(before.deform(vertices)?);
+        match known {
+            Some(at) => self.shapes[at].1 = surface.clone(),
+            None => self.shapes.push((body, surface.clone())),
+        }
+        Ok(surface)
+    }
+}
+
+/// A request to stop, heard between stages.
+#[derive(Debug, Default)]
+pub struct Cancel(AtomicBool);
+
+impl Cancel {
+    /// Ask to stop.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// An error if stopping was asked for.
+    pub fn check(&self) -> Result<()> {
+        if self.0.load(Ordering::Relaxed) {
+            Err(Error::Interrupted)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// Node times of a part of a frame as times of the frame, `x` from -1 to 1.
+pub(super) fn node_times(part: &Part, number: usize) -> Vec<f64> {
+    chebyshev_nodes(number).into_iter().map(|x| part.cast + part.half * x).collect()
+}

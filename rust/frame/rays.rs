@@ -1,0 +1,266 @@
+//! Rays of a frame and of images, and what they hit.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+
+use super::model::{Cancel, Memory, Model, PosedScene, Source};
+use crate::adaptive::Rule;
+use crate::bounce::{self, Bounces, Launch};
+use crate::error::Result;
+use crate::motion::Pose;
+use crate::rays::ImagePlane;
+use crate::samples::Samples;
+use crate::scatter::{NO_CELL, Sampling, Scatterers, place_on_mesh};
+use crate::shown::Shown;
+use crate::trace::{self, Cast, NO_BODY};
+
+/// Rays of frames.
+#[derive(Clone, Copy, Debug)]
+pub enum RaySampling {
+    /// Through cells that are split where it matters.
+    Adaptive(Rule),
+    /// Through the pixels of an image.
+    Pixels(ImagePlane, Sampling),
+}
+
+/// Hits of the pixels of an image.
+pub struct Image {
+    /// The bodies.
+    pub scene: Arc<PosedScene>,
+    /// The hits.
+    pub hits: trace::Hits,
+    smooth: OnceLock<Shown>,
+}
+
+impl Image {
+    /// Cast the rays of an image; tiles of the image `before` are taken over where nothing has moved.
+    fn cast(scene: Arc<PosedScene>, plane: &ImagePlane, cast: &Cast, before: Option<&Self>) -> Result<Self> {
+        let cast = Cast {
+            previous: before.map(|before| (&*before.scene, &before.hits)),
+            ..*cast
+        };
+        let hits = scene.cast_image_with(plane, &cast)?;
+        Ok(Self {
+            scene,
+            hits,
+            smooth: OnceLock::new(),
+        })
+    }
+
+    /// Distances and normals of the curved surfaces that facets stand for; computed once.
+    pub fn smooth(&self) -> &Shown {
+        self.smooth.get_or_init(|| Shown::new(&self.scene, &self.hits))
+    }
+}
+
+/// Rays of a frame and what they hit.
+pub enum Rays {
+    /// Cells of adaptive sampling, and points of rough surfaces.
+    Cells(Arc<PosedScene>, Samples),
+    /// Pixels.
+    Pixels(Image),
+    /// None: the surfaces are in an image.
+    None,
+}
+
+/// A body's hit that is the nearest to the sensor.
+pub struct NearestHit {
+    /// Number of the body.
+    pub body: usize,
+    /// In the sensor frame at the time of the cast [m].
+    pub point: DVec3,
+    /// Vertices of the triangle and their weights there.
+    pub corners: ([u32; 3], [f64; 3]),
+}
+
+impl Model {
+    fn cast(&self) -> Cast<'_> {
+        Cast {
+            beam: self.beam(),
+            skip_empty: self.settings.skip_empty,
+            ..Cast::default()
+        }
+    }
+
+    /// Cast the whole image, with cosines of incidence.
+    pub(super) fn cast_image(&self, scene: Arc<PosedScene>, memory: &mut Memory) -> Result<Arc<Image>> {
+        let cast = Cast {
+            beam: None,
+            with_cosines: true,
+            ..self.cast()
+        };
+        let before = memory.image.as_deref().filter(|_| self.settings.reuse_tiles);
+        let image = Arc::new(Image::cast(scene, &self.settings.image, &cast, before)?);
+        memory.image = Some(image.clone());
+        Ok(image)
+    }
+}
+
+impl Rays {
+    /// Cast the rays of a frame.
+    pub fn cast(model: &Model, scene: Arc<PosedScene>, memory: &Memory) -> Result<Self> {
+        if let Source::Depth(_) = &model.source {
+            return Ok(Self::None);
+        }
+        let before = memory.rays.as_ref().filter(|_| model.settings.reuse_tiles);
+        match &model.settings.rays {
+            RaySampling::Adaptive(rule) => {
+                let before = match before {
+                    Some(Self::Cells(scene, samples)) => Some((&**scene, samples)),
+                    _ => None,
+                };
+                let (cast, seed) = (model.cast(), model.settings.seed);
+                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, rule, seed, before)?;
+                Ok(Self::Cells(scene, samples))
+            }
+            RaySampling::Pixels(plane, _) => {
+                let before = match before {
+                    Some(Self::Pixels(image)) => Some(image),
+                    _ => None,
+                };
+                Ok(Self::Pixels(Image::cast(scene, plane, &model.cast(), before)?))
+            }
+        }
+    }
+
+    /// Material points of what was hit that return anything.
+    pub fn scatterers(&self, model: &Model) -> Result<Scatterers> {
+        let (array, seed) = (model.array.clone(), model.settings.seed);
+        let sampling = match model.settings.rays {
+            RaySampling::Adaptive(_) => Sampling::Footprint,
+            RaySampling::Pixels(_, sampling) => sampling,
+        };
+        match (self, &model.source) {
+            (Self::Cells(scene, samples), _) => Ok(Scatterers::of_samples(scene, samples, &model.materials, array)),
+            (Self::Pixels(image), _) => Ok(Scatterers::new(
+                &image.scene,
+                &image.hits,
+                image.smooth(),
+                &model.materials,
+                array,
+                sampling,
+                seed,
+            )),
+            (Self::None, Source::Depth(image)) => Scatterers::from_surfels(&image.surfels(), array, sampling, seed),
+            (Self::None, Source::Scene(_)) => unreachable!("rays are cast of scenes"),
+        }
+    }
+
+    /// Paths of several reflections, of the rays, or of an image where these are adaptive.
+    pub fn bounces(&self, model: &Model, memory: &mut Memory, cancel: &Cancel) -> Result<(Bounces, bounce::Counts)> {
+        let none = || (Bounces::empty(model.array.clone()), bounce::Counts::default());
+        if model.settings.limits.max_bounces <= 1 {
+            return Ok(none());
+        }
+        cancel.check()?;
+        let shoot = |image: &Image, sampling: Sampling| {
+            let launches = Launch::of_image(&image.hits);
+            let array = model.array.clone();
+            let limits = model.settings.limits;
+            Bounces::new(&image.scene, &launches, &model.materials, array, limits, sampling)
+        };
+        match (self, model.settings.rays) {
+            (Self::Pixels(image), RaySampling::Pixels(_, sampling)) => Ok(shoot(image, sampling)),
+            (Self::Cells(scene, _), _) => {
+                let before = memory.tubes.as_ref().filter(|_| model.settings.reuse_tiles);
+                let image = Image::cast(scene.clone(), &model.settings.image, &model.cast(), before)?;
+                let found = shoot(&image, Sampling::Footprint);
+                memory.tubes = Some(image);
+                Ok(found)
+            }
+            _ => Ok(none()),
+        }
+    }
+
+    /// Keep the rays for the next frame.
+    pub fn remember(self, memory: &mut Memory) {
+        if !matches!(self, Self::None) {
+            memory.rays = Some(self);
+        }
+    }
+
+    /// Rays cast, tiles skipped and taken over.
+    pub fn counts(&self) -> trace::Counts {
+        match self {
+            Self::Cells(_, samples) => samples.counts,
+            Self::Pixels(image) => image.hits.counts,
+            Self::None => trace::Counts::default(),
+        }
+    }
+
+    /// Cells of adaptive sampling that could have been split.
+    pub fn num_coarse(&self) -> Option<usize> {
+        match self {
+            Self::Cells(_, samples) => Some(samples.num_coarse()),
+            _ => None,
+        }
+    }
+
+    /// Rays that hit a body.
+    pub fn num_hit(&self) -> usize {
+        match self {
+            Self::Cells(_, samples) => samples.leaves.len(),
+            Self::Pixels(image) => image.hits.body.iter().filter(|body| **body != NO_BODY).count(),
+            Self::None => 0,
+        }
+    }
+
+    /// Distance of the hit of a cell [m]; 0 for points that belong to none.
+    pub fn distance(&self, cell: u32) -> f64 {
+        match self {
+            _ if cell == NO_CELL => 0.0,
+            Self::Cells(_, samples) => samples.leaves[cell as usize].found.to_facet,
+            Self::Pixels(image) => image.hits.distance[cell as usize],
+            Self::None => 0.0,
+        }
+    }
+
+    /// Pose of a body in the sensor frame when rays were cast.
+    pub fn pose(&self, body: usize) -> &Pose {
+        match self {
+            Self::Cells(scene, _) => scene.pose(body as u32),
+            Self::Pixels(image) => image.scene.pose(body as u32),
+            Self::None => &Pose::IDENTITY,
+        }
+    }
+
+    /// The nearest hit of every body that was hit, the first of several.
+    pub fn nearest(&self) -> Vec<NearestHit> {
+        let (scene, bodies): (_, Vec<(u32, f64)>) = match self {
+            Self::Cells(scene, samples) => {
+                let hits = samples.leaves.iter();
+                (scene, hits.map(|leaf| (leaf.found.body, leaf.found.to_facet)).collect())
+            }
+            Self::Pixels(image) => {
+                let hits = image.hits.body.iter().zip(&image.hits.distance);
+                (&image.scene, hits.map(|(body, distance)| (*body, *distance)).collect())
+            }
+            Self::None => return Vec::new(),
+        };
+        let mut nearest = vec![(f64::INFINITY, 0); scene.num_bodies()];
+        for (ray, (body, distance)) in bodies.into_iter().enumerate() {
+            if body != NO_BODY && distance < nearest[body as usize].0 {
+                nearest[body as usize] = (distance, ray);
+            }
+        }
+        let seen = nearest.into_iter().enumerate().filter(|(_, (distance, _))| distance.is_finite());
+        let hit = |(body, (distance, ray)): (usize, (f64, usize))| {
+            let (cell, triangle) = match self {
+                Self::Cells(_, samples) => (samples.leaves[ray].cell, samples.leaves[ray].found.triangle),
+                Self::Pixels(image) => {
+                    let plane = &image.hits.plane;
+                    let cell = plane.cell(ray / plane.columns, ray % plane.columns);
+                    (cell, image.hits.triangle[ray])
+                }
+                Self::None => unreachable!("nothing was hit"),
+            };
+            NearestHit {
+                body,
+                point: distance * cell.direction(),
+                corners: place_on_mesh(scene, &cell, body as u32, triangle),
+            }
+        };
+        seen.map(hit).collect()
+    }
+}

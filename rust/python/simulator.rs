@@ -1,0 +1,471 @@
+//! Frames, paths and images of a simulator: arrays of places in, arrays of samples out.
+
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use glam::DVec3;
+use num_complex::Complex64;
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArray4, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use super::{Antennas, Hits, Material, Surface, Waveform, matrix, method, numbers, points, pool, poses, sampling};
+use crate::adaptive::Rule;
+use crate::beat::Samples;
+use crate::bounce::Limits;
+use crate::error::{Error, Result};
+use crate::frame::{self, Cancel, Counts, Memory, Model, RaySampling, Simulated, Source};
+use crate::placement::{VertexMotion, World};
+use crate::rays::ImagePlane;
+
+/// Surfaces of bodies, and point targets.
+#[pyclass(frozen, name = "Scene", module = "radarcore._core")]
+pub(super) struct Scene(frame::Scene);
+
+#[pymethods]
+impl Scene {
+    /// `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point targets; numbers in the scene
+    /// of both.
+    #[new]
+    #[pyo3(signature = (surfaces, *, deforming, rcs, body_numbers, point_numbers))]
+    fn new(
+        surfaces: Vec<PyRef<'_, Surface>>,
+        deforming: Vec<usize>,
+        rcs: PyReadonlyArray1<'_, f64>,
+        body_numbers: Vec<usize>,
+        point_numbers: Vec<usize>,
+    ) -> PyResult<Self> {
+        let lengths = [
+            ("rcs", point_numbers.len(), rcs.shape()[0]),
+            ("body_numbers", surfaces.len(), body_numbers.len()),
+        ];
+        for (name, expected, got) in lengths {
+            if expected != got {
+                return Err(Error::value(name, format!("{expected} of them"), got).into());
+            }
+        }
+        Ok(Self(frame::Scene {
+            surfaces: surfaces.iter().map(|surface| surface.0.clone()).collect(),
+            deforming,
+            rcs: numbers("rcs", &rcs, [None])?.to_vec(),
+            body_numbers,
+            point_numbers,
+        }))
+    }
+}
+
+/// Surface elements of a depth image, one per pixel.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct DepthScene(Arc<frame::DepthImage>);
+
+#[pymethods]
+impl DepthScene {
+    /// Arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field reflection coefficients,
+    /// albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of the frame is `age` [s] after the
+    /// image.
+    #[new]
+    #[pyo3(signature = (
+        distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, range_rate=None, age=0.0
+    ))]
+    #[allow(clippy::too_many_arguments)] // as Python hands them over
+    fn new(
+        distance: PyReadonlyArray2<'_, f64>,
+        normals: PyReadonlyArray3<'_, f64>,
+        reflection: PyReadonlyArray2<'_, Complex64>,
+        albedo: PyReadonlyArray2<'_, f64>,
+        body: PyReadonlyArray2<'_, i32>,
+        num_bodies: usize,
+        focal_length: (f64, f64),
+        principal_point: (f64, f64),
+        range_rate: Option<PyReadonlyArray2<'_, f64>>,
+        age: f64,
+    ) -> PyResult<Self> {
+        let [rows, columns] = *distance.shape() else {
+            unreachable!("two axes")
+        };
+        let image = [Some(rows), Some(columns)];
+        let rates = range_rate.as_ref();
+        let rates = rates.map(|rates| PyResult::Ok(numbers("range_rate", rates, image)?.to_vec()));
+        Ok(Self(Arc::new(frame::DepthImage {
+            plane: ImagePlane {
+                rows,
+                columns,
+                du: focal_length.0.recip(),
+                dv: focal_length.1.recip(),
+                axis_column: principal_point.0,
+                axis_row: principal_point.1,
+            },
+            distance: numbers("distance", &distance, image)?.to_vec(),
+            normal: points(numbers("normals", &normals, [image[0], image[1], Some(3)])?),
+            reflection: numbers("reflection", &reflection, image)?.to_vec(),
+            albedo: numbers("albedo", &albedo, image)?.to_vec(),
+            body: numbers("body", &body, image)?.to_vec(),
+            num_bodies,
+            range_rate: rates.transpose()?,
+            age,
+        })))
+    }
+}
+
+/// Scene or depth image.
+#[derive(FromPyObject)]
+pub(super) enum AnySource<'py> {
+    Scene(PyRef<'py, Scene>),
+    Depth(PyRef<'py, DepthScene>),
+}
+
+/// Rows, columns, half width and half height of an image plane at distance 1.
+type Plane = (usize, usize, f64, f64);
+
+fn plane((rows, columns, half_width, half_height): Plane) -> ImagePlane {
+    ImagePlane::centered(rows, columns, half_width, half_height)
+}
+
+/// Settings of a simulation.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Settings(frame::Settings);
+
+#[pymethods]
+impl Settings {
+    /// Image planes are (rows, columns, half width, half height) at distance 1: of the rays of frames (cells of the base grid in
+    /// adaptive sampling) and of images.
+    #[new]
+    #[pyo3(signature = (
+        *, sampling, rays, image, rcs_floor, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles, max_bounces,
+        bounce_floor, retrace, seed, tolerance, method
+    ))]
+    #[allow(clippy::too_many_arguments, clippy::fn_params_excessive_bools)] // as Python hands them over
+    fn new(
+        sampling: &str,
+        rays: Plane,
+        image: Plane,
+        rcs_floor: f64,
+        ray_budget: Option<usize>,
+        end_points: bool,
+        gain_floor: Option<f64>,
+        skip_empty: bool,
+        reuse_tiles: bool,
+        max_bounces: usize,
+        bounce_floor: f64,
+        retrace: f64,
+        seed: u64,
+        tolerance: f64,
+        method: &str,
+    ) -> PyResult<Self> {
+        let rays = match sampling {
+            "adaptive" => RaySampling::Adaptive(Rule {
+                base: plane(rays),
+                rcs_floor,
+                budget: ray_budget,
+                end_points,
+            }),
+            "footprint" | "point" => RaySampling::Pixels(plane(rays), self::sampling(sampling == "footprint")),
+            _ => {
+                let expected = "'adaptive', 'footprint' or 'point'";
+                return Err(Error::value("sampling", expected, format!("{sampling:?}")).into());
+            }
+        };
+        Ok(Self(frame::Settings {
+            rays,
+            image: plane(image),
+            gain_floor,
+            skip_empty,
+            reuse_tiles,
+            limits: Limits {
+                max_bounces,
+                floor: bounce_floor,
+            },
+            retrace,
+            seed,
+            tolerance,
+            method: self::method(method)?,
+        }))
+    }
+}
+
+/// Places in the world at Chebyshev times of a frame, or their time derivatives at one time.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Placement(World);
+
+#[pymethods]
+impl Placement {
+    /// ``[rotation | position]`` of the sensor (time, 3, 4) and of bodies (time, body, 3, 4), positions of point targets
+    /// (time, point, 3) [m], and for every body that deforms its vertices (time, vertex, 3) in body coordinates [m], at as many
+    /// Chebyshev times as that array has.
+    #[new]
+    #[pyo3(signature = (sensor, poses, points, vertices=Vec::new()))]
+    fn new(
+        sensor: PyReadonlyArray3<'_, f64>,
+        poses: PyReadonlyArray4<'_, f64>,
+        points: PyReadonlyArray3<'_, f64>,
+        vertices: Vec<PyReadonlyArray3<'_, f64>>,
+    ) -> PyResult<Self> {
+        let times = sensor.shape()[0];
+        if times % 2 == 0 {
+            return Err(Error::value("sensor", "an odd number of times", times).into());
+        }
+        let vertices = vertices.iter().map(|array| {
+            let positions = numbers("vertices", array, [None, None, Some(3)])?.as_chunks().0.to_vec();
+            PyResult::Ok(VertexMotion::new(array.shape()[0], positions))
+        });
+        Ok(Self(World {
+            sensor: self::poses(numbers("sensor", &sensor, [None, Some(3), Some(4)])?),
+            poses: self::poses(numbers("poses", &poses, [Some(times), None, Some(3), Some(4)])?),
+            points: self::points(numbers("points", &points, [Some(times), None, Some(3)])?),
+            vertices: vertices.collect::<PyResult<_>>()?,
+        }))
+    }
+}
+
+/// Ideal beat signal of a frame, its truth, and counts.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct IdealFrame {
+    cube: Py<PyAny>,
+    truth: Option<Py<PyArray2<f64>>>,
+    counts: Counts,
+}
+
+#[pymethods]
+impl IdealFrame {
+    /// Beat samples (channel, chirp, sample), complex64, or complex128 for tolerances below 1e-6.
+    #[getter]
+    fn cube<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.cube.bind(py).clone()
+    }
+
+    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (body, 4); none of images.
+    #[getter]
+    fn truth<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
+        self.truth.as_ref().map(|truth| truth.bind(py).clone())
+    }
+
+    /// Distance of the farthest echo [m].
+    #[getter]
+    fn farthest(&self) -> f64 {
+        self.counts.farthest
+    }
+
+    /// Errors of phases [rad] and of amplitudes, relative to l2(amplitudes), by the series over the frame.
+    #[getter]
+    fn series_errors(&self) -> (f64, f64) {
+        let nodes = self.counts.sum.nodes.as_ref();
+        let (phase, weight) = nodes.map_or((0.0, 0.0), |nodes| (nodes.phase, nodes.weight));
+        (phase.max(self.counts.motion_error), weight)
+    }
+
+    /// Numbers of rays, hits, tiles, paths and so on, by name.
+    fn counts(&self) -> Vec<(&'static str, usize)> {
+        let counts = &self.counts;
+        let nodes = counts.sum.nodes.as_ref();
+        let mut all = vec![
+            ("casts", counts.casts),
+            ("rays_cast", counts.rays_cast),
+            ("rays_hit", counts.rays_hit),
+            ("tiles_skipped", counts.tiles_skipped),
+            ("tiles_reused", counts.tiles_reused),
+        ];
+        all.extend(counts.cells_not_split.map(|number| ("cells_not_split", number)));
+        all.extend([
+            ("paths", counts.paths),
+            ("paths_skipped", counts.paths_skipped),
+            ("bounce_paths", counts.bounce_paths),
+            ("bounce_rays", counts.bounce_rays),
+            ("bounces_stopped", counts.bounces_stopped),
+            ("delay_nodes", nodes.map_or(1, |nodes| nodes.delays)),
+            ("amplitude_nodes", nodes.map_or(1, |nodes| nodes.amplitudes)),
+            ("still_paths", counts.sum.still_paths),
+            ("velocity_rows", counts.sum.rows),
+            ("velocity_rows_skipped", counts.sum.rows_skipped),
+        ]);
+        all
+    }
+
+    /// A line per group of paths.
+    #[getter]
+    fn plan(&self) -> &str {
+        if self.counts.sum.plan.is_empty() {
+            "no paths"
+        } else {
+            &self.counts.sum.plan
+        }
+    }
+}
+
+type PathArrays<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<Complex64>>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray1<u8>>,
+);
+
+/// Simulates frames, paths and images; keeps what did not move from one to the next.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Simulator {
+    model: Model,
+    memory: Mutex<Memory>,
+    threads: Option<usize>,
+}
+
+#[pymethods]
+impl Simulator {
+    /// `materials`: one per body with a surface; `center`: middle of the array in sensor axes (x, y, z) [m].
+    #[new]
+    #[pyo3(signature = (source, materials, *, antennas, waveform, center, settings, threads=None))]
+    fn new(
+        source: AnySource<'_>,
+        materials: Vec<PyRef<'_, Material>>,
+        antennas: PyRef<'_, Antennas>,
+        waveform: PyRef<'_, Waveform>,
+        center: [f64; 3],
+        settings: PyRef<'_, Settings>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        super::check_threads(threads)?;
+        let source = match source {
+            AnySource::Scene(scene) => Source::Scene(scene.0.clone()),
+            AnySource::Depth(image) => Source::Depth(image.0.clone()),
+        };
+        let model = Model::new(
+            source,
+            materials.iter().map(|material| material.0).collect(),
+            antennas.0.clone(),
+            waveform.0.clone(),
+            DVec3::from_array(center),
+            settings.0.clone(),
+        )?;
+        Ok(Self {
+            model,
+            memory: Mutex::default(),
+            threads,
+        })
+    }
+
+    /// The frame of a motion, placed at Chebyshev times of the frame; `rates` are its time derivatives at the middle. None where
+    /// the motion needs more times.
+    fn frame(
+        &self,
+        py: Python<'_>,
+        motion: PyRef<'_, Placement>,
+        rates: PyRef<'_, Placement>,
+    ) -> PyResult<Option<IdealFrame>> {
+        let (motion, rates) = (&motion.0, &rates.0);
+        let simulated = self.run(py, |memory, cancel| {
+            frame::simulate(&self.model, motion, rates, memory, cancel)
+        })?;
+        let Simulated::Frame(frame) = simulated else {
+            return Ok(None);
+        };
+        let waveform = &self.model.waveform;
+        let shape = [
+            self.model.array.num_channels(),
+            waveform.chirp_times.len(),
+            waveform.num_samples,
+        ];
+        let cube = match frame.cube {
+            Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+            Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+        };
+        let truth = frame.truth.map(|truth| PyResult::Ok(matrix(py, truth)?.unbind()));
+        Ok(Some(IdealFrame {
+            cube: cube.unbind(),
+            truth: truth.transpose()?,
+            counts: frame.counts,
+        }))
+    }
+
+    /// Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), and bodies and orders (path,), at a time at which
+    /// everything is `at` and changes by `rates_at`, of what rays see in the first part of a frame.
+    fn paths<'py>(
+        &self,
+        py: Python<'py>,
+        motion: PyRef<'_, Placement>,
+        rates: PyRef<'_, Placement>,
+        at: PyRef<'_, Placement>,
+        rates_at: PyRef<'_, Placement>,
+    ) -> PyResult<PathArrays<'py>> {
+        let (frame, at) = ((&motion.0, &rates.0), (&at.0, &rates_at.0));
+        let paths = self.run(py, |memory, cancel| frame::paths(&self.model, frame, at, memory, cancel))?;
+        let shape = [self.model.array.num_channels(), paths.body.len()];
+        Ok((
+            paths.delay.into_pyarray(py).reshape(shape)?,
+            paths.delay_rate.into_pyarray(py).reshape(shape)?,
+            paths.amplitude.into_pyarray(py).reshape(shape)?,
+            paths.body.into_pyarray(py),
+            paths.order.into_pyarray(py),
+        ))
+    }
+
+    /// Hits of the rays of an image with everything `at` one time.
+    fn image(&self, py: Python<'_>, at: PyRef<'_, Placement>) -> PyResult<Hits> {
+        let at = &at.0;
+        let image = self.run(py, |memory, _| frame::image(&self.model, at, memory))?;
+        Ok(Hits(image))
+    }
+
+    /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes, and the number of searches that
+    /// ended at a triangle in the way while there were boxes in front of it: 0 unless `ends_early`.
+    #[pyo3(signature = (at, points, *, ends_early=true))]
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        at: PyRef<'_, Placement>,
+        points: PyReadonlyArray2<'_, f64>,
+        ends_early: bool,
+    ) -> PyResult<(Bound<'py, PyArray1<bool>>, usize)> {
+        let at = &at.0;
+        let points = self::points(numbers("points", &points, [None, Some(3)])?);
+        let hidden = self.run(py, |memory, _| {
+            frame::occluded(&self.model, at, &points, ends_early, memory)
+        })?;
+        Ok((hidden.is_hidden.into_pyarray(py), hidden.ended_early))
+    }
+}
+
+/// Signals are looked for this often.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
+
+impl Simulator {
+    /// Run on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
+    fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
+        let pool = pool(super::num_threads(self.threads))?;
+        let cancel = Cancel::default();
+        // A second thread of the interpreter waits here for the first.
+        py.detach(|| {
+            let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+            let (sender, receiver) = channel();
+            let mut signal = None;
+            let mut result = None;
+            pool.in_place_scope(|scope| {
+                let (memory, cancel) = (&mut *memory, &cancel);
+                scope.spawn(move |_| {
+                    // Nobody is there to receive only if the scope has panicked.
+                    let _ = sender.send(work(memory, cancel));
+                });
+                loop {
+                    match receiver.recv_timeout(SIGNAL_INTERVAL) {
+                        Ok(done) => {
+                            result = Some(done);
+                            break;
+                        }
+                        Err(RecvTimeoutError::Disconnected) => break,
+                        Err(RecvTimeoutError::Timeout) => {
+                            if let Some(error) = Python::attach(|py| py.check_signals().err()) {
+                                cancel.ask();
+                                signal = Some(error);
+                            }
+                        }
+                    }
+                }
+            });
+            match (signal, result) {
+                (Some(error), _) => Err(error),
+                (None, Some(result)) => Ok(result?),
+                (None, None) => unreachable!("a panic of the work goes on from the scope"),
+            }
+        })
+    }
+}
