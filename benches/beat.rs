@@ -12,8 +12,8 @@ use num_complex::Complex64;
 use radarcore::beat::{self, Options};
 use radarcore::chirp::Waveform;
 use radarcore::delay::{Basis, PathSeries};
+use radarcore::numeric::simd::Level;
 use radarcore::plan::Method;
-use radarcore::simd::Level;
 
 const C: f64 = 299_792_458.0;
 

@@ -19,8 +19,8 @@ mod linux {
     use std::hint::black_box;
 
     use radarcore::beat;
+    use radarcore::numeric::simd::Level;
     use radarcore::shown::Shown;
-    use radarcore::simd::Level;
     use radarcore::trace::Snapshot;
 
     pub fn check() {

@@ -12,8 +12,8 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
 use radarcore::bvh::Ray;
 use radarcore::motion::Pose;
+use radarcore::numeric::simd::Level;
 use radarcore::rays::ImagePlane;
-use radarcore::simd::Level;
 use radarcore::surface::{ShadingMode, Surface};
 use radarcore::trace::{Cast, Snapshot, Walks};
 

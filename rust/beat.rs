@@ -9,9 +9,9 @@ use crate::chirp::Waveform;
 use crate::delay::{Basis, PathSeries};
 use crate::direct;
 use crate::error::{Error, Result, fits_memory};
+use crate::numeric::simd::{Level, Real};
 use crate::plan::{self, Method, Plan, Request};
 use crate::residual::Sample;
-use crate::simd::{Level, Real};
 use crate::survey::{self, Interval, Survey};
 
 /// How a sum is to be formed.
@@ -415,7 +415,7 @@ fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
 mod tests {
     use super::*;
     use crate::delay::Basis;
-    use crate::hash::mix;
+    use crate::numeric::random::mix;
 
     const C: f64 = 299_792_458.0;
 

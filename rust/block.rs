@@ -9,9 +9,10 @@ use std::ops::Range;
 use num_complex::Complex64;
 
 use crate::chirp::Waveform;
-use crate::delay::{Basis, PathSeries, basis_values, chebyshev_matrix};
-use crate::simd::Isa;
-use crate::wide::{self, Wide};
+use crate::delay::{Basis, PathSeries, basis_values};
+use crate::numeric::chebyshev::chebyshev_matrix;
+use crate::numeric::simd::Isa;
+use crate::numeric::wide::{self, Wide};
 
 /// Paths that go through all steps together: their numbers stay in L1.
 pub const CHUNK: usize = 128;
@@ -471,7 +472,7 @@ fn copy_parts(row: &[Complex64], re: &mut [Lane], im: &mut [Lane], j: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Kernel, Level};
+    use crate::numeric::simd::{Kernel, Level};
 
     struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Selection<'a>);
 

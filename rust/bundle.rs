@@ -8,8 +8,8 @@ use glam::DVec3;
 use crate::bvh::{Node, Tree};
 use crate::leaf::{Leaf, Table, UNIT};
 use crate::motion::Pose;
+use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::{ImagePlane, TILE, Tile};
-use crate::simd::{Isa, Vector, prefetch};
 use crate::walk::{Slabs, Visit, walk};
 
 /// Rays whose tests are one vector.

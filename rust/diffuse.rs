@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::adaptive::Rule;
 use crate::bvh::Tree;
-use crate::hash::mix;
+use crate::numeric::random::mix;
 use crate::rays::morton;
 use crate::surface::{Surface, area};
 use crate::trace::{Cast, Counts, Found, Known, Snapshot, whole_bundles};

@@ -22,8 +22,8 @@ use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::expansion::Expansion;
 use crate::kernel::{KaiserBessel, OVERSAMPLING};
-use crate::parallel;
-use crate::simd::{Isa, Kernel, Level, Precision, Real};
+use crate::numeric::parallel;
+use crate::numeric::simd::{Isa, Kernel, Level, Precision, Real};
 
 /// Cells of a row that no output needs, in whole vectors of either precision.
 const PAD: usize = 16;

@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-use crate::simd::Real;
+use crate::numeric::simd::Real;
 
 /// Cells per output along each axis.
 pub const OVERSAMPLING: usize = 2;

@@ -17,8 +17,8 @@ use std::ops::Range;
 use crate::block::{Block, CHUNK, Chunk, Lane, Selection};
 use crate::chirp::Waveform;
 use crate::delay::PathSeries;
-use crate::simd::{Isa, Precision, Vector};
-use crate::wide::{self, ROUND, add, mul, mul_add, neg_mul_add};
+use crate::numeric::simd::{Isa, Precision, Vector};
+use crate::numeric::wide::{self, ROUND, add, mul, mul_add, neg_mul_add};
 
 pub use recurrence::add_recurrence;
 pub use spread::{LaneGrid, WIDTHS};
@@ -352,7 +352,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::delay::Basis;
     use crate::direct;
-    use crate::simd::Level;
+    use crate::numeric::simd::Level;
 
     const C: f64 = 299_792_458.0;
 

@@ -20,7 +20,7 @@
 use glam::DVec3;
 
 use crate::bvh::WIDTH;
-use crate::simd::{Isa, Vector};
+use crate::numeric::simd::{Isa, Vector};
 
 /// Half the distance of 1 from the next number of single precision.
 pub const UNIT: f32 = 0.5 * f32::EPSILON;

@@ -19,9 +19,9 @@ use num_complex::Complex64;
 use crate::block::Block;
 use crate::chirp::Waveform;
 use crate::expansion::offset;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
+use crate::numeric::wide;
 use crate::residual::{Frame, Instant, Path, turns};
-use crate::simd::{Isa, Kernel, Level, Vector};
-use crate::wide;
 
 /// Most modes of a block.
 pub const MAX_MODES: usize = 48;
@@ -619,7 +619,7 @@ impl Search<'_> {
 mod tests {
     use super::*;
     use crate::delay::{Basis, PathSeries};
-    use crate::hash::mix;
+    use crate::numeric::random::mix;
 
     fn waveform() -> Waveform {
         Waveform {

@@ -232,7 +232,7 @@ fn check_angles(name: &str, angles: &[f64], limit: f64) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hash::mix;
+    use crate::numeric::random::mix;
 
     fn random(state: &mut u64) -> f64 {
         *state = mix(*state);

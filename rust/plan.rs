@@ -16,8 +16,8 @@ use crate::chirp::Waveform;
 use crate::delay::PathSeries;
 use crate::expansion::Expansion;
 use crate::lanes;
+use crate::numeric::simd::Level;
 use crate::residual::{Path, Sample};
-use crate::simd::Level;
 use crate::survey::{Group, Interval, Survey};
 
 /// What is done with a class of paths.

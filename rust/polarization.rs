@@ -90,7 +90,7 @@ mod tests {
     fn transmitter_and_receiver_may_change_places_and_no_more_than_all_is_seen() {
         let mut state = 1_u64;
         let mut number = || {
-            state = crate::hash::mix(state);
+            state = crate::numeric::random::mix(state);
             (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
         };
         for _ in 0..1000 {

@@ -28,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::mesh::{Obj, read_obj};
 use crate::motion::Pose;
+use crate::numeric::simd::Level;
 use crate::pattern;
 use crate::plan::{Method, Step};
 use crate::polarization::Seen;
@@ -35,7 +36,6 @@ use crate::rays::ImagePlane;
 use crate::samples;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
 use crate::shown::Shown;
-use crate::simd::Level;
 use crate::surface::{self, ShadingMode};
 use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
 

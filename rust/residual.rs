@@ -14,7 +14,7 @@
 
 use crate::block::Block;
 use crate::delay::{Basis, PathSeries};
-use crate::simd::Vector;
+use crate::numeric::simd::Vector;
 
 /// Constants of a block of chirps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,7 +213,7 @@ pub fn turns<V: Vector>(delta: V, offset: V, rate: V, x: V, sweep: V, bend: V) -
 mod tests {
     use super::*;
     use crate::chirp::Waveform;
-    use crate::simd::{Isa, Kernel, Level};
+    use crate::numeric::simd::{Isa, Kernel, Level};
     use num_complex::Complex64;
 
     struct Turns([f64; 6]);

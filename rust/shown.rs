@@ -4,9 +4,9 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::bundle::{Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::{TILE, Tile};
 use crate::shading::MAX_CORRECTED_COSINE;
-use crate::simd::{Isa, Kernel, Level, Vector};
 use crate::trace::{Hits, NO_BODY, Snapshot};
 
 /// What all pixels show, row by row.

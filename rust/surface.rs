@@ -9,13 +9,13 @@ use rayon::prelude::*;
 use crate::bundle::{Best, Bundle, Exact, Search};
 use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
-use crate::hash::mix;
 use crate::leaf::{Leaf, Table};
 use crate::near;
+use crate::numeric::random::mix;
+use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::parts::Parts;
 use crate::quality::Quality;
 use crate::shading::{Groups, Shading};
-use crate::simd::{Isa, Kernel, Level, prefetch};
 use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
 

@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use crate::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
 use crate::delay::PathSeries;
-use crate::hash::mix;
-use crate::parallel;
+use crate::numeric::parallel;
+use crate::numeric::random::mix;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
+use crate::numeric::wide;
 use crate::residual::Sample;
-use crate::simd::{Isa, Kernel, Level, Vector};
-use crate::wide;
 
 /// A closed range of numbers; empty if `low > high`.
 #[derive(Clone, Copy, Debug, PartialEq)]

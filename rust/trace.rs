@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::bundle::View;
 use crate::bvh::{Bounds, Node, Ray, Tree};
 use crate::motion::Pose;
-use crate::simd::{Isa, Kernel, Level};
+use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::surface::{Nearest, Surface, above};
 use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
@@ -342,7 +342,7 @@ mod tests {
     }
 
     fn random(state: &mut u64) -> f64 {
-        *state = crate::hash::mix(*state);
+        *state = crate::numeric::random::mix(*state);
         (*state >> 11) as f64 / (1_u64 << 53) as f64
     }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::bvh::{Child, Kind, Node, Tree, WIDTH};
 use crate::leaf::{Leaf, UNIT};
-use crate::simd::{Isa, Vector, prefetch};
+use crate::numeric::simd::{Isa, Vector, prefetch};
 
 /// What is done at leaves.
 pub trait Visit {

@@ -8,9 +8,9 @@ use crate::direct;
 use crate::expansion::Expansion;
 use crate::grid::{self, Widths};
 use crate::lanes::{self, LaneGrid};
-use crate::parallel;
+use crate::numeric::parallel;
+use crate::numeric::simd::Real;
 use crate::plan::{Part, Plan, Step};
-use crate::simd::Real;
 
 /// What a run was like.
 #[derive(Default)]

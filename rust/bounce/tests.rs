@@ -246,7 +246,7 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
 fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
     let mut state = 3_u64;
     let mut number = || {
-        state = crate::hash::mix(state);
+        state = crate::numeric::random::mix(state);
         (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     };
     let mut unit = || DVec3::new(number(), number(), number()).normalize();

@@ -2,9 +2,9 @@
 
 use super::{Job, Layout, PAD, Widths, origin};
 use crate::block::{CHUNK, Class, Rows, coefficient};
+use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
+use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 use crate::residual::{Instant, turns};
-use crate::simd::{Isa, Kernel, Vector, interleave};
-use crate::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 
 /// Numbers from which places, phases and strengths follow, the same for all paths of a job.
 pub struct Map<T> {

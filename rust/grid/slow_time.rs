@@ -5,10 +5,10 @@ use num_complex::Complex;
 use super::{Channel, Job, Layout, Widths};
 use crate::expansion::offset;
 use crate::kernel::KaiserBessel;
-use crate::parallel;
+use crate::numeric::parallel;
+use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
+use crate::numeric::wide::{self, Wide, add, mul, mul_add};
 use crate::residual::{Path, turns};
-use crate::simd::{Isa, Kernel, Vector, interleave};
-use crate::wide::{self, Wide, add, mul, mul_add};
 
 /// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
 pub fn add_chirps<T: Widths>(

@@ -6,8 +6,8 @@ use super::place::{Map, Points, Tracks};
 use super::{Job, Layout, Widths};
 use crate::block::{CHUNK, Rows};
 use crate::kernel::{KaiserBessel, degree, tap_table};
-use crate::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
-use crate::wide;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
+use crate::numeric::wide;
 
 /// How far the residuals of paths are from their interpolation.
 #[derive(Clone, Copy, Debug, Default)]

@@ -17,8 +17,8 @@ use num_complex::Complex;
 
 use super::{Amplitudes, Group, Job, MAX_LANES, Phases, TERMS, Wide, complex_mul, cos_sin, splat};
 use crate::block::{CHUNK, Chunk};
-use crate::simd::{Isa, Kernel, Level, Precision, Vector};
-use crate::wide::{mul, mul_add};
+use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
+use crate::numeric::wide::{mul, mul_add};
 
 /// Adds `scale conj(a) exp(2 pi j phi)` of every path to samples `(chirp, sample)`, row-major, of the chirps of a job.
 ///

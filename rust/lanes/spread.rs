@@ -16,8 +16,8 @@ use crate::block::{CHUNK, Chunk, Lane};
 use crate::chirp::Waveform;
 use crate::grid::good_size;
 use crate::kernel::{KaiserBessel, monomials};
-use crate::simd::{Isa, Kernel, Level, Precision, Vector};
-use crate::wide::{add, mul, mul_add, round, sub};
+use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
+use crate::numeric::wide::{add, mul, mul_add, round, sub};
 
 /// Widths of the kernel, in cells. What is left out within a chirp makes wider ones of little use.
 pub const WIDTHS: [usize; 3] = [4, 5, 6];

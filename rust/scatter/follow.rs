@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::{Paths, Places, SPEED_OF_LIGHT, Scatterers, Selection};
 use crate::antenna::Array;
 use crate::error::Result;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
+use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
 use crate::pattern::Pattern;
-use crate::simd::{Isa, Kernel, Level, Vector};
-use crate::trig::{angle, exp_of_negative, sinc_turns};
 
 /// Numbers of a vector.
 const LANES: usize = 8;

@@ -7,7 +7,7 @@ use super::image::{Cast, Counts, Scratch, Touch};
 use super::{NO_BODY, Snapshot};
 use crate::bundle::{MOST_RAYS, PACKET};
 use crate::bvh::Tree;
-use crate::simd::{Isa, Kernel};
+use crate::numeric::simd::{Isa, Kernel};
 
 /// Bundles that one thread casts in a row.
 const BLOCK: usize = 16;
@@ -196,9 +196,9 @@ fn take_over<F: Fn(usize) -> Option<Found>>(found: &mut [Found], known: &Known<F
 mod tests {
     use super::super::tests::furnished;
     use super::*;
+    use crate::numeric::simd::Level;
     use crate::rays::ImagePlane;
     use crate::shown::Shown;
-    use crate::simd::Level;
 
     /// Rays that need not be of any other time.
     type Unknown = fn(usize) -> Option<Found>;

@@ -10,9 +10,9 @@ use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::bvh::{Bounds, Node, Tree};
 use crate::error::{Result, fits_memory};
 use crate::leaf::Table;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::{ImagePlane, TILE, Tile};
 use crate::shown::Shade;
-use crate::simd::{Isa, Kernel, Level, Vector};
 use crate::walk::Visit;
 
 /// Hits of all pixels of an image, row by row.

@@ -11,8 +11,8 @@ use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
 use radarcore::bvh::Ray;
 use radarcore::motion::Pose;
+use radarcore::numeric::simd::Level;
 use radarcore::rays::ImagePlane;
-use radarcore::simd::Level;
 use radarcore::trace::{Cast, Snapshot, Walks};
 use rayon::prelude::*;
 

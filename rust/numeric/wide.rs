@@ -1,6 +1,6 @@
 //! Arithmetic on a few vectors of f64 side by side: one for 8 numbers, two for as many as an f32 vector has.
 
-use crate::simd::{Isa, Precision, Vector};
+use crate::numeric::simd::{Isa, Precision, Vector};
 
 /// `P` vectors.
 pub type Wide<I, const P: usize> = [<I as Isa>::F64; P];
@@ -212,7 +212,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use crate::simd::{Kernel, Level};
+    use crate::numeric::simd::{Kernel, Level};
 
     struct CosSin<T, const P: usize>(f64, std::marker::PhantomData<T>);
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI, TAU};
 
-use crate::simd::{Real, Vector};
+use crate::numeric::simd::{Real, Vector};
 
 /// Adding and subtracting this rounds to the nearest integer; unlike `round`, it vectorises everywhere.
 pub const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
@@ -198,7 +198,7 @@ pub fn turns(frequency: f64, delay: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Isa, Kernel, Level};
+    use crate::numeric::simd::{Isa, Kernel, Level};
 
     #[test]
     fn cosine_and_sine_agree_with_the_library_to_rounding() {
