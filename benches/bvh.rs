@@ -7,7 +7,8 @@ mod common;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
-use radarcore::bvh::{Bounds, Tree, WIDTH};
+use radarcore::bvh::{Tree, WIDTH};
+use radarcore::geometry::aabb::Bounds;
 use radarcore::surface::{ShadingMode, Surface};
 
 fn build(criterion: &mut Criterion) {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
 use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
+use radarcore::geometry::pose::Pose;
 use radarcore::numeric::simd::Level;
 use radarcore::rays::ImagePlane;
 use radarcore::surface::{ShadingMode, Surface};

@@ -12,8 +12,9 @@ use rayon::prelude::*;
 
 use crate::antenna::Array;
 use crate::bundle::MOST_RAYS;
-use crate::bvh::{Bounds, Tree};
+use crate::bvh::Tree;
 use crate::error::{Error, Result, fits_memory};
+use crate::geometry::aabb::Bounds;
 use crate::material::Material;
 use crate::polarization::Seen;
 use crate::rays::{Cell, ImagePlane, morton};
@@ -1120,8 +1121,8 @@ mod tests {
     use num_complex::Complex64;
 
     use super::*;
+    use crate::geometry::pose::Pose;
     use crate::material::Response;
-    use crate::motion::Pose;
     use crate::pattern::Pattern;
     use crate::surface::{ShadingMode, Surface};
 

@@ -6,8 +6,8 @@
 use glam::DVec3;
 
 use crate::bvh::{Node, Tree};
+use crate::geometry::pose::Pose;
 use crate::leaf::{Leaf, Table, UNIT};
-use crate::motion::Pose;
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::{ImagePlane, TILE, Tile};
 use crate::walk::{Slabs, Visit, walk};

@@ -11,86 +11,16 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ploc::{PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
-/// Axis-aligned box in f64.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Smallest coordinates.
-    pub min: DVec3,
-    /// Largest coordinates.
-    pub max: DVec3,
-}
+use crate::geometry::aabb::Bounds;
 
-impl Bounds {
-    /// The box that holds nothing.
-    pub const EMPTY: Self = Self {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
-
-    /// The smallest box round some points.
-    pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
-        let mut bounds = Self::EMPTY;
-        for point in points {
-            bounds.min = bounds.min.min(point);
-            bounds.max = bounds.max.max(point);
-        }
-        bounds
-    }
-
-    /// The smallest box round a triangle.
-    #[inline]
-    pub fn of_triangle([a, b, c]: &[DVec3; 3]) -> Self {
-        Self {
-            min: a.min(*b).min(*c),
-            max: a.max(*b).max(*c),
-        }
-    }
-
-    /// The smallest box round both.
-    pub fn union(&self, other: &Self) -> Self {
-        Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-        }
-    }
-
-    /// The same box elsewhere.
-    pub fn moved(&self, by: DVec3) -> Self {
-        Self {
-            min: self.min + by,
-            max: self.max + by,
-        }
-    }
-
-    /// Halfway between; the origin for the box that holds nothing.
-    pub fn middle(&self) -> DVec3 {
-        let middle = 0.5 * (self.min + self.max);
-        if middle.is_finite() { middle } else { DVec3::ZERO }
-    }
-
-    /// The eight corners.
-    pub fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|i| {
-            let pick = |axis: usize| {
-                if i >> axis & 1 == 0 {
-                    self.min[axis]
-                } else {
-                    self.max[axis]
-                }
-            };
-            DVec3::new(pick(0), pick(1), pick(2))
-        })
-    }
-
-    /// The same box in f32, rounded outwards.
-    fn outward(&self) -> Aabb {
-        // More than half a step of the nearest number, whatever its size.
-        let step = |x: Vec3A| x.abs() * f32::EPSILON + Vec3A::splat(f32::MIN_POSITIVE);
-        let (min, max) = (self.min.as_vec3a(), self.max.as_vec3a());
-        Aabb {
-            min: min - step(min),
-            max: max + step(max),
-        }
+/// Box in f32, rounded outwards.
+fn outward(bounds: &Bounds) -> Aabb {
+    // More than half a step of the nearest number, whatever its size.
+    let step = |x: Vec3A| x.abs() * f32::EPSILON + Vec3A::splat(f32::MIN_POSITIVE);
+    let (min, max) = (bounds.min.as_vec3a(), bounds.max.as_vec3a());
+    Aabb {
+        min: min - step(min),
+        max: max + step(max),
     }
 }
 
@@ -220,12 +150,12 @@ impl Tree {
                 let mut root = Node::EMPTY;
                 if number <= most {
                     let all = (0..number).fold(Bounds::EMPTY, |all, i| all.union(&bounds(i)));
-                    root.set_box(0, &all.outward());
+                    root.set_box(0, &outward(&all));
                     root.child[0] = Child::leaf(0, number);
                     leaves.push(std::array::from_fn(|i| i.min(number - 1) as u32));
                 } else {
                     for i in 0..number {
-                        root.set_box(i, &bounds(i).outward());
+                        root.set_box(i, &outward(&bounds(i)));
                         root.child[i] = Child::leaf(i, 1);
                         leaves.push([i as u32; WIDTH]);
                     }
@@ -233,7 +163,7 @@ impl Tree {
                 vec![root]
             }
             _ => {
-                let boxes: Vec<Aabb> = (0..number).into_par_iter().map(|i| bounds(i).outward()).collect();
+                let boxes: Vec<Aabb> = (0..number).into_par_iter().map(|i| outward(&bounds(i))).collect();
                 let binary = build_bvh2(&boxes, BUILD, &mut std::time::Duration::default());
                 drop(boxes);
                 let nodes;
@@ -256,7 +186,7 @@ impl Tree {
                 if node.child[place].0 != u32::MAX
                     && let Kind::Leaf(leaf, _) = node.child[place].kind()
                 {
-                    node.set_box(place, &bounds(leaf).outward());
+                    node.set_box(place, &outward(&bounds(leaf)));
                 }
             }
         });

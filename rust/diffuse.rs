@@ -11,9 +11,10 @@ use rayon::prelude::*;
 
 use crate::adaptive::Rule;
 use crate::bvh::Tree;
+use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
 use crate::rays::morton;
-use crate::surface::{Surface, area};
+use crate::surface::Surface;
 use crate::trace::{Cast, Counts, Found, Known, Snapshot, whole_bundles};
 
 /// Least and largest number of points of a body.

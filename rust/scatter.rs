@@ -16,15 +16,15 @@ use crate::adaptive::Leaf;
 use crate::antenna::{Array, Sight};
 use crate::diffuse::Speckle;
 use crate::error::{Error, Result, fits_memory};
-use crate::facet::Facet;
+use crate::geometry::moving_triangle::Facet;
+use crate::geometry::pose::Pose;
+use crate::geometry::triangle::area;
 use crate::material::{Material, Response};
-use crate::motion::Pose;
 use crate::numeric::random::mix;
 use crate::polarization::Seen;
 use crate::rays::{Cell, ImagePlane};
 use crate::samples::Samples;
 use crate::shown::Shown;
-use crate::surface::area;
 use crate::trace::{Found, Hits, NO_BODY, Snapshot};
 
 mod follow;

@@ -4,9 +4,9 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::bundle::{Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::{TILE, Tile};
-use crate::shading::MAX_CORRECTED_COSINE;
 use crate::trace::{Hits, NO_BODY, Snapshot};
 
 /// What all pixels show, row by row.
@@ -151,7 +151,7 @@ impl Shade {
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// As [`crate::shading::shade`] does, for all rays that meet one triangle; distances and normals where `ALL` are wanted.
+    /// As [`crate::geometry::curved_triangle::shade`] does, for all rays that meet one triangle; distances and normals where `ALL` are wanted.
     #[inline(always)]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
@@ -343,9 +343,9 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
-    use crate::motion::Pose;
+    use crate::geometry::curved_triangle::shade;
+    use crate::geometry::pose::Pose;
     use crate::rays::ImagePlane;
-    use crate::shading::shade;
     use crate::surface::{ShadingMode, Surface};
     use crate::trace::Cast;
 

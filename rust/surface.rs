@@ -7,20 +7,19 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bundle::{Best, Bundle, Exact, Search};
-use crate::bvh::{Bounds, Node, Primitives, Ray, Tree, WIDTH};
+use crate::bvh::{Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
+use crate::geometry::aabb::Bounds;
+use crate::geometry::components::Parts;
+use crate::geometry::quality::Quality;
+use crate::geometry::smooth_normals::{Groups, Shading};
+use crate::geometry::triangle::{MIN_AREA, area};
 use crate::leaf::{Leaf, Table};
 use crate::near;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
-use crate::parts::Parts;
-use crate::quality::Quality;
-use crate::shading::{Groups, Shading};
 use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
-
-/// Triangles below this area are dropped [m^2].
-pub const MIN_AREA: f64 = 1e-18;
 
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
@@ -575,11 +574,6 @@ impl Visit for NearestVisitor<'_> {
     fn leave_out(&mut self, near: f32) {
         self.ended_early |= near <= above(self.far);
     }
-}
-
-/// Area of a triangle [m^2].
-pub fn area(t: &[DVec3; 3]) -> f64 {
-    0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length()
 }
 
 #[cfg(test)]

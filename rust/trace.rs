@@ -6,8 +6,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bundle::View;
-use crate::bvh::{Bounds, Node, Ray, Tree};
-use crate::motion::Pose;
+use crate::bvh::{Node, Ray, Tree};
+use crate::geometry::aabb::Bounds;
+use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::surface::{Nearest, Surface, above};
 use crate::walk::{Single, Visit};

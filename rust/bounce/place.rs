@@ -4,7 +4,8 @@
 use glam::{DMat3, DVec3};
 
 use super::leaving;
-use crate::shading::{bend, shade};
+use crate::geometry::curved_triangle::bend;
+use crate::geometry::curved_triangle::shade;
 use crate::trace::Snapshot;
 
 /// Rays at a smaller cosine to a facet do not meet it.

@@ -8,7 +8,7 @@ use super::place::Place;
 use super::way::Way;
 use crate::antenna::Array;
 use crate::error::Result;
-use crate::facet::Facet;
+use crate::geometry::moving_triangle::Facet;
 use crate::pattern::Pattern;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 use crate::trace::Snapshot;

@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use super::field::{Field, Incidence};
 use super::*;
+use crate::geometry::pose::Pose;
 use crate::material::{CONDUCTOR, Response};
-use crate::motion::Pose;
 use crate::pattern::Pattern;
 use crate::rays::ImagePlane;
 use crate::surface::{ShadingMode, Surface};

@@ -13,8 +13,8 @@ use super::{
 use crate::antenna::Array;
 use crate::bounce::{self, Aspect, Launch, Limits};
 use crate::error::Error;
+use crate::geometry::pose::Pose;
 use crate::material;
-use crate::motion::Pose;
 use crate::scatter::{Places, Selection};
 
 /// Routes over two and more surfaces; delays and amplitudes follow from where their bodies are.

@@ -450,8 +450,8 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::geometry::pose::Pose;
     use crate::material::{Material, Response};
-    use crate::motion::Pose;
     use crate::pattern::Table;
     use crate::rays::ImagePlane;
     use crate::samples::Samples;

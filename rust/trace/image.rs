@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::beam::Beam;
 use super::{NEAREST, NO_BODY, Snapshot, bounds};
 use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::bvh::{Bounds, Node, Tree};
+use crate::bvh::{Node, Tree};
 use crate::error::{Result, fits_memory};
+use crate::geometry::aabb::Bounds;
 use crate::leaf::Table;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::{ImagePlane, TILE, Tile};
@@ -541,7 +542,7 @@ mod tests {
     use super::super::tests::{furnished, square};
     use super::*;
     use crate::antenna::Array;
-    use crate::motion::Pose;
+    use crate::geometry::pose::Pose;
     use crate::pattern::{Pattern, Table};
     use crate::surface::{ShadingMode, Surface};
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
+use radarcore::geometry::pose::Pose;
 use radarcore::surface::Surface;
 use radarcore::trace::{Hit, NO_BODY};
 use rayon::prelude::*;

@@ -10,7 +10,7 @@ use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
 use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
+use radarcore::geometry::pose::Pose;
 use radarcore::numeric::simd::Level;
 use radarcore::rays::ImagePlane;
 use radarcore::trace::{Cast, Snapshot, Walks};

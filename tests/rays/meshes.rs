@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
-use radarcore::motion::Pose;
+use radarcore::geometry::pose::Pose;
 use radarcore::surface::{ShadingMode, Surface};
 
 /// Vertices and triangles.

@@ -8,8 +8,13 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use crate::echo;
-use crate::shading::{Shading, distinct_positions, for_edges, join, next_corner, root};
+use crate::geometry::echo;
+use crate::geometry::smooth_normals::Shading;
+use crate::geometry::topology::distinct_positions;
+use crate::geometry::topology::for_edges;
+use crate::geometry::topology::join;
+use crate::geometry::topology::next_corner;
+use crate::geometry::topology::root;
 
 /// Triangles that are so much longer than high are thin.
 const THIN: f64 = 100.0;
@@ -195,7 +200,7 @@ fn is_thin([a, b, c]: [DVec3; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shading::tests::icosphere;
+    use crate::geometry::smooth_normals::tests::icosphere;
 
     const WAVELENGTH: f64 = 4.996_540_966_667e-3;
     const CREASE: f64 = std::f64::consts::FRAC_PI_4;

@@ -2,8 +2,10 @@
 
 use glam::DVec3;
 
-use crate::bvh::Bounds;
-use crate::shading::{distinct_positions, join, root};
+use crate::geometry::aabb::Bounds;
+use crate::geometry::topology::distinct_positions;
+use crate::geometry::topology::join;
+use crate::geometry::topology::root;
 
 /// Parts that are told apart; of more only the largest are.
 const MOST: usize = 10_000;
