@@ -10,16 +10,17 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
+use crate::antennas::polarization::Seen;
 use crate::bundle::MOST_RAYS;
 use crate::bvh::Tree;
 use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::material::Material;
-use crate::polarization::Seen;
 use crate::rays::{Cell, ImagePlane, morton};
 use crate::scatter::SPEED_OF_LIGHT;
-use crate::trace::{Beam, Cast, Counts, Found, Known, Snapshot};
+use crate::trace::{Cast, Counts, Found, Known, Snapshot};
 
 /// How often a cell of the base grid can be halved.
 pub const MAX_LEVEL: usize = 6;
@@ -1121,9 +1122,9 @@ mod tests {
     use num_complex::Complex64;
 
     use super::*;
+    use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
     use crate::material::Response;
-    use crate::pattern::Pattern;
     use crate::surface::{ShadingMode, Surface};
 
     fn plate(half: [f64; 2]) -> Arc<Surface> {

@@ -11,10 +11,10 @@ use glam::{DVec2, DVec3, Vec3Swizzles};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
 use crate::bvh::Ray;
 use crate::material::Material;
-use crate::pattern::Pattern;
 use crate::scatter::{SPEED_OF_LIGHT, Sampling, taper};
 use crate::trace::{Hits, NO_BODY, Snapshot};
 

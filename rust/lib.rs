@@ -30,7 +30,7 @@
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
 pub mod adaptive;
-pub mod antenna;
+pub mod antennas;
 pub mod beat;
 pub mod block;
 pub mod bounce;
@@ -51,9 +51,7 @@ pub mod material;
 pub mod modes;
 pub mod near;
 pub mod numeric;
-pub mod pattern;
 pub mod plan;
-pub mod polarization;
 #[cfg(feature = "python")]
 mod python;
 pub mod rays;

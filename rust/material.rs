@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::polarization::Seen;
+use crate::antennas::polarization::Seen;
 
 /// Cosines of incidence from here down are taken for this one: coefficients have their limits there.
 const GRAZING: f64 = 1e-12;

@@ -19,7 +19,11 @@ use pyo3::prelude::*;
 use rayon::ThreadPool;
 
 use crate::adaptive::{Leaf, Rule};
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
+use crate::antennas::gain_table::Table;
+use crate::antennas::pattern;
+use crate::antennas::polarization::Seen;
 use crate::beat;
 use crate::bounce::Limits;
 use crate::chirp;
@@ -29,15 +33,13 @@ use crate::geometry::obj::{Obj, read_obj};
 use crate::geometry::pose::Pose;
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::numeric::simd::Level;
-use crate::pattern;
 use crate::plan::{Method, Step};
-use crate::polarization::Seen;
 use crate::rays::ImagePlane;
 use crate::samples;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
 use crate::shown::Shown;
 use crate::surface::{self, ShadingMode};
-use crate::trace::{self, Beam, Cast, NO_BODY, Snapshot};
+use crate::trace::{self, Cast, NO_BODY, Snapshot};
 
 mod bounces;
 
@@ -665,7 +667,7 @@ impl Pattern {
         let azimuth = numbers("azimuth", &azimuth, [None])?;
         let elevation = numbers("elevation", &elevation, [None])?;
         let gain_db = numbers("gain_db", &gain_db, [Some(azimuth.len()), Some(elevation.len())])?;
-        let table = pattern::Table::new(azimuth, elevation, gain_db)?;
+        let table = Table::new(azimuth, elevation, gain_db)?;
         Ok(Self(pattern::Pattern::Table(Arc::new(table))))
     }
 

@@ -1,7 +1,7 @@
 //! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
 
 use crate::adaptive::{Leaf, Quadtree, Rule};
-use crate::antenna::Array;
+use crate::antennas::array::Array;
 use crate::diffuse::Speckle;
 use crate::error::Result;
 use crate::material::Material;

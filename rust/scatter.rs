@@ -13,7 +13,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::adaptive::Leaf;
-use crate::antenna::{Array, Sight};
+use crate::antennas::array::{Array, Sight};
+use crate::antennas::polarization::Seen;
 use crate::diffuse::Speckle;
 use crate::error::{Error, Result, fits_memory};
 use crate::geometry::moving_triangle::Facet;
@@ -21,7 +22,6 @@ use crate::geometry::pose::Pose;
 use crate::geometry::triangle::area;
 use crate::material::{Material, Response};
 use crate::numeric::random::mix;
-use crate::polarization::Seen;
 use crate::rays::{Cell, ImagePlane};
 use crate::samples::Samples;
 use crate::shown::Shown;

@@ -15,11 +15,9 @@ use crate::walk::{Single, Visit};
 use crate::woop::{Crossing, Woop};
 
 mod batch;
-mod beam;
 mod image;
 
 pub use batch::{Found, Known, whole_bundles};
-pub use beam::Beam;
 pub use image::{Cast, Counts, Hits, Walks};
 
 /// Body number of a ray that hit nothing.
@@ -161,7 +159,7 @@ impl Snapshot {
     }
 
     /// Distance of the nearest triangle that is not all behind the sensor [m].
-    fn nearest_in_front(&self) -> f64 {
+    pub fn nearest_in_front(&self) -> f64 {
         self.bodies.iter().fold(f64::INFINITY, |nearest, &body| {
             let pose = &self.poses[body as usize];
             let (origin, forward) = (pose.point_to_body(DVec3::ZERO), pose.direction_to_body(DVec3::X));

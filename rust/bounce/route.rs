@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::place::Place;
 use super::way::Way;
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
 use crate::error::Result;
 use crate::geometry::moving_triangle::Facet;
-use crate::pattern::Pattern;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 use crate::trace::Snapshot;
 

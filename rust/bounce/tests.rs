@@ -2,9 +2,9 @@ use std::sync::Arc;
 
 use super::field::{Field, Incidence};
 use super::*;
+use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
 use crate::material::{CONDUCTOR, Response};
-use crate::pattern::Pattern;
 use crate::rays::ImagePlane;
 use crate::surface::{ShadingMode, Surface};
 
@@ -271,7 +271,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
             mirrored: [te, tm],
             ..conductor
         };
-        let seen = crate::polarization::Seen::by(e, n, k, k);
+        let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
         let gamma = te * seen.te - tm * seen.tm;
         let sent = field.send(&any, -k, Some(field::transverse(e, -k)));
         assert!((sent - gamma * any.cosine()).norm() < 1e-12, "{sent} {gamma}");

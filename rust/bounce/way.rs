@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::antenna::Array;
-use crate::pattern::Pattern;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
 
 /// From the antennas of one kind to those of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

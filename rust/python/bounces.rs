@@ -10,7 +10,7 @@ use super::{
     AMPLITUDES_AT, DelaysAndAmplitudes, Hits, Material, Nodes, Surface, compute, materials, numbers, points, poses,
     sampling, vertices,
 };
-use crate::antenna::Array;
+use crate::antennas::array::Array;
 use crate::bounce::{self, Aspect, Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;

@@ -5,11 +5,11 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::{Paths, Places, SPEED_OF_LIGHT, Scatterers, Selection};
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
 use crate::error::Result;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
-use crate::pattern::Pattern;
 
 /// Numbers of a vector.
 const LANES: usize = 8;
@@ -450,9 +450,9 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::antennas::gain_table::Table;
     use crate::geometry::pose::Pose;
     use crate::material::{Material, Response};
-    use crate::pattern::Table;
     use crate::rays::ImagePlane;
     use crate::samples::Samples;
     use crate::scatter::Sampling;

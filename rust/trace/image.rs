@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::beam::Beam;
 use super::{NEAREST, NO_BODY, Snapshot, bounds};
+use crate::antennas::beam::Beam;
 use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::bvh::{Node, Tree};
 use crate::error::{Result, fits_memory};
@@ -541,9 +541,10 @@ mod tests {
 
     use super::super::tests::{furnished, square};
     use super::*;
-    use crate::antenna::Array;
+    use crate::antennas::array::Array;
+    use crate::antennas::gain_table::Table;
+    use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
-    use crate::pattern::{Pattern, Table};
     use crate::surface::{ShadingMode, Surface};
 
     #[test]

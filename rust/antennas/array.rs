@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
+use crate::antennas::pattern::Pattern;
 use crate::error::{Error, Result};
-use crate::pattern::Pattern;
 
 /// Transmitters and receivers; channel = tx * `num_rx` + rx.
 #[derive(Clone, Debug)]

@@ -5,11 +5,11 @@
 
 use glam::DVec3;
 
-use super::Snapshot;
-use crate::antenna::Array;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
 use crate::bundle::Fan;
-use crate::pattern::Pattern;
 use crate::rays::ImagePlane;
+use crate::trace::Snapshot;
 
 /// Directions in which some pair of antennas has a gain of interest.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl Beam {
     }
 
     /// Whether all rays of a tile are out of the beam.
-    pub(super) fn misses(&self, fan: &Fan) -> bool {
+    pub fn misses(&self, fan: &Fan) -> bool {
         let [u, v] = fan.ranges();
         self.seen(u, v).is_some_and(|[u, v]| self.decay(u, v)[0] > self.depth)
     }
