@@ -20,8 +20,8 @@ mod linux {
 
     use radarcore::beat;
     use radarcore::numeric::simd::Level;
-    use radarcore::shown::Shown;
-    use radarcore::trace::Snapshot;
+    use radarcore::rays::scene::Snapshot;
+    use radarcore::rays::smooth_hits::Shown;
 
     pub fn check() {
         // What is never named is not linked: these lead to every kernel, at every level.

@@ -13,14 +13,16 @@ use rayon::prelude::*;
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::antennas::polarization::Seen;
-use crate::bundle::MOST_RAYS;
-use crate::bvh::Tree;
 use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::material::Material;
-use crate::rays::{Cell, ImagePlane, morton};
+use crate::rays::batch::{Found, Known};
+use crate::rays::camera::{Cell, ImagePlane, morton};
+use crate::rays::image::{Cast, Counts};
+use crate::rays::packet::MOST_RAYS;
+use crate::rays::scene::Snapshot;
+use crate::rays::tree::Tree;
 use crate::scatter::SPEED_OF_LIGHT;
-use crate::trace::{Cast, Counts, Found, Known, Snapshot};
 
 /// How often a cell of the base grid can be halved.
 pub const MAX_LEVEL: usize = 6;
@@ -1125,7 +1127,7 @@ mod tests {
     use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
     use crate::material::Response;
-    use crate::surface::{ShadingMode, Surface};
+    use crate::rays::surface::{ShadingMode, Surface};
 
     fn plate(half: [f64; 2]) -> Arc<Surface> {
         let corner = |y: f64, z: f64| DVec3::new(0.0, y * half[0], z * half[1]);

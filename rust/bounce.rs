@@ -13,10 +13,11 @@ use rayon::prelude::*;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
-use crate::bvh::Ray;
 use crate::material::Material;
+use crate::rays::image::Hits;
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::tree::Ray;
 use crate::scatter::{SPEED_OF_LIGHT, Sampling, taper};
-use crate::trace::{Hits, NO_BODY, Snapshot};
 
 mod far_field;
 mod field;

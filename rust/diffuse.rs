@@ -10,12 +10,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::adaptive::Rule;
-use crate::bvh::Tree;
 use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
-use crate::rays::morton;
-use crate::surface::Surface;
-use crate::trace::{Cast, Counts, Found, Known, Snapshot, whole_bundles};
+use crate::rays::batch::{Found, Known, whole_bundles};
+use crate::rays::camera::morton;
+use crate::rays::image::{Cast, Counts};
+use crate::rays::scene::Snapshot;
+use crate::rays::surface::Surface;
+use crate::rays::tree::Tree;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
@@ -197,7 +199,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use crate::surface::ShadingMode;
+    use crate::rays::surface::ShadingMode;
 
     /// Two squares in one plane, one of nine times the other's area.
     fn squares() -> Surface {

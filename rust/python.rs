@@ -34,12 +34,13 @@ use crate::geometry::pose::Pose;
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::numeric::simd::Level;
 use crate::plan::{Method, Step};
-use crate::rays::ImagePlane;
+use crate::rays::camera::ImagePlane;
+use crate::rays::image::{self, Cast};
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::smooth_hits::Shown;
+use crate::rays::surface::{self, ShadingMode};
 use crate::samples;
 use crate::scatter::{self, Places, Sampling, Selection, Surfels};
-use crate::shown::Shown;
-use crate::surface::{self, ShadingMode};
-use crate::trace::{self, Cast, NO_BODY, Snapshot};
 
 mod bounces;
 
@@ -858,7 +859,7 @@ type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 #[pyclass(frozen, module = "radarcore._core")]
 struct Hits {
     snapshot: Snapshot,
-    image: trace::Hits,
+    image: image::Hits,
     shown: OnceLock<Shown>,
 }
 
@@ -872,7 +873,7 @@ impl Hits {
     /// Rays that were cast, and tiles that were skipped and taken over.
     #[getter]
     fn counts(&self) -> (usize, usize, usize) {
-        let trace::Counts {
+        let image::Counts {
             rays,
             tiles_skipped,
             tiles_reused,
@@ -1041,7 +1042,7 @@ impl Samples {
     /// Rays that were cast, bundles of rays that were skipped and taken over, and cells that could have been split.
     #[getter]
     fn counts(&self) -> (usize, usize, usize, usize) {
-        let trace::Counts {
+        let image::Counts {
             rays,
             tiles_skipped,
             tiles_reused,

@@ -5,7 +5,8 @@ use crate::antennas::array::Array;
 use crate::diffuse::Speckle;
 use crate::error::Result;
 use crate::material::Material;
-use crate::trace::{Cast, Counts, Snapshot};
+use crate::rays::image::{Cast, Counts};
+use crate::rays::scene::Snapshot;
 
 /// Cells and points.
 pub struct Samples {

@@ -22,10 +22,12 @@ use crate::geometry::pose::Pose;
 use crate::geometry::triangle::area;
 use crate::material::{Material, Response};
 use crate::numeric::random::mix;
-use crate::rays::{Cell, ImagePlane};
+use crate::rays::batch::Found;
+use crate::rays::camera::{Cell, ImagePlane};
+use crate::rays::image::Hits;
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::smooth_hits::Shown;
 use crate::samples::Samples;
-use crate::shown::Shown;
-use crate::trace::{Found, Hits, NO_BODY, Snapshot};
 
 mod follow;
 

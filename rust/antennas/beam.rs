@@ -7,9 +7,9 @@ use glam::DVec3;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
-use crate::bundle::Fan;
-use crate::rays::ImagePlane;
-use crate::trace::Snapshot;
+use crate::rays::camera::ImagePlane;
+use crate::rays::packet::Fan;
+use crate::rays::scene::Snapshot;
 
 /// Directions in which some pair of antennas has a gain of interest.
 #[derive(Clone, Debug, PartialEq)]

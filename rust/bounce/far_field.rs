@@ -12,9 +12,9 @@ use super::{Limits, Sent, Shooter};
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 use crate::material::Material;
+use crate::rays::scene::Snapshot;
+use crate::rays::surface::Surface;
 use crate::scatter::{SPEED_OF_LIGHT, Sampling};
-use crate::surface::Surface;
-use crate::trace::Snapshot;
 
 /// Rays per wavelength across a body.
 const RAYS_PER_WAVELENGTH: f64 = 6.0;

@@ -4,9 +4,8 @@
 use glam::{DMat3, DVec3};
 
 use super::leaving;
-use crate::geometry::curved_triangle::bend;
-use crate::geometry::curved_triangle::shade;
-use crate::trace::Snapshot;
+use crate::geometry::curved_triangle::{bend, shade};
+use crate::rays::scene::Snapshot;
 
 /// Rays at a smaller cosine to a facet do not meet it.
 const MIN_COSINE: f64 = 1e-6;

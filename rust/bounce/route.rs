@@ -10,8 +10,8 @@ use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::error::Result;
 use crate::geometry::moving_triangle::Facet;
+use crate::rays::scene::Snapshot;
 use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
-use crate::trace::Snapshot;
 
 /// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
 /// number of reflections.

@@ -5,8 +5,8 @@ use super::*;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
 use crate::material::{CONDUCTOR, Response};
-use crate::rays::ImagePlane;
-use crate::surface::{ShadingMode, Surface};
+use crate::rays::camera::ImagePlane;
+use crate::rays::surface::{ShadingMode, Surface};
 
 const LIMITS: Limits = Limits {
     max_bounces: 2,

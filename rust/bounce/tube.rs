@@ -6,8 +6,8 @@ use num_complex::Complex64;
 use super::field::{Field, Incidence};
 use super::place::Place;
 use super::{Launch, leaving};
-use crate::bvh::Ray;
-use crate::trace::{NO_BODY, Snapshot};
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::tree::Ray;
 
 /// A ray tube where it meets a surface.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,7 @@
 use glam::DVec3;
 
 use crate::geometry::aabb::Bounds;
-use crate::geometry::topology::distinct_positions;
-use crate::geometry::topology::join;
-use crate::geometry::topology::root;
+use crate::geometry::topology::{distinct_positions, join, root};
 
 /// Parts that are told apart; of more only the largest are.
 const MOST: usize = 10_000;

@@ -10,11 +10,7 @@ use rayon::prelude::*;
 
 use crate::geometry::echo;
 use crate::geometry::smooth_normals::Shading;
-use crate::geometry::topology::distinct_positions;
-use crate::geometry::topology::for_edges;
-use crate::geometry::topology::join;
-use crate::geometry::topology::next_corner;
-use crate::geometry::topology::root;
+use crate::geometry::topology::{distinct_positions, for_edges, join, next_corner, root};
 
 /// Triangles that are so much longer than high are thin.
 const THIN: f64 = 100.0;

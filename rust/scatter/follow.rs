@@ -453,12 +453,13 @@ mod tests {
     use crate::antennas::gain_table::Table;
     use crate::geometry::pose::Pose;
     use crate::material::{Material, Response};
-    use crate::rays::ImagePlane;
+    use crate::rays::camera::ImagePlane;
+    use crate::rays::image::Cast;
+    use crate::rays::scene::Snapshot;
+    use crate::rays::smooth_hits::Shown;
+    use crate::rays::surface::{ShadingMode, Surface};
     use crate::samples::Samples;
     use crate::scatter::Sampling;
-    use crate::shown::Shown;
-    use crate::surface::{ShadingMode, Surface};
-    use crate::trace::{Cast, Snapshot};
 
     fn array(pattern: &Pattern) -> Array {
         Array {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::bvh::Ray;
+use crate::rays::tree::Ray;
 
 /// A ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
 ///

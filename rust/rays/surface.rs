@@ -6,20 +6,20 @@ use glam::DVec3;
 
 use rayon::prelude::*;
 
-use crate::bundle::{Best, Bundle, Exact, Search};
-use crate::bvh::{Node, Primitives, Ray, Tree, WIDTH};
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::components::Parts;
 use crate::geometry::quality::Quality;
 use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::triangle::{MIN_AREA, area};
-use crate::leaf::{Leaf, Table};
-use crate::near;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
-use crate::walk::{Single, Visit};
-use crate::woop::{Crossing, Woop};
+use crate::rays::nearest_point;
+use crate::rays::packet::{Best, Bundle, Exact, Search};
+use crate::rays::traversal::{Single, Visit};
+use crate::rays::tree::{Node, Primitives, Ray, Tree, WIDTH};
+use crate::rays::triangle_block::{Leaf, Table};
+use crate::rays::watertight::{Crossing, Woop};
 
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
@@ -326,7 +326,7 @@ impl Surface {
             let triangles = self.leaves[leaf].triangles[..count].iter();
             triangles.map(|triangle| self.mesh.relative(&self.vertices, *triangle as usize, self.middle))
         };
-        near::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
+        nearest_point::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
     }
 
     /// Whether the ray meets any triangle before `far`; ends at the first that is found.

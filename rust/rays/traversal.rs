@@ -4,9 +4,9 @@
 
 use glam::DVec3;
 
-use crate::bvh::{Child, Kind, Node, Tree, WIDTH};
-use crate::leaf::{Leaf, UNIT};
 use crate::numeric::simd::{Isa, Vector, prefetch};
+use crate::rays::tree::{Child, Kind, Node, Tree, WIDTH};
+use crate::rays::triangle_block::{Leaf, UNIT};
 
 /// What is done at leaves.
 pub trait Visit {

@@ -5,35 +5,29 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::bundle::View;
-use crate::bvh::{Node, Ray, Tree};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Kernel, Level};
-use crate::surface::{Nearest, Surface, above};
-use crate::walk::{Single, Visit};
-use crate::woop::{Crossing, Woop};
-
-mod batch;
-mod image;
-
-pub use batch::{Found, Known, whole_bundles};
-pub use image::{Cast, Counts, Hits, Walks};
+use crate::rays::packet::View;
+use crate::rays::surface::{Nearest, Surface, above};
+use crate::rays::traversal::{Single, Visit};
+use crate::rays::tree::{Node, Ray, Tree};
+use crate::rays::watertight::{Crossing, Woop};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
 
 /// Nearer than this a camera ray does not hit: the antenna's own place [m].
-const NEAREST: f64 = 1e-9;
+pub(super) const NEAREST: f64 = 1e-9;
 
 /// Surfaces at their places in the sensor frame at one time.
 pub struct Snapshot {
-    surfaces: Vec<Arc<Surface>>,
-    poses: Vec<Pose>,
-    views: Vec<View>,
+    pub(super) surfaces: Vec<Arc<Surface>>,
+    pub(super) poses: Vec<Pose>,
+    pub(super) views: Vec<View>,
     /// Over the boxes of the bodies that have triangles: one body per leaf.
-    top: Tree,
-    bodies: Vec<u32>,
+    pub(super) top: Tree,
+    pub(super) bodies: Vec<u32>,
 }
 
 /// Nearest surface along a ray.
@@ -174,13 +168,13 @@ impl Snapshot {
     }
 
     /// Where a ray `(1, u, v)` meets a triangle.
-    fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
+    pub(super) fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
         let ray = self.ray_to_body(body, direction);
         Woop::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
     }
 
     /// A ray from the sensor as a body sees it.
-    fn ray_to_body(&self, body: u32, direction: DVec3) -> Ray {
+    pub(super) fn ray_to_body(&self, body: u32, direction: DVec3) -> Ray {
         let pose = &self.poses[body as usize];
         Ray {
             origin: pose.point_to_body(DVec3::ZERO),
@@ -191,7 +185,7 @@ impl Snapshot {
 }
 
 /// Box of a surface in the sensor frame; empty if it has no triangles.
-fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
+pub(super) fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
     if surface.num_triangles() == 0 {
         return Bounds::EMPTY;
     }
@@ -288,10 +282,11 @@ impl Visit for OneAtBodies<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
-    use crate::rays::ImagePlane;
-    use crate::surface::ShadingMode;
+    use crate::rays::camera::ImagePlane;
+    use crate::rays::image::{Cast, Walks};
+    use crate::rays::surface::ShadingMode;
     use glam::DMat3;
 
     pub fn square(half: f64) -> Arc<Surface> {

@@ -3,11 +3,12 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::bundle::{Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::{TILE, Tile};
-use crate::trace::{Hits, NO_BODY, Snapshot};
+use crate::rays::camera::{TILE, Tile};
+use crate::rays::image::Hits;
+use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::rays::scene::{NO_BODY, Snapshot};
 
 /// What all pixels show, row by row.
 pub struct Shown {
@@ -345,9 +346,9 @@ mod tests {
     use super::*;
     use crate::geometry::curved_triangle::shade;
     use crate::geometry::pose::Pose;
-    use crate::rays::ImagePlane;
-    use crate::surface::{ShadingMode, Surface};
-    use crate::trace::Cast;
+    use crate::rays::camera::ImagePlane;
+    use crate::rays::image::Cast;
+    use crate::rays::surface::{ShadingMode, Surface};
 
     /// A bumpy sheet that is curved where its facets meet at small angles, seen from both sides.
     fn sheet() -> Surface {

@@ -4,17 +4,17 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{NEAREST, NO_BODY, Snapshot, bounds};
 use crate::antennas::beam::Beam;
-use crate::bundle::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::bvh::{Node, Tree};
 use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
-use crate::leaf::Table;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::{ImagePlane, TILE, Tile};
-use crate::shown::Shade;
-use crate::walk::Visit;
+use crate::rays::camera::{ImagePlane, TILE, Tile};
+use crate::rays::packet::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::rays::scene::{NEAREST, NO_BODY, Snapshot, bounds};
+use crate::rays::smooth_hits::Shade;
+use crate::rays::traversal::Visit;
+use crate::rays::tree::{Node, Tree};
+use crate::rays::triangle_block::Table;
 
 /// Hits of all pixels of an image, row by row.
 pub struct Hits {
@@ -539,13 +539,13 @@ impl Exact for ExactRays<'_> {
 mod tests {
     use glam::DVec3;
 
-    use super::super::tests::{furnished, square};
     use super::*;
     use crate::antennas::array::Array;
     use crate::antennas::gain_table::Table;
     use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
-    use crate::surface::{ShadingMode, Surface};
+    use crate::rays::scene::tests::{furnished, square};
+    use crate::rays::surface::{ShadingMode, Surface};
 
     #[test]
     fn only_tiles_that_a_moved_body_touches_are_cast_again() {

@@ -5,12 +5,12 @@
 
 use glam::DVec3;
 
-use crate::bvh::{Node, Tree};
 use crate::geometry::pose::Pose;
-use crate::leaf::{Leaf, Table, UNIT};
 use crate::numeric::simd::{Isa, Vector, prefetch};
-use crate::rays::{ImagePlane, TILE, Tile};
-use crate::walk::{Slabs, Visit, walk};
+use crate::rays::camera::{ImagePlane, TILE, Tile};
+use crate::rays::traversal::{Slabs, Visit, walk};
+use crate::rays::tree::{Node, Tree};
+use crate::rays::triangle_block::{Leaf, Table, UNIT};
 
 /// Rays whose tests are one vector.
 pub const PACKET: usize = 16;

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::image::{Cast, Counts, Scratch, Touch};
-use super::{NO_BODY, Snapshot};
-use crate::bundle::{MOST_RAYS, PACKET};
-use crate::bvh::Tree;
 use crate::numeric::simd::{Isa, Kernel};
+use crate::rays::image::{Cast, Counts, Scratch, Touch};
+use crate::rays::packet::{MOST_RAYS, PACKET};
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::tree::Tree;
 
 /// Bundles that one thread casts in a row.
 const BLOCK: usize = 16;
@@ -194,11 +194,11 @@ fn take_over<F: Fn(usize) -> Option<Found>>(found: &mut [Found], known: &Known<F
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::furnished;
     use super::*;
     use crate::numeric::simd::Level;
-    use crate::rays::ImagePlane;
-    use crate::shown::Shown;
+    use crate::rays::camera::ImagePlane;
+    use crate::rays::scene::tests::furnished;
+    use crate::rays::smooth_hits::Shown;
 
     /// Rays that need not be of any other time.
     type Unknown = fn(usize) -> Option<Found>;

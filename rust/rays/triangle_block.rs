@@ -19,8 +19,8 @@
 
 use glam::DVec3;
 
-use crate::bvh::WIDTH;
 use crate::numeric::simd::{Isa, Vector};
+use crate::rays::tree::WIDTH;
 
 /// Half the distance of 1 from the next number of single precision.
 pub const UNIT: f32 = 0.5 * f32::EPSILON;

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::bvh::{Kind, Tree, WIDTH};
 use crate::geometry::triangle::distance_to_point;
+use crate::rays::tree::{Kind, Tree, WIDTH};
 
 /// Distance [m] of a point of the tree's frame from the nearest triangle that is not all behind the plane through the point
 /// across `forward`; `limit` where that is farther. `corners` of the triangles of a leaf.
