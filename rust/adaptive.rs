@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::antennas::polarization::Seen;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::material::Material;
@@ -22,7 +23,6 @@ use crate::rays::image::{Cast, Counts};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::Snapshot;
 use crate::rays::tree::Tree;
-use crate::scatter::SPEED_OF_LIGHT;
 
 /// How often a cell of the base grid can be halved.
 pub const MAX_LEVEL: usize = 6;

@@ -13,11 +13,12 @@ use rayon::prelude::*;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::material::Material;
 use crate::rays::image::Hits;
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Ray;
-use crate::scatter::{SPEED_OF_LIGHT, Sampling, taper};
+use crate::scatter::{Sampling, taper};
 
 mod far_field;
 mod field;

@@ -35,6 +35,7 @@ pub mod beat;
 pub mod block;
 pub mod bounce;
 pub mod chirp;
+pub mod constants;
 pub mod delay;
 pub mod diffuse;
 pub mod direct;
@@ -47,6 +48,7 @@ pub mod lanes;
 pub mod material;
 pub mod modes;
 pub mod numeric;
+pub mod paths;
 pub mod plan;
 #[cfg(feature = "python")]
 mod python;

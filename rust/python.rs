@@ -33,6 +33,9 @@ use crate::geometry::obj::{Obj, read_obj};
 use crate::geometry::pose::Pose;
 use crate::material::{self, Dielectric, Response, Roughness};
 use crate::numeric::simd::Level;
+use crate::paths::kinematics::Places;
+use crate::paths::scatterers;
+use crate::paths::series::Selection;
 use crate::plan::{Method, Step};
 use crate::rays::camera::ImagePlane;
 use crate::rays::image::{self, Cast};
@@ -40,7 +43,7 @@ use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::smooth_hits::Shown;
 use crate::rays::surface::{self, ShadingMode};
 use crate::samples;
-use crate::scatter::{self, Places, Sampling, Selection, Surfels};
+use crate::scatter::{self, Sampling, Surfels};
 
 mod bounces;
 
@@ -980,7 +983,7 @@ impl Hits {
         let array = antennas.0.clone();
         let sampling = sampling(is_footprint);
         let scatterers = compute(py, threads, || {
-            Ok(scatter::Scatterers::new(
+            Ok(scatterers::Scatterers::new(
                 &self.snapshot,
                 &self.image,
                 self.shown(),
@@ -1095,7 +1098,7 @@ impl Samples {
         let array = antennas.0.clone();
         let scatterers = compute(py, threads, || {
             let (snapshot, samples) = (&self.snapshot, &self.samples);
-            Ok(scatter::Scatterers::of_samples(snapshot, samples, &materials, array))
+            Ok(scatterers::Scatterers::of_samples(snapshot, samples, &materials, array))
         })?;
         Ok(Scatterers {
             scatterers,
@@ -1155,7 +1158,7 @@ fn image_scatterers(
     };
     let array = antennas.0.clone();
     let scatterers = compute(py, threads, || {
-        scatter::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
+        scatterers::Scatterers::from_surfels(&surfels, array, sampling(is_footprint), seed)
     })?;
     Ok(Scatterers { scatterers, num_bodies })
 }
@@ -1171,7 +1174,7 @@ fn sampling(is_footprint: bool) -> Sampling {
 /// Material points; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]
 struct Scatterers {
-    scatterers: scatter::Scatterers,
+    scatterers: scatterers::Scatterers,
     num_bodies: usize,
 }
 

@@ -9,12 +9,13 @@ use rayon::prelude::*;
 
 use super::tube::Tube;
 use super::{Limits, Sent, Shooter};
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 use crate::material::Material;
 use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
-use crate::scatter::{SPEED_OF_LIGHT, Sampling};
+use crate::scatter::Sampling;
 
 /// Rays per wavelength across a body.
 const RAYS_PER_WAVELENGTH: f64 = 6.0;

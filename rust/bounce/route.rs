@@ -8,10 +8,12 @@ use super::place::Place;
 use super::way::Way;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::geometry::moving_triangle::Facet;
+use crate::paths::kinematics::Places;
+use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::Snapshot;
-use crate::scatter::{Paths, Places, SPEED_OF_LIGHT, Selection};
 
 /// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
 /// number of reflections.

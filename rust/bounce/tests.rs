@@ -368,7 +368,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
     let poses = [Pose::IDENTITY; 2];
-    let places = crate::scatter::Places {
+    let places = crate::paths::kinematics::Places {
         num_nodes: 1,
         num_bodies: 2,
         poses: &poses,
@@ -376,7 +376,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
         rcs: &[],
         vertices: &[],
     };
-    let all = crate::scatter::Selection {
+    let all = crate::paths::series::Selection {
         first: 0,
         last: one.len(),
         step: 1,

@@ -195,6 +195,11 @@ pub fn turns(frequency: f64, delay: f64) -> f64 {
     reduce(product) + rounding
 }
 
+/// sin(x) / x.
+pub fn sinc(x: f64) -> f64 {
+    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -15,7 +15,8 @@ use crate::bounce::{self, Aspect, Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;
 use crate::material;
-use crate::scatter::{Places, Selection};
+use crate::paths::kinematics::Places;
+use crate::paths::series::Selection;
 
 /// Routes over two and more surfaces; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]

@@ -4,12 +4,15 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::{Paths, Places, SPEED_OF_LIGHT, Scatterers, Selection};
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
+use crate::paths::kinematics::Places;
+use crate::paths::scatterers::Scatterers;
+use crate::paths::series::{Paths, Selection};
 
 /// Numbers of a vector.
 const LANES: usize = 8;
@@ -130,7 +133,7 @@ struct Poses {
     origin: Lanes3,
 }
 
-/// What an antenna sees of eight points: [`super::Sight`] with the gain of the field.
+/// What an antenna sees of eight points: [`crate::antennas::array::Sight`] with the gain of the field.
 #[derive(Clone, Copy)]
 struct Sights {
     distance: Lanes,
@@ -138,7 +141,7 @@ struct Sights {
     gain: Lanes,
 }
 
-/// The parts of [`super::Weight`] of eight points.
+/// The parts of [`crate::paths::scatterers::Weight`] of eight points.
 #[derive(Clone, Copy)]
 struct Weights {
     mirror: [Lanes; 2],
