@@ -2,7 +2,7 @@
 //!
 //! A cell of the image launches a ray tube. It goes from surface to surface as geometrical optics says (`tube`, `place`),
 //! carries a field (`field`), and at every surface after the first its footprint sends on what physical optics says to
-//! every receiver that is in sight: the first reflection is that of [`crate::scatter`]. The places where it was reflected
+//! every receiver that is in sight: the first reflection is that of [`crate::scattering::gather`]. The places where it was reflected
 //! become a route of material points, which move with their bodies (`route`).
 
 use std::f64::consts::TAU;
@@ -14,11 +14,12 @@ use rayon::prelude::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::material::Material;
 use crate::rays::image::Hits;
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Ray;
-use crate::scatter::{Sampling, taper};
+use crate::scattering::material::Material;
+use crate::scattering::physical_optics::Sampling;
+use crate::scattering::taper::taper;
 
 mod far_field;
 mod field;

@@ -29,7 +29,6 @@
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
-pub mod adaptive;
 pub mod antennas;
 pub mod beat;
 pub mod block;
@@ -37,7 +36,6 @@ pub mod bounce;
 pub mod chirp;
 pub mod constants;
 pub mod delay;
-pub mod diffuse;
 pub mod direct;
 pub mod error;
 pub mod expansion;
@@ -45,7 +43,6 @@ pub mod geometry;
 pub mod grid;
 pub mod kernel;
 pub mod lanes;
-pub mod material;
 pub mod modes;
 pub mod numeric;
 pub mod paths;
@@ -54,8 +51,7 @@ pub mod plan;
 mod python;
 pub mod rays;
 pub mod residual;
-pub mod samples;
-pub mod scatter;
+pub mod scattering;
 pub mod survey;
 
 pub use error::{Error, Result};

@@ -18,7 +18,6 @@ use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyTypeError, Py
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-use crate::adaptive::{Leaf, Rule};
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::antennas::gain_table::Table;
@@ -31,7 +30,6 @@ use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};
 use crate::geometry::obj::{Obj, read_obj};
 use crate::geometry::pose::Pose;
-use crate::material::{self, Dielectric, Response, Roughness};
 use crate::numeric::simd::Level;
 use crate::paths::kinematics::Places;
 use crate::paths::scatterers;
@@ -42,8 +40,12 @@ use crate::rays::image::{self, Cast};
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::smooth_hits::Shown;
 use crate::rays::surface::{self, ShadingMode};
-use crate::samples;
-use crate::scatter::{self, Sampling, Surfels};
+use crate::scattering::depth_image::Surfels;
+use crate::scattering::material::{self, Dielectric, Response, Roughness};
+use crate::scattering::physical_optics::Sampling;
+use crate::scattering::samples;
+use crate::scattering::sampling::{Leaf, Rule};
+use crate::scattering::{patch, reflectance};
 
 mod bounces;
 
@@ -922,7 +924,7 @@ impl Hits {
         let polarization = polarization.map(DVec3::from_array);
         let reflectance = compute(py, threads, || {
             let shown = || self.shown();
-            Ok(scatter::reflectance(
+            Ok(reflectance::reflectance(
                 &self.image,
                 &materials,
                 frequency,
@@ -947,7 +949,7 @@ impl Hits {
         let plane = &self.image.plane;
         let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
         let triangle = self.image.triangle[pixel];
-        Ok(scatter::place_on_mesh(&self.snapshot, &cell, body, triangle))
+        Ok(patch::place_on_mesh(&self.snapshot, &cell, body, triangle))
     }
 
     /// Unit direction of the ray of a pixel in the sensor frame.
@@ -1082,7 +1084,7 @@ impl Samples {
     /// The vertices of the triangle that a cell hit and their weights there.
     fn place_on_mesh(&self, cell: usize) -> PyResult<([u32; 3], [f64; 3])> {
         let Leaf { cell, found, .. } = self.leaf(cell)?;
-        Ok(scatter::place_on_mesh(&self.snapshot, cell, found.body, found.triangle))
+        Ok(patch::place_on_mesh(&self.snapshot, cell, found.body, found.triangle))
     }
 
     /// Material points of all cells that send anything back; `materials` has one per body.

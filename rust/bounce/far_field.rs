@@ -12,10 +12,10 @@ use super::{Limits, Sent, Shooter};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
-use crate::material::Material;
 use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
-use crate::scatter::Sampling;
+use crate::scattering::material::Material;
+use crate::scattering::physical_optics::Sampling;
 
 /// Rays per wavelength across a body.
 const RAYS_PER_WAVELENGTH: f64 = 6.0;

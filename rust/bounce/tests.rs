@@ -4,9 +4,9 @@ use super::field::{Field, Incidence};
 use super::*;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
-use crate::material::{CONDUCTOR, Response};
 use crate::rays::camera::ImagePlane;
 use crate::rays::surface::{ShadingMode, Surface};
+use crate::scattering::material::{CONDUCTOR, Response};
 
 const LIMITS: Limits = Limits {
     max_bounces: 2,

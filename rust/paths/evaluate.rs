@@ -455,14 +455,14 @@ mod tests {
     use super::*;
     use crate::antennas::gain_table::Table;
     use crate::geometry::pose::Pose;
-    use crate::material::{Material, Response};
     use crate::rays::camera::ImagePlane;
     use crate::rays::image::Cast;
     use crate::rays::scene::Snapshot;
     use crate::rays::smooth_hits::Shown;
     use crate::rays::surface::{ShadingMode, Surface};
-    use crate::samples::Samples;
-    use crate::scatter::Sampling;
+    use crate::scattering::material::{Material, Response};
+    use crate::scattering::physical_optics::Sampling;
+    use crate::scattering::samples::Samples;
 
     fn array(pattern: &Pattern) -> Array {
         Array {
@@ -525,7 +525,7 @@ mod tests {
                 Sampling::Footprint,
                 1,
             );
-            let rule = crate::adaptive::Rule {
+            let rule = crate::scattering::sampling::Rule {
                 base: plane,
                 rcs_floor: 1e-3,
                 budget: Some(1000),

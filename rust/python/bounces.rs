@@ -14,9 +14,9 @@ use crate::antennas::array::Array;
 use crate::bounce::{self, Aspect, Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;
-use crate::material;
 use crate::paths::kinematics::Places;
 use crate::paths::series::Selection;
+use crate::scattering::material;
 
 /// Routes over two and more surfaces; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]

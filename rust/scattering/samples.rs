@@ -1,12 +1,12 @@
 //! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
 
-use crate::adaptive::{Leaf, Quadtree, Rule};
 use crate::antennas::array::Array;
-use crate::diffuse::Speckle;
 use crate::error::Result;
-use crate::material::Material;
 use crate::rays::image::{Cast, Counts};
 use crate::rays::scene::Snapshot;
+use crate::scattering::lambert::Speckle;
+use crate::scattering::material::Material;
+use crate::scattering::sampling::{Leaf, Quadtree, Rule};
 
 /// Cells and points.
 pub struct Samples {

@@ -16,13 +16,13 @@ use crate::antennas::polarization::Seen;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
-use crate::material::Material;
 use crate::rays::batch::{Found, Known};
 use crate::rays::camera::{Cell, ImagePlane, morton};
 use crate::rays::image::{Cast, Counts};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::Snapshot;
 use crate::rays::tree::Tree;
+use crate::scattering::material::Material;
 
 /// How often a cell of the base grid can be halved.
 pub const MAX_LEVEL: usize = 6;
@@ -1126,8 +1126,8 @@ mod tests {
     use super::*;
     use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
-    use crate::material::Response;
     use crate::rays::surface::{ShadingMode, Surface};
+    use crate::scattering::material::Response;
 
     fn plate(half: [f64; 2]) -> Arc<Surface> {
         let corner = |y: f64, z: f64| DVec3::new(0.0, y * half[0], z * half[1]);

@@ -9,7 +9,6 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::adaptive::Rule;
 use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
 use crate::rays::batch::{Found, Known, whole_bundles};
@@ -18,6 +17,7 @@ use crate::rays::image::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
+use crate::scattering::sampling::Rule;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
