@@ -32,7 +32,7 @@
 pub mod antennas;
 pub mod beat;
 pub mod block;
-pub mod bounce;
+pub mod bounces;
 pub mod chirp;
 pub mod constants;
 pub mod delay;

@@ -24,7 +24,7 @@ use crate::antennas::gain_table::Table;
 use crate::antennas::pattern;
 use crate::antennas::polarization::Seen;
 use crate::beat;
-use crate::bounce::Limits;
+use crate::bounces::Limits;
 use crate::chirp;
 use crate::delay::{Basis, PathSeries};
 use crate::error::{Error, Result};

@@ -11,7 +11,7 @@ use super::{
     sampling, vertices,
 };
 use crate::antennas::array::Array;
-use crate::bounce::{self, Aspect, Launch, Limits};
+use crate::bounces::{self, Aspect, Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;
 use crate::paths::kinematics::Places;
@@ -21,9 +21,9 @@ use crate::scattering::material;
 /// Routes over two and more surfaces; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Bounces {
-    routes: bounce::Bounces,
+    routes: bounces::Bounces,
     num_bodies: usize,
-    counts: bounce::Counts,
+    counts: bounces::Counts,
 }
 
 impl Bounces {
@@ -42,7 +42,7 @@ impl Bounces {
         let materials = self::materials(&materials, num_bodies)?;
         let (routes, counts) = compute(py, threads, || {
             let launches = Launch::of_image(&hits.image);
-            Ok(bounce::Bounces::new(
+            Ok(bounces::Bounces::new(
                 &hits.snapshot,
                 &launches,
                 &materials,
@@ -213,7 +213,7 @@ pub(super) fn cross_sections<'py>(
     let aspects: Vec<Aspect> = (0..transmitter.shape()[0]).map(aspect).collect();
     let surface = &surface.0;
     let sections = compute(py, threads, || {
-        bounce::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
+        bounces::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
     })?;
     Ok(sections.into_pyarray(py))
 }

@@ -21,20 +21,20 @@ use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::taper::taper;
 
-mod far_field;
+mod cross_section;
+mod direction;
 mod field;
-mod place;
-mod route;
+mod interaction;
+mod path;
 mod tube;
-mod way;
 
-pub use far_field::{Aspect, cross_sections};
-pub use route::Bounces;
+pub use cross_section::{Aspect, cross_sections};
+pub use path::Bounces;
 
-use place::Place;
-use route::Route;
+use direction::Way;
+use interaction::Place;
+use path::Route;
 use tube::Tube;
-use way::Way;
 
 /// How far before a surface rays leave it, of their largest coordinate, and of a metre at least [m].
 const LEAVING: f64 = 1e-7;

@@ -4,8 +4,8 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::place::Place;
-use super::way::Way;
+use super::direction::Way;
+use super::interaction::Place;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;

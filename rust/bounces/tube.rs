@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::field::{Field, Incidence};
-use super::place::Place;
+use super::interaction::Place;
 use super::{Launch, leaving};
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Ray;
