@@ -30,28 +30,16 @@
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
 pub mod antennas;
-pub mod beat;
-pub mod block;
 pub mod bounces;
-pub mod chirp;
 pub mod constants;
-pub mod delay;
-pub mod direct;
 pub mod error;
-pub mod expansion;
 pub mod geometry;
-pub mod grid;
-pub mod kernel;
-pub mod lanes;
-pub mod modes;
 pub mod numeric;
 pub mod paths;
-pub mod plan;
 #[cfg(feature = "python")]
 mod python;
 pub mod rays;
-pub mod residual;
 pub mod scattering;
-pub mod survey;
+pub mod synthesis;
 
 pub use error::{Error, Result};

@@ -8,11 +8,11 @@ use std::ops::Range;
 
 use num_complex::Complex64;
 
-use crate::chirp::Waveform;
-use crate::delay::{Basis, PathSeries, basis_values};
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::numeric::simd::Isa;
 use crate::numeric::wide::{self, Wide};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries, basis_values};
 
 /// Paths that go through all steps together: their numbers stay in L1.
 pub const CHUNK: usize = 128;

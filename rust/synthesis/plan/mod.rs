@@ -1,24 +1,24 @@
 //! What is done for which paths: a plain value, chosen from bounds on the paths by a model of cost.
 //!
 //! Errors are relative to l2(amplitudes) of a channel and hold for paths whose phases have nothing to do with each
-//! other; where many add up in phase, `beat.rs` sees it in the result and asks for a smaller tolerance.
+//! other; where many add up in phase, `beat` sees it in the result and asks for a smaller tolerance.
 
-mod grid;
+mod nufft;
 
 use std::cell::{OnceCell, RefCell};
 use std::f64::consts::TAU;
 use std::fmt;
 
-use self::grid::Kernel;
+use self::nufft::Kernel;
 
-use crate::block::{Block, CHUNK, Class};
-use crate::chirp::Waveform;
-use crate::delay::PathSeries;
-use crate::expansion::Expansion;
-use crate::lanes;
 use crate::numeric::simd::Level;
-use crate::residual::{Path, Sample};
-use crate::survey::{Group, Interval, Survey};
+use crate::synthesis::block::{Block, CHUNK, Class};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::PathSeries;
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::residual_phase::{Path, Sample};
+use crate::synthesis::recurrence;
+use crate::synthesis::statistics::{Group, Interval, Survey};
 
 /// What is done with a class of paths.
 #[derive(Clone, Debug)]
@@ -409,9 +409,9 @@ impl Goal<'_> {
         let rest = fixed.hypot(if follows_sweep { 0.035 * bend * bend } else { 0.3 * bend });
         let errors = |kernel: &Kernel| kernel.error.hypot(rest);
         // Lanes put their sums aside after this many paths.
-        let is_allowed = |kernel: &Kernel| kernel.is_single && lanes::WIDTHS.contains(&kernel.width);
+        let is_allowed = |kernel: &Kernel| kernel.is_single && recurrence::WIDTHS.contains(&kernel.width);
         let kernel = self
-            .all_kernels(1.0, lanes::FLUSH as f64)
+            .all_kernels(1.0, recurrence::FLUSH as f64)
             .find(|kernel| is_allowed(kernel) && errors(kernel) <= MARGIN * self.tolerance)?;
         let lanes = 16;
         let groups = num_chirps.div_ceil(lanes);

@@ -9,19 +9,19 @@
 
 #![allow(clippy::needless_range_loop)] // terms of several series are indexed together
 
-mod recurrence;
-mod spread;
+mod chirp_grid;
+mod phasors;
 
 use std::ops::Range;
 
-use crate::block::{Block, CHUNK, Chunk, Lane, Selection};
-use crate::chirp::Waveform;
-use crate::delay::PathSeries;
 use crate::numeric::simd::{Isa, Precision, Vector};
 use crate::numeric::wide::{self, ROUND, add, mul, mul_add, neg_mul_add};
+use crate::synthesis::block::{Block, CHUNK, Chunk, Lane, Selection};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::PathSeries;
 
-pub use recurrence::add_recurrence;
-pub use spread::{LaneGrid, WIDTHS};
+pub use chirp_grid::{LaneGrid, WIDTHS};
+pub use phasors::add_recurrence;
 
 /// What to sum: some paths of one channel in some chirps.
 #[derive(Clone, Debug)]
@@ -350,9 +350,9 @@ pub(crate) mod tests {
     use num_complex::{Complex, Complex64};
 
     use super::*;
-    use crate::delay::Basis;
-    use crate::direct;
     use crate::numeric::simd::Level;
+    use crate::synthesis::delay::Basis;
+    use crate::synthesis::direct;
 
     const C: f64 = 299_792_458.0;
 
@@ -466,7 +466,13 @@ pub(crate) mod tests {
     /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the truth.
     pub fn error<T: Precision>(waveform: &Waveform, paths: &Paths, add: impl Fn(&Job, &mut [Complex<T>])) -> f64 {
         paths.with_series(|series| {
-            let truth = direct::beat_signal(waveform, series, crate::block::Class::All, Level::best(), false);
+            let truth = direct::beat_signal(
+                waveform,
+                series,
+                crate::synthesis::block::Class::All,
+                Level::best(),
+                false,
+            );
             let scale = f64::from(1 << 20);
             let mut out = vec![Complex::<T>::default(); truth.len()];
             let num_chirps = waveform.chirp_times.len();

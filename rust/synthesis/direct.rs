@@ -8,13 +8,13 @@
 
 use num_complex::Complex64;
 
-use crate::block::Class;
-use crate::chirp::Waveform;
-use crate::delay::{Basis, PathSeries, basis_values};
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::numeric::trig::{cos_sin_turns, turns};
+use crate::synthesis::block::Class;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries, basis_values};
 
 /// Samples per block: their phases stay in registers and L1.
 pub const BLOCK: usize = 64;

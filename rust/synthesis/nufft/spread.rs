@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::place::{Map, Points, Tracks};
+use super::coordinates::{Map, Points, Tracks};
 use super::{Job, Layout, Widths};
-use crate::block::{CHUNK, Rows};
-use crate::kernel::{KaiserBessel, degree, tap_table};
 use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
 use crate::numeric::wide;
+use crate::synthesis::block::{CHUNK, Rows};
+use crate::synthesis::nufft::kernel::{KaiserBessel, degree, tap_table};
 
 /// How far the residuals of paths are from their interpolation.
 #[derive(Clone, Copy, Debug, Default)]

@@ -16,9 +16,9 @@ use std::f64::consts::TAU;
 use num_complex::Complex;
 
 use super::{Amplitudes, Group, Job, MAX_LANES, Phases, TERMS, Wide, complex_mul, cos_sin, splat};
-use crate::block::{CHUNK, Chunk};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::wide::{mul, mul_add};
+use crate::synthesis::block::{CHUNK, Chunk};
 
 /// Adds `scale conj(a) exp(2 pi j phi)` of every path to samples `(chirp, sample)`, row-major, of the chirps of a job.
 ///
@@ -450,7 +450,7 @@ mod tests {
     use super::super::tests::*;
     use super::*;
 
-    fn errors_of<T: Precision>(waveform: &crate::chirp::Waveform, paths: &Paths) -> f64 {
+    fn errors_of<T: Precision>(waveform: &crate::synthesis::chirp::Waveform, paths: &Paths) -> f64 {
         Level::available()
             .into_iter()
             .map(|level| error::<T>(waveform, paths, |job, out| add_recurrence(level, job, out)))

@@ -3,13 +3,13 @@
 use std::f64::consts::TAU;
 
 use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
-use crate::block::{Block, Class};
-use crate::expansion::Expansion;
-use crate::grid::{Layout, MAX_CHANNELS, MAX_PARTS};
-use crate::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
-use crate::modes::{self, Modes};
-use crate::residual::{Frame, Path};
-use crate::survey::Interval;
+use crate::synthesis::block::{Block, Class};
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::cross_approximation::{self, Modes};
+use crate::synthesis::low_rank::residual_phase::{Frame, Path};
+use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
+use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
+use crate::synthesis::statistics::Interval;
 
 /// Errors of rounding, relative to l2(amplitudes).
 const SINGLE_ROUNDING: f64 = 3e-7;
@@ -345,7 +345,7 @@ impl Goal<'_> {
             0
         };
         let level = self.request.level;
-        let found = modes::find(
+        let found = cross_approximation::find(
             waveform,
             block,
             &frame,

@@ -3,14 +3,14 @@
 use num_complex::{Complex, Complex32, Complex64};
 
 use super::{Job, Samples};
-use crate::block::{CHUNK, Selection};
-use crate::direct;
-use crate::expansion::Expansion;
-use crate::grid::{self, Widths};
-use crate::lanes::{self, LaneGrid};
 use crate::numeric::parallel;
 use crate::numeric::simd::Real;
-use crate::plan::{Part, Plan, Step};
+use crate::synthesis::block::{CHUNK, Selection};
+use crate::synthesis::direct;
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::nufft::{self, Widths};
+use crate::synthesis::plan::{Part, Plan, Step};
+use crate::synthesis::recurrence::{self, LaneGrid};
 
 /// What a run was like.
 #[derive(Default)]
@@ -98,7 +98,7 @@ impl Job<'_> {
             }
             Step::Recurrence { .. } => {
                 self.lanes(selection, out, |job, samples| {
-                    lanes::add_recurrence(self.options.level, job, samples);
+                    recurrence::add_recurrence(self.options.level, job, samples);
                 });
                 Outcome::default()
             }
@@ -124,7 +124,7 @@ impl Job<'_> {
         &self,
         selection: Selection,
         out: &mut [Complex<T>],
-        add: impl Fn(&lanes::Job, &mut [Complex<T>]) + Sync + Send,
+        add: impl Fn(&recurrence::Job, &mut [Complex<T>]) + Sync + Send,
     ) {
         const GROUP: usize = 16;
         let (num_chirps, num_samples) = (self.waveform.chirp_times.len(), self.waveform.num_samples);
@@ -137,7 +137,7 @@ impl Job<'_> {
             })
             .collect();
         parallel::map(self.options.is_parallel, tasks, |(channel, first, samples)| {
-            let job = lanes::Job {
+            let job = recurrence::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
@@ -172,8 +172,8 @@ impl Job<'_> {
         let mut tasks = Vec::new();
         for (expansion, samples) in expansions.iter().zip(samples) {
             let mut samples = samples.into_iter();
-            for first in (0..self.series.num_channels).step_by(grid::MAX_CHANNELS) {
-                let some: Vec<_> = samples.by_ref().take(grid::MAX_CHANNELS).collect();
+            for first in (0..self.series.num_channels).step_by(nufft::MAX_CHANNELS) {
+                let some: Vec<_> = samples.by_ref().take(nufft::MAX_CHANNELS).collect();
                 tasks.push((first, expansion, some));
             }
         }
@@ -181,10 +181,10 @@ impl Job<'_> {
         let num_parts = if self.series.num_channels * expansions.len() >= 4 {
             1
         } else {
-            (num_chunks / 256).clamp(1, grid::MAX_PARTS)
+            (num_chunks / 256).clamp(1, nufft::MAX_PARTS)
         };
         let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, expansion, samples)| {
-            let job = |channel: usize| grid::Job {
+            let job = |channel: usize| nufft::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
@@ -197,13 +197,13 @@ impl Job<'_> {
                 is_parallel: self.options.is_parallel,
                 keep_empty_rows: !self.options.skip_rows,
             };
-            let jobs: Vec<grid::Job> = (first..first + samples.len()).map(job).collect();
+            let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
             let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
             let mut outcome = Outcome {
                 rest: vec![0.0; self.series.num_channels],
                 ..Outcome::default()
             };
-            for (job, (used, checked)) in jobs.iter().zip(grid::add_channels(&jobs, samples)) {
+            for (job, (used, checked)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
                 outcome.rows += used;
                 outcome.rows_skipped += expansion.rows - used;
                 outcome.rest[job.channel] = share * checked.sum;

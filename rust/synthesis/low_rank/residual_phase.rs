@@ -12,9 +12,9 @@
 //! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is all
 //! else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2 pi j R)`.
 
-use crate::block::Block;
-use crate::delay::{Basis, PathSeries};
 use crate::numeric::simd::Vector;
+use crate::synthesis::block::Block;
+use crate::synthesis::delay::{Basis, PathSeries};
 
 /// Constants of a block of chirps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -212,8 +212,8 @@ pub fn turns<V: Vector>(delta: V, offset: V, rate: V, x: V, sweep: V, bend: V) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chirp::Waveform;
     use crate::numeric::simd::{Isa, Kernel, Level};
+    use crate::synthesis::chirp::Waveform;
     use num_complex::Complex64;
 
     struct Turns([f64; 6]);

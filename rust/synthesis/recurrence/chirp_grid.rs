@@ -12,12 +12,12 @@ use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
 use super::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_sin, splat};
-use crate::block::{CHUNK, Chunk, Lane};
-use crate::chirp::Waveform;
-use crate::grid::good_size;
-use crate::kernel::{KaiserBessel, monomials};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::wide::{add, mul, mul_add, round, sub};
+use crate::synthesis::block::{CHUNK, Chunk, Lane};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::nufft::good_size;
+use crate::synthesis::nufft::kernel::{KaiserBessel, monomials};
 
 /// Widths of the kernel, in cells. What is left out within a chirp makes wider ones of little use.
 pub const WIDTHS: [usize; 3] = [4, 5, 6];

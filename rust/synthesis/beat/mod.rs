@@ -4,15 +4,15 @@ mod run;
 
 use num_complex::{Complex32, Complex64};
 
-use crate::block::{Block, Class, Selection};
-use crate::chirp::Waveform;
-use crate::delay::{Basis, PathSeries};
-use crate::direct;
 use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::{Level, Real};
-use crate::plan::{self, Method, Plan, Request};
-use crate::residual::Sample;
-use crate::survey::{self, Interval, Survey};
+use crate::synthesis::block::{Block, Class, Selection};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries};
+use crate::synthesis::direct;
+use crate::synthesis::low_rank::residual_phase::Sample;
+use crate::synthesis::plan::{self, Method, Plan, Request};
+use crate::synthesis::statistics::{self, Interval, Survey};
 
 /// How a sum is to be formed.
 #[derive(Clone, Copy, Debug)]
@@ -211,18 +211,18 @@ impl<'a> Job<'a> {
     /// Draw the paths that stand for all.
     fn draw(&mut self) {
         let selection = self.selection(Class::Moving);
-        let mut samples = survey::samples(self.series, selection, NUM_SAMPLES);
+        let mut samples = statistics::samples(self.series, selection, NUM_SAMPLES);
         if samples.len() == NUM_SAMPLES {
-            samples.extend(survey::extremes(self.series, &self.survey));
+            samples.extend(statistics::extremes(self.series, &self.survey));
         }
         // One that has much of the power is a sample by itself.
         let share = 1.0 / NUM_SAMPLES as f64;
         let most = 2.0 * self.survey.largest.powi(2);
         if self.survey.power.iter().any(|power| most > share * power) {
-            samples.extend(survey::strongest(self.series, selection, &self.survey.power, share));
+            samples.extend(statistics::strongest(self.series, selection, &self.survey.power, share));
         }
         for (channel, chunk) in &self.extra {
-            samples.extend(survey::samples_of(self.series, selection, *channel, *chunk));
+            samples.extend(statistics::samples_of(self.series, selection, *channel, *chunk));
         }
         self.samples = samples;
     }
@@ -246,7 +246,7 @@ impl<'a> Job<'a> {
     /// Ranges of the coefficients of the delays of moving paths in some blocks.
     fn look(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
         let selection = self.selection(Class::Moving);
-        survey::ranges(
+        statistics::ranges(
             self.series,
             selection,
             blocks,
@@ -414,8 +414,8 @@ fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::delay::Basis;
     use crate::numeric::random::mix;
+    use crate::synthesis::delay::Basis;
 
     const C: f64 = 299_792_458.0;
 
@@ -553,7 +553,7 @@ mod tests {
     #[test]
     fn channels_that_are_summed_together_are_as_exact_as_one() {
         let wf = waveform(48, 50, 1e9);
-        let (num_channels, num_paths) = (2 * crate::grid::MAX_CHANNELS - 1, 300);
+        let (num_channels, num_paths) = (2 * crate::synthesis::nufft::MAX_CHANNELS - 1, 300);
         let ([delay, rate, acceleration], amplitude) = rarely_turning(num_channels * num_paths, 7);
         let series = PathSeries {
             basis: Basis::Taylor,

@@ -1,9 +1,10 @@
 //! The range-velocity grid: paths spread once, one FFT per velocity row, and a dense transform over slow time.
 //!
-//! How phases become places on the grid and strengths is said in `residual.rs` and `modes.rs`. Every mode has a grid of its
+//! How phases become places on the grid and strengths is said in `residual_phase` and `cross_approximation`. Every mode has a grid of its
 //! own and shares the kernel's weights with the others.
 
-mod place;
+mod coordinates;
+pub mod kernel;
 mod slow_time;
 mod spread;
 
@@ -15,15 +16,15 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
-use self::place::{Map, Points, Tracks};
+use self::coordinates::{Map, Points, Tracks};
 
-use crate::block::{CHUNK, Rows, Selection};
-use crate::chirp::Waveform;
-use crate::delay::PathSeries;
-use crate::expansion::Expansion;
-use crate::kernel::{KaiserBessel, OVERSAMPLING};
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Real};
+use crate::synthesis::block::{CHUNK, Rows, Selection};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::PathSeries;
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::nufft::kernel::{KaiserBessel, OVERSAMPLING};
 
 /// Cells of a row that no output needs, in whole vectors of either precision.
 const PAD: usize = 16;
@@ -360,7 +361,7 @@ macro_rules! alike {
             tracks: &mut Tracks<Self>,
             points: &mut Points<Self>,
         ) -> f64 {
-            job.level.run(place::Place::<Self, $vectors> {
+            job.level.run(coordinates::Place::<Self, $vectors> {
                 job,
                 map,
                 first,

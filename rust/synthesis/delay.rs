@@ -2,8 +2,8 @@
 
 use num_complex::Complex64;
 
-use crate::chirp::Waveform;
 use crate::error::{Error, Result};
+use crate::synthesis::chirp::Waveform;
 
 /// Most values per path: the matrix from values to coefficients has the square of that.
 const MAX_NODES: usize = 4096;

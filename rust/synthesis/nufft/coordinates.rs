@@ -1,10 +1,10 @@
 //! Where paths lie on the grid, with which strengths, and how far their residuals are from their interpolation.
 
 use super::{Job, Layout, PAD, Widths, origin};
-use crate::block::{CHUNK, Class, Rows, coefficient};
 use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
-use crate::residual::{Instant, turns};
+use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
+use crate::synthesis::low_rank::residual_phase::{Instant, turns};
 
 /// Numbers from which places, phases and strengths follow, the same for all paths of a job.
 pub struct Map<T> {
@@ -70,7 +70,7 @@ impl<T: Widths> Map<T> {
         let (waveform, expansion) = (job.waveform, job.expansion);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
         let (half, carrier, modes) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
-        let check = |check: &crate::modes::Check| {
+        let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
         };
@@ -248,7 +248,7 @@ impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
     }
 }
 
-/// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual.rs`.
+/// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
 #[inline(always)]
 fn place<T: Widths, I: Isa, const P: usize>(
     job: &Job,

@@ -1,9 +1,9 @@
-//! How moving paths are laid out on the range-velocity grid in a block of chirps, see `residual.rs` and `modes.rs`.
+//! How moving paths are laid out on the range-velocity grid in a block of chirps, see `residual_phase` and `cross_approximation`.
 
-use crate::block::Block;
-use crate::chirp::Waveform;
-use crate::modes::Modes;
-use crate::residual::Frame;
+use crate::synthesis::block::Block;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::low_rank::cross_approximation::Modes;
+use crate::synthesis::low_rank::residual_phase::Frame;
 
 /// The grid of a class of paths in one block.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! Residuals of all paths as combinations of a few: adaptive cross approximation (Bebendorf, Numer. Math. 86, 2000), also
 //! known as empirical interpolation.
 //!
-//! In a block of chirps, residuals (`residual.rs`) are functions of chirp and sample that differ little from path to path.
+//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to path.
 //! A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
 //!
 //! ```text
@@ -16,12 +16,12 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::block::Block;
-use crate::chirp::Waveform;
-use crate::expansion::offset;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
-use crate::residual::{Frame, Instant, Path, turns};
+use crate::synthesis::block::Block;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::low_rank::block_plan::offset;
+use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path, turns};
 
 /// Most modes of a block.
 pub const MAX_MODES: usize = 48;
@@ -618,8 +618,8 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::delay::{Basis, PathSeries};
     use crate::numeric::random::mix;
+    use crate::synthesis::delay::{Basis, PathSeries};
 
     fn waveform() -> Waveform {
         Waveform {

@@ -3,12 +3,12 @@
 use num_complex::Complex;
 
 use super::{Channel, Job, Layout, Widths};
-use crate::expansion::offset;
-use crate::kernel::KaiserBessel;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, mul, mul_add};
-use crate::residual::{Path, turns};
+use crate::synthesis::low_rank::block_plan::offset;
+use crate::synthesis::low_rank::residual_phase::{Path, turns};
+use crate::synthesis::nufft::kernel::KaiserBessel;
 
 /// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
 pub fn add_chirps<T: Widths>(
@@ -314,7 +314,7 @@ impl<T: Widths> Tile<'_, T> {
         }
     }
 
-    /// Weights of the modes' sums in those of the residuals; symbols as in `modes.rs`: `L^T w = q`.
+    /// Weights of the modes' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
         let modes = &self.job.expansion.modes;

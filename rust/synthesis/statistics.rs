@@ -3,13 +3,13 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
-use crate::delay::PathSeries;
 use crate::numeric::parallel;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
-use crate::residual::Sample;
+use crate::synthesis::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
+use crate::synthesis::delay::PathSeries;
+use crate::synthesis::low_rank::residual_phase::Sample;
 
 /// A closed range of numbers; empty if `low > high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -678,8 +678,8 @@ mod tests {
     use num_complex::Complex64;
 
     use super::*;
-    use crate::chirp::Waveform;
-    use crate::delay::Basis;
+    use crate::synthesis::chirp::Waveform;
+    use crate::synthesis::delay::Basis;
 
     #[test]
     fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
