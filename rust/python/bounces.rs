@@ -6,10 +6,11 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::{
-    AMPLITUDES_AT, DelaysAndAmplitudes, Hits, Material, Nodes, Surface, compute, materials, numbers, points, poses,
-    sampling, vertices,
-};
+use super::arrays::{numbers, points, poses, vertices};
+use super::paths::{AMPLITUDES_AT, DelaysAndAmplitudes, Nodes};
+use super::rays::{Hits, Surface};
+use super::scattering::{Material, materials, sampling};
+use super::threads::compute;
 use crate::antennas::array::Array;
 use crate::bounces::{self, Aspect, Launch, Limits};
 use crate::error::Error;
