@@ -9,11 +9,11 @@ mod common;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Throughput};
 use num_complex::Complex64;
-use radarcore::beat::{self, Options};
-use radarcore::chirp::Waveform;
-use radarcore::delay::{Basis, PathSeries};
-use radarcore::plan::Method;
-use radarcore::simd::Level;
+use radarcore::numeric::simd::Level;
+use radarcore::synthesis::beat::{self, Options};
+use radarcore::synthesis::chirp::Waveform;
+use radarcore::synthesis::delay::{Basis, PathSeries};
+use radarcore::synthesis::plan::Method;
 
 const C: f64 = 299_792_458.0;
 

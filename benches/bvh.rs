@@ -7,8 +7,9 @@ mod common;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
-use radarcore::bvh::{Bounds, Tree, WIDTH};
-use radarcore::surface::{ShadingMode, Surface};
+use radarcore::geometry::aabb::Bounds;
+use radarcore::rays::surface::{ShadingMode, Surface};
+use radarcore::rays::tree::{Tree, WIDTH};
 
 fn build(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/build");

@@ -18,10 +18,10 @@ fn main() {
 mod linux {
     use std::hint::black_box;
 
-    use radarcore::beat;
-    use radarcore::shown::Shown;
-    use radarcore::simd::Level;
-    use radarcore::trace::Snapshot;
+    use radarcore::numeric::simd::Level;
+    use radarcore::rays::scene::Snapshot;
+    use radarcore::rays::smooth_hits::Shown;
+    use radarcore::synthesis::beat;
 
     pub fn check() {
         // What is never named is not linked: these lead to every kernel, at every level.

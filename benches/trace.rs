@@ -10,12 +10,13 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
-use radarcore::rays::ImagePlane;
-use radarcore::simd::Level;
-use radarcore::surface::{ShadingMode, Surface};
-use radarcore::trace::{Cast, Snapshot, Walks};
+use radarcore::geometry::pose::Pose;
+use radarcore::numeric::simd::Level;
+use radarcore::rays::camera::ImagePlane;
+use radarcore::rays::image::{Cast, Walks};
+use radarcore::rays::scene::Snapshot;
+use radarcore::rays::surface::{ShadingMode, Surface};
+use radarcore::rays::tree::Ray;
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {

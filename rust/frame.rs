@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::beat::Samples;
 use crate::error::{Result, fits_memory};
-use crate::placement::World;
-use crate::trace::Hidden;
+use crate::paths::placement::World;
+use crate::rays::scene::Hidden;
+use crate::synthesis::beat::Samples;
 
 pub use model::{Cancel, DepthImage, Memory, Model, PosedScene, Scene, Settings, Source};
 pub use rays::{Image, RaySampling};
@@ -148,13 +148,7 @@ pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image
 }
 
 /// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.
-pub fn occluded(
-    model: &Model,
-    at: &World,
-    points: &[DVec3],
-    ends_early: bool,
-    memory: &mut Memory,
-) -> Result<Hidden> {
+pub fn occluded(model: &Model, at: &World, points: &[DVec3], ends_early: bool, memory: &mut Memory) -> Result<Hidden> {
     let placement = model.placement(at)?;
     let scene = model.posed(&placement, &Part::at_once(&model.waveform), memory)?;
     Ok(scene.hide(points, ends_early))
@@ -170,7 +164,11 @@ struct FrameBuilder<'a> {
 
 impl<'a> FrameBuilder<'a> {
     fn new(model: &'a Model) -> Result<Self> {
-        let shape = [model.array.num_channels(), model.waveform.chirp_times.len(), model.waveform.num_samples];
+        let shape = [
+            model.array.num_channels(),
+            model.waveform.chirp_times.len(),
+            model.waveform.num_samples,
+        ];
         fits_memory("samples", &shape, 2 * size_of::<num_complex::Complex64>())?;
         Ok(Self {
             model,
@@ -206,7 +204,9 @@ impl<'a> FrameBuilder<'a> {
             return;
         }
         let shape = [self.model.array.num_channels(), num_chirps, num_samples];
-        let cube = self.cube.get_or_insert_with(|| sum::zeros(shape, self.model.settings.tolerance));
+        let cube = self
+            .cube
+            .get_or_insert_with(|| sum::zeros(shape, self.model.settings.tolerance));
         match (cube, samples) {
             (Samples::Single(cube), Samples::Single(samples)) => place(cube, &samples, part, num_chirps, num_samples),
             (Samples::Double(cube), Samples::Double(samples)) => place(cube, &samples, part, num_chirps, num_samples),
@@ -221,7 +221,9 @@ impl<'a> FrameBuilder<'a> {
             self.model.waveform.num_samples,
         ];
         Frame {
-            cube: self.cube.unwrap_or_else(|| sum::zeros(shape, self.model.settings.tolerance)),
+            cube: self
+                .cube
+                .unwrap_or_else(|| sum::zeros(shape, self.model.settings.tolerance)),
             truth: self.truth,
             counts: Counts {
                 motion_error,

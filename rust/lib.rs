@@ -29,55 +29,18 @@
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
 
-pub mod adaptive;
-pub mod antenna;
-pub mod beat;
-pub mod block;
-pub mod bounce;
-pub mod bundle;
-pub mod bvh;
-pub mod chirp;
-pub mod delay;
-pub mod diffuse;
-pub mod direct;
-pub mod echo;
+pub mod antennas;
+pub mod bounces;
+pub mod constants;
 pub mod error;
-pub mod expansion;
-pub mod facet;
 pub mod frame;
-pub mod grid;
-pub mod hash;
-pub mod kernel;
-pub mod lanes;
-pub mod leaf;
-pub mod material;
-pub mod mesh;
-pub mod modes;
-pub mod motion;
-pub mod near;
-pub mod node_times;
-pub mod parallel;
-pub mod parts;
-pub mod pattern;
-pub mod placement;
-pub mod plan;
-pub mod polarization;
+pub mod geometry;
+pub mod numeric;
+pub mod paths;
 #[cfg(feature = "python")]
 mod python;
-pub mod quality;
 pub mod rays;
-pub mod residual;
-pub mod samples;
-pub mod scatter;
-pub mod shading;
-pub mod shown;
-pub mod simd;
-pub mod surface;
-pub mod survey;
-pub mod trace;
-pub mod trig;
-pub mod walk;
-pub mod wide;
-pub mod woop;
+pub mod scattering;
+pub mod synthesis;
 
 pub use error::{Error, Result};

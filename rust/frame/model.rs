@@ -8,19 +8,22 @@ use num_complex::Complex64;
 
 use super::parts::Part;
 use super::rays::{Image, RaySampling, Rays};
-use crate::antenna::Array;
-use crate::beat;
-use crate::bounce::Limits;
-use crate::chirp::Waveform;
+use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
+use crate::bounces::Limits;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
-use crate::material::Material;
-use crate::placement::{Placement, VertexMotion, World, chebyshev_nodes};
-use crate::plan::Method;
-use crate::rays::ImagePlane;
-use crate::scatter::{SPEED_OF_LIGHT, Surfels};
-use crate::simd::Level;
-use crate::surface::Surface;
-use crate::trace::{Beam, Snapshot};
+use crate::numeric::chebyshev::chebyshev_nodes;
+use crate::numeric::simd::Level;
+use crate::paths::placement::{Placement, VertexMotion, World};
+use crate::rays::camera::ImagePlane;
+use crate::rays::scene::Snapshot;
+use crate::rays::surface::Surface;
+use crate::scattering::depth_image::Surfels;
+use crate::scattering::material::Material;
+use crate::synthesis::beat;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::plan::Method;
 
 /// Bodies and point targets at their places in the sensor frame when rays are cast.
 pub type PosedScene = Snapshot;
@@ -162,7 +165,10 @@ impl Model {
             }
             Source::Depth(image) => {
                 let farthest = image.distance.iter().filter(|distance| distance.is_finite());
-                (vec![farthest.copied().fold(0.0, f64::max); image.num_bodies], Vec::new())
+                (
+                    vec![farthest.copied().fold(0.0, f64::max); image.num_bodies],
+                    Vec::new(),
+                )
             }
         };
         Ok(Self {
@@ -242,7 +248,12 @@ impl Model {
 
     /// How to sum `num_paths` paths.
     pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options {
-        let work = [num_paths, self.array.num_channels(), num_chirps, self.waveform.num_samples];
+        let work = [
+            num_paths,
+            self.array.num_channels(),
+            num_chirps,
+            self.waveform.num_samples,
+        ];
         beat::Options {
             tolerance: self.settings.tolerance,
             method: self.settings.method,
@@ -305,5 +316,8 @@ impl Cancel {
 
 /// Node times of a part of a frame as times of the frame, `x` from -1 to 1.
 pub(super) fn node_times(part: &Part, number: usize) -> Vec<f64> {
-    chebyshev_nodes(number).into_iter().map(|x| part.cast + part.half * x).collect()
+    chebyshev_nodes(number)
+        .into_iter()
+        .map(|x| part.cast + part.half * x)
+        .collect()
 }

@@ -5,9 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::model::Model;
-use crate::chirp::Waveform;
-use crate::motion::Pose;
-use crate::placement::Placement;
+use crate::geometry::pose::Pose;
+use crate::paths::placement::Placement;
+use crate::synthesis::chirp::Waveform;
 
 /// Consecutive chirps of a frame with a cast of their own, in the middle of their time.
 pub struct Part {
@@ -30,11 +30,16 @@ pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
     // A depth image has no boxes, and is never cast.
     let each = model.boxes.iter().zip(poses.iter().zip(&pose_rates));
-    let fastest = each.map(|(corners, (pose, rate))| turn_rate(corners, pose, rate)).fold(0.0, f64::max);
+    let fastest = each
+        .map(|(corners, (pose, rate))| turn_rate(corners, pose, rate))
+        .fold(0.0, f64::max);
     let ranges = split(&model.waveform, fastest, model.settings.retrace);
     let number = ranges.len();
     let middle = 0.5 * model.waveform.duration();
-    let mut parts: Vec<Part> = ranges.into_iter().map(|chirps| Part::new(&model.waveform, chirps, number)).collect();
+    let mut parts: Vec<Part> = ranges
+        .into_iter()
+        .map(|chirps| Part::new(&model.waveform, chirps, number))
+        .collect();
     let distance = |part: &Part| (part.start + 0.5 * part.waveform.duration() - middle).abs();
     let nearest = (0..number).min_by(|a, b| distance(&parts[*a]).total_cmp(&distance(&parts[*b])));
     if let Some(nearest) = nearest {
@@ -64,7 +69,10 @@ impl Part {
         }
         let start = waveform.chirp_times[chirps.start];
         let own = Waveform {
-            chirp_times: waveform.chirp_times[chirps.clone()].iter().map(|time| time - start).collect(),
+            chirp_times: waveform.chirp_times[chirps.clone()]
+                .iter()
+                .map(|time| time - start)
+                .collect(),
             ..waveform.clone()
         };
         Self {
@@ -109,7 +117,9 @@ fn turn_rate(&[low, high]: &[DVec3; 2], pose: &Pose, rate: &Pose) -> f64 {
 fn split(waveform: &Waveform, turn_rate: f64, most: f64) -> Vec<Range<usize>> {
     let starts = &waveform.chirp_times;
     let (first, last) = (starts[0], waveform.duration());
-    let wanted = (0.5 * turn_rate * (last - first) / most).ceil().clamp(1.0, 2.0 * starts.len() as f64);
+    let wanted = (0.5 * turn_rate * (last - first) / most)
+        .ceil()
+        .clamp(1.0, 2.0 * starts.len() as f64);
     let number = wanted as usize | 1;
     let edge = |i: usize| first + (last - first) * i as f64 / number as f64 - 1e-9 * (last - first);
     let mut ends = vec![0];

@@ -5,15 +5,19 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 
 use super::model::{Cancel, Memory, Model, PosedScene, Source};
-use crate::adaptive::Rule;
-use crate::bounce::{self, Bounces, Launch};
+use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
-use crate::motion::Pose;
-use crate::rays::ImagePlane;
-use crate::samples::Samples;
-use crate::scatter::{NO_CELL, Sampling, Scatterers, place_on_mesh};
-use crate::shown::Shown;
-use crate::trace::{self, Cast, NO_BODY};
+use crate::geometry::pose::Pose;
+use crate::paths::scatterers::Scatterers;
+use crate::rays::camera::ImagePlane;
+use crate::rays::image::{self, Cast};
+use crate::rays::scene::NO_BODY;
+use crate::rays::smooth_hits::Shown;
+use crate::scattering::material_points::NO_CELL;
+use crate::scattering::patch::place_on_mesh;
+use crate::scattering::physical_optics::Sampling;
+use crate::scattering::samples::Samples;
+use crate::scattering::sampling::Rule;
 
 /// Rays of frames.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +33,7 @@ pub struct Image {
     /// The bodies.
     pub scene: Arc<PosedScene>,
     /// The hits.
-    pub hits: trace::Hits,
+    pub hits: image::Hits,
     smooth: OnceLock<Shown>,
 }
 
@@ -148,8 +152,8 @@ impl Rays {
     }
 
     /// Paths of several reflections, of the rays, or of an image where these are adaptive.
-    pub fn bounces(&self, model: &Model, memory: &mut Memory, cancel: &Cancel) -> Result<(Bounces, bounce::Counts)> {
-        let none = || (Bounces::empty(model.array.clone()), bounce::Counts::default());
+    pub fn bounces(&self, model: &Model, memory: &mut Memory, cancel: &Cancel) -> Result<(Bounces, bounces::Counts)> {
+        let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
         if model.settings.limits.max_bounces <= 1 {
             return Ok(none());
         }
@@ -181,11 +185,11 @@ impl Rays {
     }
 
     /// Rays cast, tiles skipped and taken over.
-    pub fn counts(&self) -> trace::Counts {
+    pub fn counts(&self) -> image::Counts {
         match self {
             Self::Cells(_, samples) => samples.counts,
             Self::Pixels(image) => image.hits.counts,
-            Self::None => trace::Counts::default(),
+            Self::None => image::Counts::default(),
         }
     }
 
@@ -244,7 +248,10 @@ impl Rays {
                 nearest[body as usize] = (distance, ray);
             }
         }
-        let seen = nearest.into_iter().enumerate().filter(|(_, (distance, _))| distance.is_finite());
+        let seen = nearest
+            .into_iter()
+            .enumerate()
+            .filter(|(_, (distance, _))| distance.is_finite());
         let hit = |(body, (distance, ray)): (usize, (f64, usize))| {
             let (cell, triangle) = match self {
                 Self::Cells(_, samples) => (samples.leaves[ray].cell, samples.leaves[ray].found.triangle),

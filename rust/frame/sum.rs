@@ -8,16 +8,19 @@ use rayon::prelude::*;
 use super::model::{Cancel, Memory, Model, Source, node_times};
 use super::parts::Part;
 use super::rays::Rays;
-use crate::beat::{self, SINGLE_TOLERANCE, Samples};
-use crate::block::Class;
-use crate::bounce::{self, Bounces};
-use crate::chirp::Waveform;
-use crate::delay::{Basis, PathSeries};
+use crate::bounces::{self, Bounces};
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
-use crate::node_times::{self, NodeTimes};
-use crate::placement::Placement;
-use crate::plan::Method;
-use crate::scatter::{NO_CELL, Paths, SPEED_OF_LIGHT, Scatterers, Selection};
+use crate::paths::node_times::{self, NodeTimes};
+use crate::paths::placement::Placement;
+use crate::paths::scatterers::Scatterers;
+use crate::paths::series::{Paths, Selection};
+use crate::scattering::material_points::NO_CELL;
+use crate::synthesis::beat::{self, SINGLE_TOLERANCE, Samples};
+use crate::synthesis::block::Class;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries};
+use crate::synthesis::plan::Method;
 
 /// Most path-samples of one piece of a direct sum: half a second.
 const PIECE_PATH_SAMPLES: usize = 1 << 28;
@@ -40,7 +43,7 @@ pub struct Groups {
     farthest: f64,
     /// Paths of several reflections, and what was done for them.
     num_bounces: usize,
-    bounces: bounce::Counts,
+    bounces: bounces::Counts,
 }
 
 /// Paths that are summed together.
@@ -134,7 +137,9 @@ impl Groups {
 
         let mut groups = Vec::new();
         let shown = scatterers.cells().iter().zip(scatterers.orders());
-        let farthest = shown.filter(|(_, order)| **order > 0).map(|(cell, _)| rays.distance(*cell));
+        let farthest = shown
+            .filter(|(_, order)| **order > 0)
+            .map(|(cell, _)| rays.distance(*cell));
         let farthest = farthest.fold(0.0, f64::max);
         let (num_scatterers, num_bounces) = (scatterers.len(), bounces.len());
         let num_cells = num_cells(scatterers.cells());
@@ -182,7 +187,7 @@ impl Groups {
     }
 
     /// Number of paths of several reflections, and what was done for them.
-    pub fn bounces(&self) -> (usize, bounce::Counts) {
+    pub fn bounces(&self) -> (usize, bounces::Counts) {
         (self.num_bounces, self.bounces)
     }
 
@@ -260,7 +265,11 @@ impl Groups {
                     still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels,
                     rows: report.rows,
                     rows_skipped: report.rows_skipped,
-                    farthest: if group.order == 0 { 0.5 * SPEED_OF_LIGHT * longest(&piece, plane) } else { 0.0 },
+                    farthest: if group.order == 0 {
+                        0.5 * SPEED_OF_LIGHT * longest(&piece, plane)
+                    } else {
+                        0.0
+                    },
                     plan: line,
                 });
             }
@@ -293,9 +302,10 @@ impl Groups {
                         scatterers.paths(places, places, selection),
                         scatterers.delay_rates(places, changes),
                     ),
-                    GroupPaths::Bounces(bounces) => {
-                        (bounces.paths(places, places, selection), bounces.delay_rates(places, changes))
-                    }
+                    GroupPaths::Bounces(bounces) => (
+                        bounces.paths(places, places, selection),
+                        bounces.delay_rates(places, changes),
+                    ),
                 })
             });
             let paths = finite(paths?, model)?;
@@ -306,13 +316,22 @@ impl Groups {
             }
             match &group.paths {
                 GroupPaths::Scatterers(scatterers, has_points) => {
-                    body.extend(scatterers.bodies().iter().map(|body| scene.body_numbers[*body as usize] as u32));
+                    body.extend(
+                        scatterers
+                            .bodies()
+                            .iter()
+                            .map(|body| scene.body_numbers[*body as usize] as u32),
+                    );
                     if *has_points {
                         body.extend(scene.point_numbers.iter().map(|number| *number as u32));
                     }
                 }
                 GroupPaths::Bounces(bounces) => {
-                    body.extend(bounces.last_bodies().map(|body| scene.body_numbers[body as usize] as u32));
+                    body.extend(
+                        bounces
+                            .last_bodies()
+                            .map(|body| scene.body_numbers[body as usize] as u32),
+                    );
                 }
             }
             order.extend(std::iter::repeat_n(group.order, number));
@@ -406,7 +425,11 @@ fn finite(paths: Paths, model: &Model) -> Result<Paths> {
         Source::Scene(_) => "scene",
         Source::Depth(_) => "distance",
     };
-    Err(Error::value(name, "nothing at the place of an antenna", "a path of length zero"))
+    Err(Error::value(
+        name,
+        "nothing at the place of an antenna",
+        "a path of length zero",
+    ))
 }
 
 fn times(number: usize) -> String {
@@ -415,7 +438,12 @@ fn times(number: usize) -> String {
 
 /// Longest delay of paths that carry power [s], of rows of `plane` paths of all channels.
 fn longest(paths: &Paths, plane: usize) -> f64 {
-    let carries = |path: usize| paths.amplitude[path..].iter().step_by(plane).any(|a| *a != Complex64::ZERO);
+    let carries = |path: usize| {
+        paths.amplitude[path..]
+            .iter()
+            .step_by(plane)
+            .any(|a| *a != Complex64::ZERO)
+    };
     let longest = |path: usize| paths.delay[path..].iter().step_by(plane).copied().fold(0.0, f64::max);
     // Nearly always the longest of all carries power.
     let mut by_delay = (0.0, None);
@@ -426,7 +454,10 @@ fn longest(paths: &Paths, plane: usize) -> f64 {
     }
     match by_delay {
         (delay, Some(path)) if carries(path) => delay,
-        _ => (0..plane).filter(|path| carries(*path)).map(longest).fold(0.0, f64::max),
+        _ => (0..plane)
+            .filter(|path| carries(*path))
+            .map(longest)
+            .fold(0.0, f64::max),
     }
 }
 
@@ -472,7 +503,11 @@ fn add(cube: &mut Samples, samples: Samples, weights: &[f64]) {
         let blocks = cube.par_chunks_mut(block).zip(samples.par_chunks(block));
         blocks.for_each(|(sums, samples)| {
             for (i, (sum, sample)) in sums.iter_mut().zip(samples).enumerate() {
-                *sum += if weights.is_empty() { *sample } else { times(*sample, weights[i % row]) };
+                *sum += if weights.is_empty() {
+                    *sample
+                } else {
+                    times(*sample, weights[i % row])
+                };
             }
         });
     }

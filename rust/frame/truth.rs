@@ -4,14 +4,16 @@ use glam::DVec3;
 
 use super::model::{Model, Source};
 use super::rays::Rays;
-use crate::placement::Placement;
+use crate::paths::placement::Placement;
 
 /// Per body and point target of the scene: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray hit.
 pub type Truth = Vec<[f64; 4]>;
 
 /// Truth of a scene; none for images.
 pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) -> Option<Truth> {
-    let Source::Scene(scene) = &model.source else { return None };
+    let Source::Scene(scene) = &model.source else {
+        return None;
+    };
     let mut truth = vec![[f64::NAN; 4]; scene.body_numbers.len() + scene.point_numbers.len()];
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
     for hit in rays.nearest() {
@@ -24,7 +26,9 @@ pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) 
                 let on_mesh = |vertices: &[[f64; 3]]| {
                     let (corners, weights) = &hit.corners;
                     let terms = corners.iter().zip(weights);
-                    terms.map(|(corner, weight)| *weight * DVec3::from_array(vertices[*corner as usize])).sum()
+                    terms
+                        .map(|(corner, weight)| *weight * DVec3::from_array(vertices[*corner as usize]))
+                        .sum()
                 };
                 let [at, rates] = [placement, rates].map(|of| of.vertices()[index].at(0.0));
                 (on_mesh(&at), on_mesh(&rates))
@@ -43,5 +47,10 @@ pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) 
 fn row(point: DVec3, velocity: DVec3) -> [f64; 4] {
     let range = point.length();
     let rate = point.dot(velocity) / range.max(f64::MIN_POSITIVE);
-    [range, rate, point.y.atan2(point.x), point.z.atan2(point.x.hypot(point.y))]
+    [
+        range,
+        rate,
+        point.y.atan2(point.x),
+        point.z.atan2(point.x.hypot(point.y)),
+    ]
 }

@@ -3,9 +3,11 @@
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::{Surface, compute, numbers, points};
-use crate::bounce::{self, Aspect};
-use crate::material;
+use super::arrays::{numbers, points};
+use super::rays::Surface;
+use super::threads::compute;
+use crate::bounces::{self, Aspect};
+use crate::scattering::material;
 
 /// Radar cross-sections [m^2] of a perfect conductor for unit vectors (direction, 3) to the transmitter and the receiver;
 /// `polarization` has the fields of both antennas (direction, 3).
@@ -35,7 +37,7 @@ pub(super) fn cross_sections<'py>(
     let aspects: Vec<Aspect> = (0..transmitter.shape()[0]).map(aspect).collect();
     let surface = &surface.0;
     let sections = compute(py, threads, || {
-        bounce::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
+        bounces::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
     })?;
     Ok(sections.into_pyarray(py))
 }

@@ -12,14 +12,19 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::{Antennas, Hits, Material, Surface, Waveform, matrix, method, numbers, points, pool, poses, sampling};
-use crate::adaptive::Rule;
-use crate::beat::Samples;
-use crate::bounce::Limits;
+use super::antennas::Antennas;
+use super::arrays::{matrix, numbers, points, poses};
+use super::rays::{Hits, Surface};
+use super::scattering::{Material, sampling};
+use super::synthesis::{Waveform, method};
+use super::threads::{check_threads, pool};
+use crate::bounces::Limits;
 use crate::error::{Error, Result};
 use crate::frame::{self, Cancel, Counts, Memory, Model, RaySampling, Simulated, Source};
-use crate::placement::{VertexMotion, World};
-use crate::rays::ImagePlane;
+use crate::paths::placement::{VertexMotion, World};
+use crate::rays::camera::ImagePlane;
+use crate::scattering::sampling::Rule;
+use crate::synthesis::beat::Samples;
 
 /// Surfaces of bodies, and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
@@ -208,7 +213,10 @@ impl Placement {
             return Err(Error::value("sensor", "an odd number of times", times).into());
         }
         let vertices = vertices.iter().map(|array| {
-            let positions = numbers("vertices", array, [None, None, Some(3)])?.as_chunks().0.to_vec();
+            let positions = numbers("vertices", array, [None, None, Some(3)])?
+                .as_chunks()
+                .0
+                .to_vec();
             PyResult::Ok(VertexMotion::new(array.shape()[0], positions))
         });
         Ok(Self(World {
@@ -324,7 +332,7 @@ impl Simulator {
         settings: PyRef<'_, Settings>,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        super::check_threads(threads)?;
+        check_threads(threads)?;
         let source = match source {
             AnySource::Scene(scene) => Source::Scene(scene.0.clone()),
             AnySource::Depth(image) => Source::Depth(image.0.clone()),
@@ -388,7 +396,9 @@ impl Simulator {
         rates_at: PyRef<'_, Placement>,
     ) -> PyResult<PathArrays<'py>> {
         let (frame, at) = ((&motion.0, &rates.0), (&at.0, &rates_at.0));
-        let paths = self.run(py, |memory, cancel| frame::paths(&self.model, frame, at, memory, cancel))?;
+        let paths = self.run(py, |memory, cancel| {
+            frame::paths(&self.model, frame, at, memory, cancel)
+        })?;
         let shape = [self.model.array.num_channels(), paths.body.len()];
         Ok((
             paths.delay.into_pyarray(py).reshape(shape)?,
@@ -431,7 +441,7 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 impl Simulator {
     /// Run on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
-        let pool = pool(super::num_threads(self.threads))?;
+        let pool = pool(self.threads)?;
         let cancel = Cancel::default();
         // A second thread of the interpreter waits here for the first.
         py.detach(|| {

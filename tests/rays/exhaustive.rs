@@ -8,10 +8,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
-use radarcore::surface::Surface;
-use radarcore::trace::{Hit, NO_BODY};
+use radarcore::geometry::pose::Pose;
+use radarcore::rays::scene::{Hit, NO_BODY};
+use radarcore::rays::surface::Surface;
+use radarcore::rays::tree::Ray;
 use rayon::prelude::*;
 
 /// Relative error of a distance that is not forgiven.

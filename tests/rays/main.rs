@@ -9,11 +9,12 @@ use std::sync::Arc;
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
-use radarcore::bvh::Ray;
-use radarcore::motion::Pose;
-use radarcore::rays::ImagePlane;
-use radarcore::simd::Level;
-use radarcore::trace::{Cast, Snapshot, Walks};
+use radarcore::geometry::pose::Pose;
+use radarcore::numeric::simd::Level;
+use radarcore::rays::camera::ImagePlane;
+use radarcore::rays::image::{Cast, Walks};
+use radarcore::rays::scene::Snapshot;
+use radarcore::rays::tree::Ray;
 use rayon::prelude::*;
 
 /// Where rays of images start [m].

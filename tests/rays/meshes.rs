@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
-use radarcore::motion::Pose;
-use radarcore::surface::{ShadingMode, Surface};
+use radarcore::geometry::pose::Pose;
+use radarcore::rays::surface::{ShadingMode, Surface};
 
 /// Vertices and triangles.
 pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);

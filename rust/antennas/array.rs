@@ -1,0 +1,93 @@
+//! Antennas of the sensor: where they are, what they see of a point.
+
+use glam::DVec3;
+
+use crate::antennas::pattern::Pattern;
+use crate::error::{Error, Result};
+
+/// Transmitters and receivers; channel = tx * `num_rx` + rx.
+#[derive(Clone, Debug)]
+pub struct Array {
+    /// Transmit antennas in the sensor frame [m].
+    pub tx: Vec<DVec3>,
+    /// Receive antennas in the sensor frame [m].
+    pub rx: Vec<DVec3>,
+    /// Patterns of the transmit antennas.
+    pub tx_patterns: Vec<Pattern>,
+    /// Patterns of the receive antennas.
+    pub rx_patterns: Vec<Pattern>,
+    /// Power of one transmitter [W].
+    pub power: f64,
+    /// Centre of the sampled band [Hz].
+    pub frequency: f64,
+    /// Unit vector along the field of every element, as far as it is transverse; none: antennas without a polarisation.
+    pub polarization: Option<DVec3>,
+}
+
+/// One antenna's view of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Distance [m].
+    pub distance: f64,
+    /// Unit vector from the antenna to the point.
+    pub direction: DVec3,
+    /// Power gain towards the point.
+    pub gain: f64,
+}
+
+impl Array {
+    /// Field that is sent to a direction `(1, u, v)` and received from there, relative to the peaks; of the best pair.
+    pub fn relative_gain(&self, u: f64, v: f64) -> f64 {
+        let least = |patterns: &[Pattern]| {
+            let others = (0..patterns.len()).filter(|i| *i == 0 || !patterns[*i].is_same(&patterns[*i - 1]));
+            let decays = others.map(|i| patterns[i].decay([u; 2], [v; 2])[0]);
+            decays.fold(f64::INFINITY, f64::min)
+        };
+        (-0.5 * (least(&self.tx_patterns) + least(&self.rx_patterns))).exp()
+    }
+
+    /// Refuses other numbers of patterns than of antennas.
+    pub fn check(&self) -> Result<()> {
+        for (name, antennas, patterns) in [
+            ("tx_patterns", &self.tx, &self.tx_patterns),
+            ("rx_patterns", &self.rx, &self.rx_patterns),
+        ] {
+            if antennas.len() != patterns.len() {
+                let expected = format!("{}, one per antenna", antennas.len());
+                return Err(Error::value(name, expected, patterns.len()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of TX-RX pairs.
+    pub fn num_channels(&self) -> usize {
+        self.tx.len() * self.rx.len()
+    }
+
+    /// Unit vectors from transmitter and receiver of a channel to a point of the sensor frame.
+    pub fn directions(&self, channel: usize, point: DVec3) -> [DVec3; 2] {
+        [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]].map(|antenna| {
+            let offset = point - antenna;
+            offset / offset.length()
+        })
+    }
+
+    /// What transmitter and receiver of a channel see of a point of the sensor frame.
+    pub fn pair(&self, channel: usize, point: DVec3) -> (Sight, Sight) {
+        let sight = |antenna: DVec3, pattern: &Pattern| {
+            let offset = point - antenna;
+            let distance = offset.length();
+            Sight {
+                distance,
+                direction: offset / distance,
+                gain: pattern.gain(offset),
+            }
+        };
+        let (tx, rx) = (channel / self.rx.len(), channel % self.rx.len());
+        (
+            sight(self.tx[tx], &self.tx_patterns[tx]),
+            sight(self.rx[rx], &self.rx_patterns[rx]),
+        )
+    }
+}

@@ -1,0 +1,111 @@
+//! Directions that antennas hardly see: what is there is not cast.
+//!
+//! Rays start at the centre of the array, but every antenna sees their hits from its own place, in another direction the
+//! nearer they are.
+
+use glam::DVec3;
+
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
+use crate::rays::camera::ImagePlane;
+use crate::rays::packet::Fan;
+use crate::rays::scene::Snapshot;
+
+/// Directions in which some pair of antennas has a gain of interest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Beam {
+    /// Patterns of the transmitters and of the receivers, every one once.
+    patterns: [Vec<Pattern>; 2],
+    /// Box round the antennas [m].
+    low: DVec3,
+    high: DVec3,
+    /// ln of the peak over the least gain of interest, there and back.
+    depth: f64,
+    /// 1 / distance of what is in front of the antennas, at most [1/m].
+    closeness: f64,
+}
+
+impl Beam {
+    /// Of antennas; `floor` is the least gain of interest, there and back, relative to the product of a pair's peaks.
+    pub fn new(array: &Array, floor: f64) -> Self {
+        let once = |patterns: &[Pattern]| {
+            patterns.iter().fold(Vec::new(), |mut seen: Vec<Pattern>, pattern| {
+                if !seen.contains(pattern) {
+                    seen.push(pattern.clone());
+                }
+                seen
+            })
+        };
+        let places = || array.tx.iter().chain(&array.rx).copied();
+        Self {
+            patterns: [once(&array.tx_patterns), once(&array.rx_patterns)],
+            low: places().fold(DVec3::INFINITY, DVec3::min),
+            high: places().fold(DVec3::NEG_INFINITY, DVec3::max),
+            depth: -floor.ln(),
+            closeness: 0.0,
+        }
+    }
+
+    /// The same in front of bodies; none if all directions of an image are within.
+    pub fn before(&self, snapshot: &Snapshot, plane: &ImagePlane) -> Option<Self> {
+        let last = plane.center(plane.rows - 1, plane.columns - 1);
+        let first = plane.center(0, 0);
+        let [_, most] = self.decay([last.0, first.0], [last.1, first.1]);
+        if most <= self.depth {
+            return None;
+        }
+        let mut beam = self.clone();
+        if self.low != DVec3::ZERO || self.high != DVec3::ZERO {
+            // In powers of two, so that it is the same for most images of things that move: only images with the same beam
+            // take over tiles.
+            beam.closeness = snapshot.nearest_in_front().recip().log2().ceil().exp2();
+        }
+        Some(beam)
+    }
+
+    /// Whether all rays of a tile are out of the beam.
+    pub fn misses(&self, fan: &Fan) -> bool {
+        let [u, v] = fan.ranges();
+        self.seen(u, v).is_some_and(|[u, v]| self.decay(u, v)[0] > self.depth)
+    }
+
+    /// Bounds of ln(peaks / gain), there and back, of the pair with the most gain, over directions within ranges.
+    fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for patterns in &self.patterns {
+            let mut of_best = [f64::INFINITY; 2];
+            for decay in patterns.iter().map(|pattern| pattern.decay(u, v)) {
+                of_best = [of_best[0].min(decay[0]), of_best[1].min(decay[1])];
+            }
+            sum = [sum[0] + of_best[0], sum[1] + of_best[1]];
+        }
+        sum
+    }
+
+    /// Directions `(1, u, v)` in which antennas see what rays within ranges hit; none where these may be any.
+    fn seen(&self, u: [f64; 2], v: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+        let most = |[low, high]: [f64; 2]| low.abs().max(high.abs());
+        // From an antenna at o a hit at x (1, u, v) is in the direction (u - o_y / x) / (1 - o_x / x), likewise v.
+        let inverse_x = self.closeness * (1.0 + most(u).powi(2) + most(v).powi(2)).sqrt();
+        if inverse_x * self.high.x >= 1.0 {
+            return None;
+        }
+        let along = [self.low.x, self.high.x];
+        let widened = |range: [f64; 2], across: [f64; 2]| {
+            let [mut low, mut high] = range;
+            for u in range {
+                for o in across {
+                    for o_x in along {
+                        let seen = (u - o * inverse_x) / (1.0 - o_x * inverse_x);
+                        (low, high) = (low.min(seen), high.max(seen));
+                    }
+                }
+            }
+            [low, high]
+        };
+        Some([
+            widened(u, [self.low.y, self.high.y]),
+            widened(v, [self.low.z, self.high.z]),
+        ])
+    }
+}

@@ -1,0 +1,245 @@
+//! Patterns: the power gain of an antenna over directions.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::antennas::gain_table::Table;
+
+/// Power gain of an antenna over directions of the sensor frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pattern {
+    /// Gaussian beam `peak exp(-azimuth az^2 - elevation el^2)`; zero exponents: isotropic.
+    Gaussian {
+        /// Power gain on boresight.
+        peak: f64,
+        /// Exponent over azimuth [1/rad^2].
+        azimuth: f64,
+        /// Exponent over elevation [1/rad^2].
+        elevation: f64,
+    },
+    /// Numbers at angles.
+    Table(Arc<Table>),
+}
+
+impl Pattern {
+    /// Whether it is known at once that both are the same: tables are not compared number by number.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Table(a), Self::Table(b)) => Arc::ptr_eq(a, b),
+            _ => self == other,
+        }
+    }
+
+    /// Power gain towards a direction of the sensor frame (any length).
+    pub fn gain(&self, d: DVec3) -> f64 {
+        if let Self::Gaussian {
+            peak,
+            azimuth: 0.0,
+            elevation: 0.0,
+        } = self
+        {
+            return *peak;
+        }
+        // Adding +0 turns -0 into +0: straight up has azimuth 0, straight back +180 degrees.
+        let azimuth = (d.y + 0.0).atan2(d.x + 0.0);
+        self.gain_at(azimuth, d.z.atan2(d.x.hypot(d.y)))
+    }
+
+    /// Power gain at angles [rad], azimuth within half a turn.
+    pub fn gain_at(&self, az: f64, el: f64) -> f64 {
+        match self {
+            Self::Gaussian {
+                peak,
+                azimuth,
+                elevation,
+            } => peak * (-azimuth * az * az - elevation * el * el).exp(),
+            Self::Table(table) => table.level(az, el).map_or(0.0, f64::exp),
+        }
+    }
+
+    /// Largest power gain.
+    pub fn peak(&self) -> f64 {
+        match self {
+            Self::Gaussian { peak, .. } => *peak,
+            Self::Table(table) => table.peak.exp(),
+        }
+    }
+
+    /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges.
+    pub fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::Gaussian { azimuth, elevation, .. } => {
+                let least = |[low, high]: [f64; 2]| low.max(-high).max(0.0);
+                let most = |[low, high]: [f64; 2]| high.max(-low).max(0.0);
+                let decay = |az: f64, el: f64| azimuth * az * az + elevation * el * el;
+                [
+                    decay(least(u).atan(), least(v).atan2(1.0_f64.hypot(most(u)))),
+                    decay(most(u).atan(), most(v).atan()),
+                ]
+            }
+            Self::Table(table) => table.decay(u, v),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::random::mix;
+
+    fn random(state: &mut u64) -> f64 {
+        *state = mix(*state);
+        (*state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn degrees(values: &[f64]) -> Vec<f64> {
+        values.iter().map(|degrees| degrees.to_radians()).collect()
+    }
+
+    /// Gains 1 to n dB, `(azimuth, elevation)`.
+    fn counting(azimuth_deg: &[f64], elevation_deg: &[f64]) -> Pattern {
+        let gains: Vec<f64> = (1..=azimuth_deg.len() * elevation_deg.len())
+            .map(|i| i as f64)
+            .collect();
+        let table = Table::new(&degrees(azimuth_deg), &degrees(elevation_deg), &gains);
+        Pattern::Table(Arc::new(table.unwrap()))
+    }
+
+    fn gain_db(pattern: &Pattern, azimuth_deg: f64, elevation_deg: f64) -> f64 {
+        10.0 * pattern
+            .gain_at(azimuth_deg.to_radians(), elevation_deg.to_radians())
+            .log10()
+    }
+
+    #[test]
+    fn table_has_its_gains_at_its_angles_and_the_middle_of_four_between() {
+        let pattern = counting(&[-40.0, 0.0, 10.0], &[-20.0, 30.0]);
+        let expected = [
+            (-40.0, -20.0, 1.0),
+            (-40.0, 30.0, 2.0),
+            (0.0, -20.0, 3.0),
+            (10.0, 30.0, 6.0),
+            (5.0, 5.0, 4.5),
+            (-30.0, -20.0, 1.5),
+        ];
+        for (azimuth, elevation, gain) in expected {
+            assert!(
+                (gain_db(&pattern, azimuth, elevation) - gain).abs() < 1e-12,
+                "{azimuth} {elevation}"
+            );
+        }
+        for (azimuth, elevation) in [(-40.1, 0.0), (10.1, 0.0), (0.0, -20.1), (0.0, 30.1), (180.0, 0.0)] {
+            assert_eq!(gain_db(&pattern, azimuth, elevation), f64::NEG_INFINITY);
+        }
+    }
+
+    #[test]
+    fn table_round_the_turn_is_closed_behind_the_antenna() {
+        // 1, 2, 3, 4 dB ahead, left, behind, right; behind only at -180 degrees.
+        let pattern = counting(&[-180.0, -90.0, 0.0, 90.0], &[-90.0, 90.0]);
+        assert!((gain_db(&pattern, 135.0, -90.0) - 0.5 * (7.0 + 1.0)).abs() < 1e-12);
+        assert!((gain_db(&pattern, 180.0, -90.0) - gain_db(&pattern, -180.0, -90.0)).abs() < 1e-12);
+        let back = DVec3::new(-1.0, 0.0, 0.0);
+        let beside = [1e-9, -1e-9].map(|y| pattern.gain(back + y * DVec3::Y));
+        assert!((beside[0] - beside[1]).abs() < 1e-8 && (beside[0] - pattern.gain(back)).abs() < 1e-8);
+        // A table that ends at 170 degrees left and right in steps of 10 has no larger a gap behind than elsewhere.
+        let fine: Vec<f64> = (0..36).map(|i| 10.0 * f64::from(i) - 175.0).collect();
+        assert!(gain_db(&counting(&fine, &[-90.0, 90.0]), 180.0, 0.0).is_finite());
+        // Nor is the seam elsewhere but behind: -170 and 180 are neighbours.
+        let late = counting(&[-90.0, 0.0, 90.0, 180.0], &[-90.0, 90.0]);
+        assert!((gain_db(&late, -180.0, -90.0) - 7.0).abs() < 1e-12);
+        assert!((gain_db(&late, -135.0, -90.0) - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn straight_up_and_down_are_seen_at_azimuth_zero() {
+        let pattern = counting(&[-180.0, 0.0, 180.0], &[-90.0, 90.0]);
+        for sign in [0.0, -0.0] {
+            let up = pattern.gain(DVec3::new(sign, sign, 2.0));
+            assert!((10.0 * up.log10() - 4.0).abs() < 1e-12);
+        }
+        assert!((10.0 * pattern.gain(-DVec3::Z).log10() - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn decay_bounds_what_directions_within_ranges_have() {
+        let mut state = 3;
+        let around: Vec<f64> = (0..24).map(|i| 15.0 * f64::from(i) - 172.0).collect();
+        let seam: Vec<f64> = vec![-170.0, -120.0, -60.0, 5.0, 60.0, 120.0, 170.0];
+        let patterns = [
+            Pattern::Gaussian {
+                peak: 2.0,
+                azimuth: 3.0,
+                elevation: 7.0,
+            },
+            counting(&around, &[-90.0, -30.0, -10.0, 0.0, 10.0, 50.0, 90.0]),
+            counting(&seam, &[-40.0, -5.0, 5.0, 20.0]),
+            counting(&[-10.0, 30.0], &[0.0, 1.0]),
+        ];
+        for (number, pattern) in patterns.iter().enumerate() {
+            let peak = match pattern {
+                Pattern::Gaussian { peak, .. } => peak.ln(),
+                Pattern::Table(table) => table.peak,
+            };
+            let (mut num_out, mut num_within) = (0, 0);
+            for _ in 0..300 {
+                let mut range = |most: f64| {
+                    let (middle, half) = (most * (2.0 * random(&mut state) - 1.0), 0.3 * random(&mut state));
+                    [middle - half, middle + half]
+                };
+                let (u, v) = (range(2.0), range(1.5));
+                let [least, most] = pattern.decay(u, v);
+                let (mut nearest, mut farthest) = (f64::INFINITY, 0.0_f64);
+                for i in 0..=20 {
+                    for j in 0..=20 {
+                        let at = |[low, high]: [f64; 2], i: i32| low + (high - low) * f64::from(i) / 20.0;
+                        let decay = peak - pattern.gain(DVec3::new(1.0, at(u, i), at(v, j))).ln();
+                        nearest = nearest.min(decay);
+                        farthest = farthest.max(decay);
+                    }
+                }
+                assert!(
+                    least <= nearest + 1e-9 && farthest <= most + 1e-9,
+                    "{number} {u:?} {v:?}"
+                );
+                num_out += usize::from(least.is_infinite());
+                num_within += usize::from(most.is_finite());
+            }
+            assert_eq!(num_out > 0, number > 1);
+            assert_eq!(num_within > 0, number < 3);
+        }
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused() {
+        let two = [0.0, 1.0];
+        let refused = |azimuth: &[f64], elevation: &[f64], gain_db: &[f64]| {
+            Table::new(azimuth, elevation, gain_db).unwrap_err().to_string()
+        };
+        assert_eq!(
+            refused(&[0.0], &two, &two),
+            "azimuth: expected at least two angles, got 1"
+        );
+        assert_eq!(refused(&two, &two, &two), "gain_db: expected 4 gains, got 2");
+        for (angles, message) in [
+            (
+                [1.0, 1.0],
+                "elevation: expected increasing angles [rad], got 1 and then 1",
+            ),
+            (
+                [0.0, 1.6],
+                "elevation: expected angles from -1.570796 to 1.570796 [rad], got 1.6",
+            ),
+            (
+                [f64::NAN, 1.0],
+                "elevation: expected angles from -1.570796 to 1.570796 [rad], got NaN",
+            ),
+        ] {
+            assert_eq!(refused(&two, &angles, &[0.0; 4]), message);
+        }
+        for gain in [f64::NAN, f64::NEG_INFINITY, 1e9] {
+            assert!(refused(&two, &two, &[0.0, gain, 0.0, 0.0]).starts_with("gain_db: expected -1000 to 1000 dB"));
+        }
+    }
+}

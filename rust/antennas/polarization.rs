@@ -1,0 +1,110 @@
+//! What linearly polarised antennas see of a reflection.
+
+use glam::DVec3;
+
+/// Directions this near to the normal, by the square of the sine between them, have no plane of incidence.
+const NORMAL: f64 = 1e-20;
+
+/// How much of both polarisations reaches the receiver: `Gamma = te r_TE - tm r_TM`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Of the field across the plane of incidence.
+    pub te: f64,
+    /// Of the field in it.
+    pub tm: f64,
+}
+
+impl Seen {
+    /// Antennas without a polarisation, README eq. (5).
+    pub const SCALAR: Self = Self { te: 0.5, tm: 0.5 };
+
+    /// The field across the plane of incidence alone.
+    pub const TE: Self = Self { te: 1.0, tm: 0.0 };
+
+    /// The field in the plane of incidence alone.
+    pub const TM: Self = Self { te: 0.0, tm: 1.0 };
+
+    /// Of antennas whose fields lie along a unit vector, as far as it is transverse to the rays: unit `normal` of the
+    /// surface, unit directions `t` and `r` from transmitter and receiver to the point.
+    ///
+    /// With `t = r` this is `|e.s|^2` and `|e.p|^2`, with the mirror's directions what `E_r = r_TE (E.s) s + r_TM (E.p) p'`
+    /// leaves in the receiver; transmitter and receiver may change places.
+    pub fn by(polarization: DVec3, normal: DVec3, t: DVec3, r: DVec3) -> Self {
+        let transverse = |d: DVec3| (polarization - d * polarization.dot(d)).normalize_or_zero();
+        let (e_t, e_r) = (transverse(t), transverse(r));
+
+        // Normals of the planes of incidence and of departure, turned alike.
+        let across = |d: DVec3| {
+            let across = normal.cross(d);
+            (across.length_squared() > NORMAL).then(|| across.normalize())
+        };
+        let (s_t, s_r) = match (across(t), across(r)) {
+            (Some(s_t), Some(s_r)) => (s_t, if s_t.dot(s_r) < 0.0 { -s_r } else { s_r }),
+            (Some(s), None) | (None, Some(s)) => (s, s),
+            (None, None) => {
+                return Self {
+                    te: e_t.dot(e_r),
+                    tm: 0.0,
+                };
+            }
+        };
+        Self {
+            te: e_t.dot(s_t) * e_r.dot(s_r),
+            tm: e_t.dot(t.cross(s_t)) * e_r.dot(r.cross(s_r)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NORMAL_TO_WALL: DVec3 = DVec3::NEG_X;
+
+    #[test]
+    fn one_antenna_sees_all_of_what_comes_back_to_it() {
+        for (x, y, z) in [(1.0, 0.0, 0.0), (1.0, 1e-11, 0.0), (1.0, 1e-9, 1e-9), (1.0, 0.7, -0.4)] {
+            let d = DVec3::new(x, y, z).normalize();
+            for e in [DVec3::Z, DVec3::Y, DVec3::new(0.0, 0.6, 0.8)] {
+                let seen = Seen::by(e, NORMAL_TO_WALL, d, d);
+                assert!((seen.te + seen.tm - 1.0).abs() < 1e-12, "{d} {e} {seen:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn vertical_antennas_see_across_a_horizontal_plane_and_horizontal_ones_in_it() {
+        let (t, r) = (
+            DVec3::new(1.0, 1.0, 0.0).normalize(),
+            DVec3::new(1.0, -1.0, 0.0).normalize(),
+        );
+        for (t, r) in [(t, r), (t, t)] {
+            let vertical = Seen::by(DVec3::Z, NORMAL_TO_WALL, t, r);
+            let horizontal = Seen::by(DVec3::Y, NORMAL_TO_WALL, t, r);
+            assert!((vertical.te - 1.0).abs() < 1e-15 && vertical.tm.abs() < 1e-15);
+            assert!(horizontal.te.abs() < 1e-15 && (horizontal.tm - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn transmitter_and_receiver_may_change_places_and_no_more_than_all_is_seen() {
+        let mut state = 1_u64;
+        let mut number = || {
+            state = crate::numeric::random::mix(state);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        for _ in 0..1000 {
+            let mut unit = || DVec3::new(number(), number(), number()).normalize();
+            let (e, n, t, r) = (unit(), unit(), unit(), unit());
+            let (there, back) = (Seen::by(e, n, t, r), Seen::by(e, n, r, t));
+            assert!((there.te - back.te).abs() < 1e-12 && (there.tm - back.tm).abs() < 1e-12);
+            assert!(there.te.abs() + there.tm.abs() < 1.0 + 1e-12);
+        }
+    }
+
+    #[test]
+    fn nothing_is_seen_along_the_antenna() {
+        let seen = Seen::by(DVec3::X, NORMAL_TO_WALL, DVec3::X, DVec3::X);
+        assert_eq!(seen, Seen { te: 0.0, tm: 0.0 });
+    }
+}

@@ -1,0 +1,283 @@
+//! Routes of material points: delays and amplitudes follow from where their bodies are.
+
+use glam::DVec3;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::direction::Way;
+use super::interaction::Place;
+use crate::antennas::array::Array;
+use crate::antennas::pattern::Pattern;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::error::Result;
+use crate::geometry::moving_triangle::Facet;
+use crate::paths::kinematics::Places;
+use crate::paths::series::{Paths, Selection};
+use crate::rays::scene::Snapshot;
+
+/// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
+/// number of reflections.
+pub struct Bounces {
+    array: Array,
+    /// Where the points of every route begin, and where those of the last end.
+    first: Vec<usize>,
+    /// Those of one antenna where tubes start after the other; of one that has no such route those of another.
+    points: Vec<Point>,
+    /// Per route.
+    ways: Vec<Way>,
+    /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
+    weights: Vec<Complex64>,
+    /// Bodies that deform and their numbers of vertices.
+    deforming: Vec<(u32, usize)>,
+}
+
+/// A material point.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    body: u32,
+    /// Vertices of the facet that it stays with, where the body deforms.
+    facet: Option<[u32; 3]>,
+    /// In body coordinates [m], or those of the facet.
+    position: DVec3,
+}
+
+/// One route.
+pub struct Route {
+    way: Way,
+    order: usize,
+    points: Vec<Point>,
+    /// Per channel.
+    weights: Vec<Complex64>,
+}
+
+impl Point {
+    /// At a place that stays with its body.
+    fn new(snapshot: &Snapshot, place: &Place) -> Self {
+        let surface = snapshot.surface(place.body);
+        let position = snapshot.pose(place.body).point_to_body(place.point);
+        if !surface.is_deformed() {
+            return Self {
+                body: place.body,
+                facet: None,
+                position,
+            };
+        }
+        Self {
+            body: place.body,
+            facet: Some(surface.vertices_of(place.triangle)),
+            position: Facet::new(surface.corners(place.triangle)).coordinates(position),
+        }
+    }
+}
+
+impl Route {
+    /// Over these places, for all antennas where tubes start; nothing comes back yet.
+    pub fn new(way: Way, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
+        let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
+        Self {
+            way,
+            order: places.len(),
+            points: points.repeat(way.antennas(array)[0].len()),
+            weights: vec![Complex64::ZERO; array.num_channels()],
+        }
+    }
+
+    /// The way of its tubes and the number of reflections.
+    pub fn kind(&self) -> (Way, usize) {
+        (self.way, self.order)
+    }
+
+    /// What comes of the antenna `start`: `weights` per antenna where tubes end.
+    pub fn set(&mut self, array: &Array, snapshot: &Snapshot, start: usize, places: &[Place], weights: &[Complex64]) {
+        let points = places.iter().map(|place| Point::new(snapshot, place));
+        for (i, point) in points.enumerate() {
+            self.points[start * self.order + i] = point;
+        }
+        for (end, weight) in weights.iter().enumerate() {
+            self.weights[self.way.channel(array, start, end)] = *weight;
+        }
+    }
+}
+
+impl Bounces {
+    pub(super) fn of_routes(snapshot: &Snapshot, array: Array, routes: impl Iterator<Item = Route>) -> Self {
+        let mut bounces = Self::empty(array);
+        for route in routes {
+            bounces.push(route.way, &route.points, &route.weights);
+        }
+        let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
+        let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
+        bodies.sort_unstable();
+        bodies.dedup();
+        let with_number = |body: u32| (body, snapshot.surface(body).vertices().len());
+        bounces.deforming = bodies.into_iter().map(with_number).collect();
+        bounces
+    }
+
+    /// No routes.
+    pub fn empty(array: Array) -> Self {
+        Self {
+            array,
+            first: vec![0],
+            points: Vec::new(),
+            ways: Vec::new(),
+            weights: Vec::new(),
+            deforming: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, way: Way, points: &[Point], weights: &[Complex64]) {
+        self.ways.push(way);
+        self.points.extend(points);
+        self.weights.extend(weights);
+        self.first.push(self.points.len());
+    }
+
+    /// The routes over wanted bodies alone, and the others, both in the same order.
+    pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
+        let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
+        for route in 0..self.len() {
+            let points = &self.points[self.first[route]..self.first[route + 1]];
+            let are_wanted = points.iter().all(|point| is_wanted(point.body));
+            let channels = self.num_channels();
+            let weights = &self.weights[channels * route..channels * (route + 1)];
+            parts[usize::from(!are_wanted)].push(self.ways[route], points, weights);
+        }
+        for part in &mut parts {
+            let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
+            part.deforming = self.deforming.iter().copied().filter(|d| is_met(d.0)).collect();
+        }
+        parts
+    }
+
+    /// Number of routes.
+    pub fn len(&self) -> usize {
+        self.first.len() - 1
+    }
+
+    /// True when nothing comes back.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of TX-RX pairs.
+    pub fn num_channels(&self) -> usize {
+        self.array.num_channels()
+    }
+
+    /// Number of reflections of every route.
+    pub fn orders(&self) -> impl Iterator<Item = usize> {
+        let routes = self.first.windows(2).zip(&self.ways);
+        routes.map(|(ends, way)| (ends[1] - ends[0]) / way.antennas(&self.array)[0].len())
+    }
+
+    /// The body of every route that is the last before a receiver, as the first antenna where tubes start has it.
+    pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
+        let routes = self.first.iter().zip(&self.ways).zip(self.orders());
+        routes.map(|((first, way), order)| match way {
+            Way::Forth => self.points[first + order - 1].body,
+            Way::Back => self.points[*first].body,
+        })
+    }
+
+    /// Bodies that deform and are met here, in increasing order, and their numbers of vertices.
+    pub fn deforming(&self) -> &[(u32, usize)] {
+        &self.deforming
+    }
+
+    /// Delays of the selected routes at `places`, which need no point targets, and amplitudes at others.
+    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
+        Paths::of(
+            [places.num_nodes, amplitudes_at.num_nodes],
+            self.num_channels(),
+            selection,
+            |node, channel, route| self.path(places, node, channel, route).0,
+            |node, channel, route| self.path(amplitudes_at, node, channel, route).1,
+        )
+    }
+
+    /// Rate of every delay [s/s], `(channel, route)`, at the first node of `places`; `rates` are the time derivatives.
+    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
+        let num_routes = self.len();
+        (0..self.num_channels() * num_routes)
+            .into_par_iter()
+            .map(|i| {
+                let (channel, route) = (i / num_routes, i % num_routes);
+                let [start, end] = self.antennas(channel, route).map(|antenna| (antenna.0, DVec3::ZERO));
+                let (mut rate, mut from) = (0.0, start);
+                let points = self.points(route, channel);
+                let moving = points.iter().map(|point| self.motion(places, rates, point));
+                for to in moving.chain([end]) {
+                    rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
+                    from = to;
+                }
+                rate / SPEED_OF_LIGHT
+            })
+            .collect()
+    }
+
+    /// Of the antenna of a channel where tubes start.
+    fn points(&self, route: usize, channel: usize) -> &[Point] {
+        let points = &self.points[self.first[route]..self.first[route + 1]];
+        let way = self.ways[route];
+        let order = points.len() / way.antennas(&self.array)[0].len();
+        let [start, _] = way.numbers(&self.array, channel);
+        &points[start * order..(start + 1) * order]
+    }
+
+    /// Places and patterns of the antennas of a channel where the tubes of a route start and end.
+    fn antennas(&self, channel: usize, route: usize) -> [(DVec3, &Pattern); 2] {
+        let way = self.ways[route];
+        let ([starts, ends], [start, end]) = (way.antennas(&self.array), way.numbers(&self.array, channel));
+        [starts.get(start), ends.get(end)]
+    }
+
+    /// Delay and amplitude of one route of one channel at one time, README eq. (7).
+    fn path(&self, places: &Places, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
+        let [start, end] = self.antennas(channel, route);
+        let points = self.points(route, channel);
+        let departure = self.position(places, node, &points[0]) - start.0;
+        let (mut length, mut last) = (0.0, start.0);
+        for point in points {
+            let next = self.position(places, node, point);
+            length += (next - last).length();
+            last = next;
+        }
+        let arrival = last - end.0;
+        let distance = arrival.length();
+        let gains = start.1.gain(departure) * end.1.gain(arrival);
+        let weight = self.weights[route * self.num_channels() + channel];
+        let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
+        ((length + distance) / SPEED_OF_LIGHT, amplitude)
+    }
+
+    /// Where a material point is [m].
+    fn position(&self, places: &Places, node: usize, point: &Point) -> DVec3 {
+        let pose = &places.poses[node * places.num_bodies + point.body as usize];
+        let facet = self.facet_of(places, node, point);
+        pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
+    }
+
+    /// Where a material point is at the first node [m], and how it moves [m/s].
+    fn motion(&self, places: &Places, rates: &Places, point: &Point) -> (DVec3, DVec3) {
+        let (pose, rate) = (&places.poses[point.body as usize], &rates.poses[point.body as usize]);
+        let facets = [places, rates].map(|places| self.facet_of(places, 0, point));
+        let (position, velocity) = match facets {
+            [Some(facet), Some(facet_rate)] => {
+                (facet.point(point.position), facet.velocity(&facet_rate, point.position))
+            }
+            _ => (point.position, DVec3::ZERO),
+        };
+        (pose.point(position), rate.point(position) + pose.direction(velocity))
+    }
+
+    /// The facet of a material point of a body that deforms; its corners may be velocities.
+    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<Facet> {
+        let corners = point.facet?;
+        let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
+        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        Some(Facet::new(
+            corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
+        ))
+    }
+}

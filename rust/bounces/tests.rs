@@ -1,0 +1,414 @@
+use std::sync::Arc;
+
+use super::field::{Field, Incidence};
+use super::*;
+use crate::antennas::pattern::Pattern;
+use crate::geometry::pose::Pose;
+use crate::rays::camera::ImagePlane;
+use crate::rays::surface::{ShadingMode, Surface};
+use crate::scattering::material::{CONDUCTOR, Response};
+
+const LIMITS: Limits = Limits {
+    max_bounces: 2,
+    floor: 1e-8,
+};
+
+fn array(rx: Vec<DVec3>, polarization: Option<DVec3>) -> Array {
+    let isotropic = Pattern::Gaussian {
+        peak: 1.0,
+        azimuth: 0.0,
+        elevation: 0.0,
+    };
+    Array {
+        tx: vec![DVec3::ZERO],
+        tx_patterns: vec![isotropic.clone()],
+        rx_patterns: vec![isotropic; rx.len()],
+        rx,
+        power: 1.0,
+        frequency: 60e9,
+        polarization,
+    }
+}
+
+/// A rectangle from one corner along two edges.
+fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
+    let vertices = [corner, corner + first, corner + first + second, corner + second];
+    Arc::new(Surface::new(&vertices, &[[0, 1, 2], [0, 2, 3]], ShadingMode::Flat).unwrap())
+}
+
+/// A patch of a sphere about a place, `rings` times `rings` cells to both sides of a direction.
+fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: u32) -> Arc<Surface> {
+    let (x, y) = towards.any_orthonormal_pair();
+    let place = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
+    let vertices: Vec<DVec3> = (0..=cells)
+        .flat_map(|i| (0..=cells).map(move |j| (i, j)))
+        .map(|(i, j)| center + radius * (towards + place(i).tan() * x + place(j).tan() * y).normalize())
+        .collect();
+    let triangles: Vec<[u32; 3]> = (0..cells)
+        .flat_map(|i| (0..cells).map(move |j| i * (cells + 1) + j))
+        .flat_map(|a| {
+            let (b, c, d) = (a + 1, a + cells + 2, a + cells + 1);
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    let mode = ShadingMode::Smooth { crease_angle: 0.8 };
+    Arc::new(Surface::new(&vertices, &triangles, mode).unwrap())
+}
+
+fn scene(surfaces: Vec<Arc<Surface>>) -> Snapshot {
+    let poses = vec![Pose::IDENTITY; surfaces.len()];
+    Snapshot::new(surfaces, poses)
+}
+
+/// Two walls at a right angle whose common edge is vertical, 2 m in front of the sensor.
+fn corner() -> Snapshot {
+    let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
+    let left = rectangle(apex, DVec3::new(-0.7, 0.7, 0.0), up);
+    let right = rectangle(apex, DVec3::new(-0.7, -0.7, 0.0), up);
+    scene(vec![left, right])
+}
+
+fn launches(snapshot: &Snapshot, plane: &ImagePlane) -> Vec<Launch> {
+    Launch::of_image(&snapshot.cast_image(plane).unwrap())
+}
+
+/// What a cell has hit, if anything.
+fn cell(snapshot: &Snapshot, u: f64, v: f64) -> Option<Launch> {
+    let hit = snapshot.cast(&Ray {
+        origin: DVec3::ZERO,
+        direction: DVec3::new(1.0, u, v),
+        start: 0.0,
+    });
+    (hit.body != NO_BODY).then_some(Launch {
+        center: [u, v],
+        size: [1e-3, 1e-3],
+        body: hit.body,
+        triangle: hit.triangle,
+    })
+}
+
+#[test]
+fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() {
+    let (snapshot, array) = (corner(), array(vec![DVec3::ZERO], None));
+    // The left wall is x + y = 2, the right one x - y = 2, met in `last`.
+    let (image, normal) = (DVec3::new(2.0, 2.0, 0.0), DVec3::new(-0.5, 0.5, 0.0).normalize());
+    let last = |u: f64, v: f64| image - 2.0 / (1.0 - u) * DVec3::new(u, 1.0, -v);
+    let half_path = |u: f64, v: f64| 0.5 * (last(u, v).distance(image) + last(u, v).length());
+    let step = 1e-5;
+    for (u, v) in [(0.01, 0.0), (0.05, 0.07), (0.11, -0.1), (0.2, 0.02)] {
+        let launch = cell(&snapshot, u, v).unwrap();
+        let echoes = echoes(&snapshot, &[launch], &[CONDUCTOR; 2], &array, LIMITS);
+        let [echo] = echoes[0][..] else { panic!("{echoes:?}") };
+        assert_eq!((echo.order, echo.gain), (2, 1.0));
+        assert!((echo.half_path - half_path(u, v)).abs() < 1e-13);
+        let slopes = [
+            half_path(u + step, v) - half_path(u - step, v),
+            half_path(u, v + step) - half_path(u, v - step),
+        ];
+        for (slope, expected) in echo.slope.iter().zip(slopes) {
+            assert!((slope - expected / (2.0 * step)).abs() < 1e-7, "{echo:?}");
+        }
+        // W dOmega L / (R cos_i): the wave from the image is a wave from a point.
+        let (way, back) = (last(u, v) - image, last(u, v));
+        let cosine = -normal.dot(way.normalize());
+        let weight = 0.5 * (cosine - normal.dot(back.normalize()));
+        let solid_angle = 1e-6 * (1.0 + u * u + v * v).powf(-1.5);
+        let expected = weight * solid_angle * way.length() / (back.length() * cosine);
+        assert!((echo.amplitude - expected).norm() < 1e-12 * expected, "{echo:?}");
+    }
+}
+
+#[test]
+fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
+    let array = array(vec![DVec3::ZERO], None);
+    // Two walls; a third below them; the two, each a body of its own.
+    let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
+    let [left, right] = [1.0, -1.0].map(|side| rectangle(apex, DVec3::new(-0.7, 0.7 * side, 0.0), up));
+    let floor = rectangle(apex - DVec3::Y, DVec3::new(-1.0, 0.0, 0.0), 2.0 * DVec3::Y);
+    for (surfaces, order, slope) in [
+        (vec![left.clone(), right.clone()], 2, 0.0),
+        (vec![left.clone(), right.clone()], 2, 0.13),
+        (vec![left, right, floor], 3, -0.25), // onto the apex
+    ] {
+        let snapshot = scene(surfaces);
+        let materials = vec![CONDUCTOR; 3];
+        let limits = Limits {
+            max_bounces: 5,
+            floor: 0.0,
+        };
+        let echo = |u: f64, v: f64| {
+            let launch = cell(&snapshot, u, v).unwrap();
+            let echoes = echoes(&snapshot, &[launch], &materials, &array, limits);
+            assert_eq!(
+                echoes[0].iter().filter(|echo| echo.order == order).count(),
+                1,
+                "{echoes:?}"
+            );
+            *echoes[0].iter().find(|echo| echo.order == order).unwrap()
+        };
+        // The third wall is met by what looks down a little more or less.
+        let beside = echo(1e-5, slope + 3e-6);
+        for u in [0.0, 1e-17, -1e-12, 1e-9, -1e-7] {
+            let met = echo(u, slope);
+            assert!((met.half_path - beside.half_path).abs() < 2e-5);
+            assert!((met.amplitude - beside.amplitude).norm() < 1e-4 * beside.amplitude.norm());
+        }
+    }
+}
+
+#[test]
+fn slopes_are_derivatives_of_half_the_path() {
+    // A ball beside a wall: both reflect obliquely.
+    let ball = patch_of_sphere(
+        DVec3::new(1.5, -0.35, 0.0),
+        0.2,
+        DVec3::new(-0.6, 0.8, 0.1).normalize(),
+        0.5,
+        120,
+    );
+    let wall = rectangle(DVec3::new(0.0, 0.4, -1.0), DVec3::X * 3.0, DVec3::Z * 2.0);
+    let snapshot = scene(vec![ball, wall]);
+    let array = array(vec![DVec3::ZERO], None);
+    let echo = |u: f64, v: f64| {
+        let echoes = echoes(&snapshot, &[cell(&snapshot, u, v)?], &[CONDUCTOR; 2], &array, LIMITS);
+        echoes[0].first().copied()
+    };
+    let (mut count, step) = (0, 1e-6);
+    for i in 0..400 {
+        let (u, v) = (-0.178 + 0.004 * f64::from(i % 20), -0.02 + 0.0033 * f64::from(i / 20));
+        let Some(middle) = echo(u, v) else { continue };
+        let others = [
+            echo(u + step, v),
+            echo(u - step, v),
+            echo(u, v + step),
+            echo(u, v - step),
+        ];
+        let [Some(a), Some(b), Some(c), Some(d)] = others else {
+            continue;
+        };
+        for (slope, (next, last)) in middle.slope.iter().zip([(a, b), (c, d)]) {
+            let difference = (next.half_path - last.half_path) / (2.0 * step);
+            // The interpolated surface is not quite across its normals: errors of third order in the facets.
+            assert!(
+                (slope - difference).abs() < 3e-3 * slope.abs().max(1.0),
+                "{u} {v}: {slope} {difference}"
+            );
+        }
+        count += 1;
+    }
+    assert!(count > 100, "{count}");
+}
+
+#[test]
+fn neighbours_of_a_ray_are_where_its_differentials_say() {
+    // A ball, or a hollow round the middle of one, and a wall that meets what it reflects.
+    let towards = DVec3::new(-0.8, 0.6, 0.0);
+    for (center, towards, middle) in [
+        (DVec3::new(2.0, 0.0, 0.0), towards, 0.18),
+        (DVec3::new(1.1, -0.1, 0.0), -towards, -0.267),
+    ] {
+        let ball = patch_of_sphere(center, 0.5, towards, 0.6, 100);
+        let wall = rectangle(DVec3::new(-2.0, 1.2, -3.0), DVec3::X * 6.0, DVec3::Z * 6.0);
+        let snapshot = scene(vec![ball, wall]);
+        let twice = |u: f64, v: f64| {
+            let mut tube = Tube::launch(&snapshot, &cell(&snapshot, u, v)?, DVec3::ZERO, None)?;
+            tube.reflect([Complex64::ONE; 2]);
+            tube.advance(&snapshot).then_some(tube)
+        };
+        let (step, mut count) = (1e-6, 0);
+        for (u, v) in [(0.05, 0.01), (0.02, -0.03), (-0.03, 0.04), (-0.06, 0.0), (0.001, 0.02)] {
+            let u = u + middle;
+            let Some(tube) = twice(u, v) else { continue };
+            for (i, (du, dv)) in [(step, 0.0), (0.0, step)].into_iter().enumerate() {
+                let [Some(next), Some(last)] = [twice(u + du, v + dv), twice(u - du, v - dv)] else {
+                    continue;
+                };
+                let edge = (next.place.point - last.place.point) / (2.0 * step);
+                let turn = (next.direction - last.direction) / (2.0 * step);
+                assert!(
+                    tube.edges[i].distance(edge) < 2e-3 * edge.length(),
+                    "{edge} {}",
+                    tube.edges[i]
+                );
+                assert!(
+                    tube.turns[i].distance(turn) < 2e-3 * turn.length(),
+                    "{turn} {}",
+                    tube.turns[i]
+                );
+                count += 1;
+            }
+        }
+        assert!(count >= 6, "{count}");
+    }
+}
+
+#[test]
+fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
+    let mut state = 3_u64;
+    let mut number = || {
+        state = crate::numeric::random::mix(state);
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    let mut unit = || DVec3::new(number(), number(), number()).normalize();
+    for _ in 0..1000 {
+        let (k, mut n, e) = (unit(), unit(), unit());
+        n *= -n.dot(k).signum();
+        let conductor = Incidence {
+            direction: k,
+            normal: n,
+            mirrored: [Complex64::from(-1.0), Complex64::ONE],
+        };
+        let field = Field::launch(Some(e), k);
+        let Field::Vector([re, _]) = field else { unreachable!() };
+        let Field::Vector([got, im]) = field.reflect(&conductor) else {
+            unreachable!()
+        };
+        assert!(got.distance(2.0 * n * n.dot(re) - re) < 1e-12 && im == DVec3::ZERO);
+
+        // Back to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
+        let (te, tm) = (Complex64::new(-0.6, 0.2), Complex64::new(0.3, -0.1));
+        let any = Incidence {
+            mirrored: [te, tm],
+            ..conductor
+        };
+        let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
+        let gamma = te * seen.te - tm * seen.tm;
+        let sent = field.send(&any, -k, Some(field::transverse(e, -k)));
+        assert!((sent - gamma * any.cosine()).norm() < 1e-12, "{sent} {gamma}");
+        // Into the mirror's direction: cos E_r.
+        let Field::Vector([re, im]) = field.reflect(&any) else {
+            unreachable!()
+        };
+        let to = any.reflected();
+        let received = field::transverse(e, to);
+        let expected = Complex64::new(re.dot(received), im.dot(received)) * any.cosine();
+        assert!((field.send(&any, to, Some(received)) - expected).norm() < 1e-12);
+        // Without a polarisation likewise.
+        let sent = Field::Scalar(Complex64::ONE).send(&conductor, to, None);
+        assert!((sent + conductor.cosine()).norm() < 1e-12);
+    }
+}
+
+#[test]
+fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
+    // Hollow sphere of radius 1 round (1, 0, 0), met at its far end from its middle's other side: from 1.5 m before the
+    // mirror, the image lies at 1/b = 2/r - 1/g, 0.75 m before it.
+    let bowl = patch_of_sphere(DVec3::new(0.5, 0.0, 0.0), 1.0, DVec3::X, 0.3, 80);
+    for (wall, expected) in [(0.85, -Complex64::ONE), (0.65, Complex64::ONE)] {
+        let back = rectangle(
+            DVec3::new(1.5 - wall, -0.01, -1.0),
+            DVec3::new(0.0, 2.0, 0.0),
+            DVec3::new(0.0, 0.0, 2.0),
+        );
+        let snapshot = scene(vec![bowl.clone(), back]);
+        let launch = Launch {
+            body: 0,
+            ..on_bowl(&snapshot)
+        };
+        let mut tube = Tube::launch(&snapshot, &launch, DVec3::ZERO, None).unwrap();
+        tube.reflect([Complex64::ONE, -Complex64::ONE]);
+        assert!(tube.advance(&snapshot));
+        assert_eq!(tube.place.body, 1);
+        let Field::Scalar(field) = tube.field else {
+            unreachable!()
+        };
+        assert!((field - expected).norm() < 1e-9, "{wall}: {field}");
+        // The section of a wave that comes from the image.
+        let shrunk = (1.0 - wall / 0.75_f64).powi(2) * 1.5 * 1.5;
+        assert!(
+            (tube.section() - shrunk).abs() < 0.05 * shrunk,
+            "{} {shrunk}",
+            tube.section()
+        );
+    }
+}
+
+/// The cell that looks beside the wall onto the bowl, so that what comes back meets the wall.
+fn on_bowl(snapshot: &Snapshot) -> Launch {
+    let surface = snapshot.surface(0);
+    let ray = Ray {
+        origin: DVec3::ZERO,
+        direction: DVec3::new(1.0, -0.02, 0.005),
+        start: 0.0,
+    };
+    let hit = surface.nearest(&ray, f64::INFINITY).unwrap();
+    Launch {
+        center: [-0.02, 0.005],
+        size: [1e-3, 1e-3],
+        body: 0,
+        triangle: hit.triangle,
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
+    let snapshot = corner();
+    let plane = ImagePlane::centered(40, 40, 0.2, 0.2);
+    let launches = launches(&snapshot, &plane);
+    let wood = Material::Constant(Response {
+        reflection: Complex64::new(0.0, -0.1),
+        albedo: 0.0,
+    });
+    let run = |threads: usize, floor: f64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let limits = Limits { max_bounces: 3, floor };
+        let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
+        pool.install(|| {
+            Bounces::new(
+                &snapshot,
+                &launches,
+                &[CONDUCTOR, wood],
+                antennas,
+                limits,
+                Sampling::Footprint,
+            )
+        })
+    };
+    let (one, counts) = run(1, 1e-8);
+    let (four, _) = run(4, 1e-8);
+    assert!(one.len() > 100 && one.orders().all(|order| order == 2));
+    let poses = [Pose::IDENTITY; 2];
+    let places = crate::paths::kinematics::Places {
+        num_nodes: 1,
+        num_bodies: 2,
+        poses: &poses,
+        points: &[],
+        rcs: &[],
+        vertices: &[],
+    };
+    let all = crate::paths::series::Selection {
+        first: 0,
+        last: one.len(),
+        step: 1,
+    };
+    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&places, &places, all).unwrap());
+    assert_eq!((a.delay, a.amplitude), (b.delay, b.amplitude));
+    assert_eq!(counts.stopped, 0);
+    // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
+    let (fewer, counts) = run(2, 0.02);
+    assert!(fewer.len() < one.len() && fewer.len() > one.len() / 3);
+    assert!(counts.stopped > launches.len() / 3, "{counts:?}");
+    let (none, counts) = run(2, 2.0);
+    // From one transmitter, and from two receivers.
+    assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, 3 * launches.len()));
+}
+
+#[test]
+fn routes_split_by_their_bodies() {
+    let snapshot = corner();
+    let plane = ImagePlane::centered(20, 20, 0.2, 0.2);
+    let launches = launches(&snapshot, &plane);
+    let antennas = array(vec![DVec3::ZERO], None);
+    let (all, _) = Bounces::new(
+        &snapshot,
+        &launches,
+        &[CONDUCTOR; 2],
+        antennas,
+        LIMITS,
+        Sampling::Footprint,
+    );
+    let [inside, others] = all.split(|body| body == 0);
+    assert_eq!((inside.len(), others.len()), (0, all.len()));
+    let [inside, others] = all.split(|_| true);
+    assert_eq!((inside.len(), others.len()), (all.len(), 0));
+}

@@ -1,0 +1,13 @@
+//! Geometry of bodies: poses, boxes, triangles and the curved surfaces that they stand for, and OBJ files.
+
+pub mod aabb;
+pub mod components;
+pub mod curved_triangle;
+pub mod echo;
+pub mod moving_triangle;
+pub mod obj;
+pub mod pose;
+pub mod quality;
+pub mod smooth_normals;
+pub mod topology;
+pub mod triangle;

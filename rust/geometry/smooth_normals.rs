@@ -1,0 +1,454 @@
+//! Shading of triangle meshes: which facets stand for a curved surface, its normal there and its distance from them.
+//!
+//! A facet of a curved surface is a chord: a coherent sum over it would see facets, not the surface. Normals at
+//! the corners say where the surface lies, to second order (README, Model). The normals are area-weighted, as weights by
+//! angle would bend planes next to fillets, less what area weights get wrong round a vertex of even curvature: there they
+//! lean towards large facets. Triangles in one plane are one facet, whichever way its diagonals run, and facets much smaller
+//! than one have no say in how that bends.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::geometry::topology::{distinct_positions, for_edges, join, next_corner, root, two_sides};
+use crate::geometry::triangle::MIN_AREA;
+
+/// Shading of a triangle mesh: which facets stand for a curved surface, and its normals at their corners.
+#[derive(Debug, Clone)]
+pub struct Shading {
+    /// Per triangle the places of its corners in `normals`, or `FLAT`; empty when all are flat.
+    corners: Vec<[u32; 3]>,
+    /// Unit normals that corners share.
+    normals: Vec<Vec3>,
+}
+
+/// Places of a triangle without normals of its own.
+const FLAT: [u32; 3] = [u32::MAX; 3];
+
+/// How far the corners of an edge may stand off the surface that its normals describe [m], rms over a triangle, and still
+/// count as on it: rounding of files written with a few digits.
+const EDGE_TOLERANCE: f64 = 16e-6;
+
+/// Edges that meet at just the crease angle are sharp, whatever their rounding [rad].
+const CREASE_MARGIN: f64 = 1e-6;
+
+/// Triangles whose normals are this much apart across an edge lie in one plane [rad]: rounding of files again.
+const PLANE_ANGLE: f64 = 1e-3;
+
+/// Facets up to this part of a facet's area are too small to say how that bends; just a tenth is, whatever the rounding.
+const SMALL_FACET: f64 = 0.1 * (1.0 + 1e-6);
+
+impl Shading {
+    /// Every facet is what it is.
+    pub fn flat() -> Self {
+        Self {
+            corners: Vec::new(),
+            normals: Vec::new(),
+        }
+    }
+
+    /// Facets that meet at less than `crease_angle` (radians) stand for one curved surface.
+    ///
+    /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have
+    /// normals less than the crease angle apart. Vertices at equal positions count as one. The normal at a corner
+    /// is that of the triangles connected to it through smooth edges round its vertex: their area-weighted mean, and
+    /// on a sphere the radius. Facets of a tenth of its own area or less have no say: a tube is straight up to the chamfers
+    /// at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
+    ///
+    /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
+    pub fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
+        Self::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
+    }
+
+    /// The same for vertices that have moved since the groups were found.
+    pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
+        let stars = Stars::new(vertices, triangles, groups);
+        let groups = &groups.corners;
+        let number = stars.means.len();
+        let normals_of_groups: Vec<DVec3> = (0..number).into_par_iter().map(|group| stars.normal(group)).collect();
+        let smallest: Vec<f64> = (0..number).into_par_iter().map(|group| stars.smallest(group)).collect();
+
+        // Keep the normals where they describe a curved surface through the three vertices.
+        let mut shading = Self {
+            corners: vec![FLAT; triangles.len()],
+            normals: Vec::new(),
+        };
+        let mut places = vec![u32::MAX; normals_of_groups.len()];
+        let mut ladders = HashMap::new();
+        for (index, triangle) in triangles.iter().enumerate() {
+            let corners = triangle.map(|vertex| vertices[vertex as usize]);
+            let own = [0, 1, 2].map(|i| groups[3 * index + i] as usize);
+            let least = SMALL_FACET * stars.facets.areas[index];
+            let is_shared = own.map(|group| smallest[group] > least);
+            let normals = [0, 1, 2].map(|i| {
+                if is_shared[i] {
+                    normals_of_groups[own[i]]
+                } else {
+                    let ladder = ladders.entry(own[i]).or_insert_with(|| stars.ladder(own[i]));
+                    ladder.normal(least)
+                }
+            });
+            let face_normal = stars.area_normals[index].normalize_or_zero();
+            if !(is_curved(normals, face_normal) && is_consistent(corners, normals)) {
+                continue;
+            }
+            for i in 0..3 {
+                let mut next = u32::MAX;
+                let place = if is_shared[i] { &mut places[own[i]] } else { &mut next };
+                if *place == u32::MAX {
+                    *place = shading.normals.len() as u32;
+                    shading.normals.push(normals[i].as_vec3());
+                }
+                shading.corners[index][i] = *place;
+            }
+        }
+        if shading.normals.is_empty() {
+            return Self::flat();
+        }
+        shading.normals.shrink_to_fit();
+        shading
+    }
+
+    /// Memory [bytes].
+    pub fn memory(&self) -> usize {
+        size_of_val(self.corners.as_slice()) + size_of_val(self.normals.as_slice())
+    }
+
+    /// Unit normals at the three corners (to f32 precision), None where the triangle is flat.
+    pub fn corner_normals(&self, triangle: usize) -> Option<[DVec3; 3]> {
+        let [a, b, c] = *self.corners.get(triangle)?;
+        let normal = |place: u32| self.normals.get(place as usize).map(|normal| normal.as_dvec3());
+        Some([normal(a)?, normal(b)?, normal(c)?])
+    }
+}
+
+/// Corners of triangles that share a normal, and triangles that share a plane.
+#[derive(Debug, Clone)]
+pub struct Groups {
+    /// Number of the group of every corner.
+    corners: Vec<u32>,
+    /// The first triangle of the facet of every triangle.
+    facets: Vec<u32>,
+}
+
+impl Groups {
+    /// See [`Shading::smooth`].
+    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
+        let area_normals = area_normals(vertices, triangles);
+        smooth_groups(vertices, triangles, &area_normals, crease_angle)
+    }
+
+    /// Memory [bytes].
+    pub fn memory(&self) -> usize {
+        size_of_val(self.corners.as_slice()) + size_of_val(self.facets.as_slice())
+    }
+}
+
+/// What triangles in one plane count together.
+struct Facets {
+    /// Twice the area of every triangle's facet [m^2].
+    areas: Vec<f64>,
+    /// By how much every corner's triangle counts for more than its own area, so that a group has all of a facet once.
+    weights: Vec<f64>,
+}
+
+impl Facets {
+    fn new(groups: &Groups, area_normals: &[DVec3]) -> Self {
+        let own: Vec<f64> = area_normals.iter().map(|normal| normal.length()).collect();
+        let mut areas = vec![0.0; own.len()];
+        for (facet, area) in groups.facets.iter().zip(&own) {
+            areas[*facet as usize] += area;
+        }
+        let areas: Vec<f64> = groups.facets.iter().map(|facet| areas[*facet as usize]).collect();
+
+        // Of facets of more than one triangle: what a group has of them.
+        let facet = |corner: usize| (groups.corners[corner], groups.facets[corner / 3]);
+        let mut shared: Vec<usize> = (0..groups.corners.len())
+            .filter(|corner| areas[corner / 3] > own[corner / 3])
+            .collect();
+        shared.sort_by_key(|corner| facet(*corner));
+        let mut weights = vec![1.0; groups.corners.len()];
+        for corners in shared.chunk_by(|a, b| facet(*a) == facet(*b)) {
+            let there: f64 = corners.iter().map(|corner| own[corner / 3]).sum();
+            // Nothing is there where a deformed body has folded it away.
+            if there > 0.0 {
+                for corner in corners {
+                    weights[*corner] = areas[corner / 3] / there;
+                }
+            }
+        }
+        Self { areas, weights }
+    }
+}
+
+/// The corners of every group.
+struct Members {
+    corners: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl Members {
+    fn new(groups: &[u32]) -> Self {
+        let number = groups.iter().max().map_or(0, |&group| group as usize + 1);
+        let mut starts = vec![0; number + 1];
+        for &group in groups {
+            starts[group as usize + 1] += 1;
+        }
+        for group in 0..number {
+            starts[group + 1] += starts[group];
+        }
+        let (mut next, mut corners) = (starts.clone(), vec![0; groups.len()]);
+        for (corner, &group) in groups.iter().enumerate() {
+            corners[next[group as usize] as usize] = corner as u32;
+            next[group as usize] += 1;
+        }
+        Self { corners, starts }
+    }
+
+    /// Number of groups.
+    fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// In the order of the triangles.
+    fn of(&self, group: usize) -> impl Iterator<Item = usize> {
+        let range = self.starts[group] as usize..self.starts[group + 1] as usize;
+        self.corners[range].iter().map(|corner| *corner as usize)
+    }
+}
+
+/// Twice the area times the normal of every triangle: sums of these are weighted by area.
+fn area_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let normal = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
+        (b - a).cross(c - a)
+    };
+    triangles.iter().map(normal).collect()
+}
+
+/// The triangles of a group round its vertex, weighted by area.
+#[derive(Clone, Copy, Default)]
+struct Star {
+    /// Sum of the normals, and of the areas.
+    normal: DVec3,
+    area: f64,
+    /// Sum of the offsets of the circumcentres from the vertex.
+    offset: DVec3,
+    /// Sums of the squares of how far normals turn along the edges, of that times their lengths, and of the squares of these.
+    turn: [f64; 3],
+}
+
+impl Star {
+    /// Unit normal at the vertex.
+    ///
+    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the mean
+    /// leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in proportion to the
+    /// length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere and two thirds on a
+    /// cylinder, less where facets are long; from there on down, as where a plane ends in a fillet, the mean is left alone. So
+    /// it is where all facets are one plane: what turns is not here.
+    fn unit_normal(&self) -> DVec3 {
+        if self.normal.length() >= (1.0 - 0.5 * PLANE_ANGLE * PLANE_ANGLE) * self.area {
+            return self.normal.normalize_or_zero();
+        }
+        let [turned, product, length] = self.turn;
+        let curvature = product / length;
+        let evenness = 3.0 * (curvature * product / turned) - 2.0;
+        if evenness > 0.0 {
+            (self.normal - evenness * curvature * self.offset).normalize_or_zero()
+        } else {
+            self.normal.normalize_or_zero()
+        }
+    }
+}
+
+/// What normals of groups are made of.
+struct Stars<'a> {
+    vertices: &'a [DVec3],
+    triangles: &'a [[u32; 3]],
+    /// Group of every corner, and corners of every group.
+    groups: &'a [u32],
+    members: Members,
+    area_normals: Vec<DVec3>,
+    facets: Facets,
+    /// Of every group, of all facets.
+    means: Vec<DVec3>,
+}
+
+impl<'a> Stars<'a> {
+    fn new(vertices: &'a [DVec3], triangles: &'a [[u32; 3]], groups: &'a Groups) -> Self {
+        let area_normals = area_normals(vertices, triangles);
+        let facets = Facets::new(groups, &area_normals);
+        let members = Members::new(&groups.corners);
+        let mean = |group: usize| -> DVec3 {
+            let normals = members
+                .of(group)
+                .map(|corner| facets.weights[corner] * area_normals[corner / 3]);
+            normals.sum::<DVec3>().normalize_or_zero()
+        };
+        let means = (0..members.len()).into_par_iter().map(mean).collect();
+        Self {
+            vertices,
+            triangles,
+            groups: &groups.corners,
+            members,
+            area_normals,
+            facets,
+            means,
+        }
+    }
+
+    /// Area of the smallest facet of a group.
+    fn smallest(&self, group: usize) -> f64 {
+        let areas = self.members.of(group).map(|corner| self.facets.areas[corner / 3]);
+        areas.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Unit normal of a group, in the order of the triangles.
+    fn normal(&self, group: usize) -> DVec3 {
+        let mut star = Star::default();
+        for corner in self.members.of(group) {
+            self.add(&mut star, corner);
+        }
+        star.unit_normal()
+    }
+
+    /// The facets of a group, from the largest to the smallest.
+    fn ladder(&self, group: usize) -> Ladder {
+        let area = |corner: &usize| self.facets.areas[corner / 3];
+        let mut corners: Vec<usize> = self.members.of(group).collect();
+        corners.sort_by(|a, b| area(b).total_cmp(&area(a)));
+        let mut star = Star::default();
+        let mut stars = vec![star];
+        for corner in &corners {
+            self.add(&mut star, *corner);
+            stars.push(star);
+        }
+        Ladder {
+            areas: corners.iter().map(area).collect(),
+            stars,
+        }
+    }
+
+    fn add(&self, star: &mut Star, corner: usize) {
+        let (triangle, first) = (corner / 3, corner % 3);
+        let weight = self.facets.weights[corner];
+        let area_normal = self.area_normals[triangle];
+        let area = area_normal.length();
+        // Deformed bodies may have triangles without.
+        if 0.5 * area < MIN_AREA {
+            return;
+        }
+        let face_normal = area_normal / area;
+        star.normal += weight * area_normal;
+        star.area += weight * area;
+
+        // The edges from this corner and to it.
+        let vertex = |i: usize| self.vertices[self.triangles[triangle][i] as usize];
+        let mean = |i: usize| self.means[self.groups[3 * triangle + i] as usize];
+        let (next, before) = ((first + 1) % 3, (first + 2) % 3);
+        let (from, to) = (vertex(next) - vertex(first), vertex(first) - vertex(before));
+        let squares = [from, to].map(DVec3::length_squared);
+        star.offset += 0.5 * weight * (squares[1] * face_normal.cross(from) - squares[0] * to.cross(face_normal));
+        // By the length of the edge: angle and length, and not their products.
+        let bends = [
+            (mean(next) - mean(first)).dot(from),
+            (mean(first) - mean(before)).dot(to),
+        ];
+        for (bend, square) in bends.into_iter().zip(squares) {
+            let turn = [bend * bend / square, bend, square];
+            for k in 0..3 {
+                star.turn[k] += weight * area * turn[k];
+            }
+        }
+    }
+}
+
+/// What the largest facets of a group say: of none, of the largest, of the two largest, ...
+struct Ladder {
+    /// Of the facets, falling.
+    areas: Vec<f64>,
+    stars: Vec<Star>,
+}
+
+impl Ladder {
+    /// Unit normal of the facets of more than some area.
+    fn normal(&self, least: f64) -> DVec3 {
+        let number = self.areas.partition_point(|area| *area > least);
+        self.stars[number].unit_normal()
+    }
+}
+
+/// Whether a corner normal differs from the face normal by more than its storage can tell. Not so on a plane,
+/// which then needs no normals and stays exact.
+fn is_curved(normals: [DVec3; 3], face_normal: DVec3) -> bool {
+    normals
+        .iter()
+        .any(|normal| normal.distance(face_normal) > f64::from(f32::EPSILON))
+}
+
+/// Whether the edges can be chords of the surface with these normals at their ends.
+///
+/// A chord e of a smooth surface has (`n_a` + `n_b`).e = 0 to second order: as much as the surface rises from one
+/// end, it has to fall towards the other. Not so where a plane ends in a fillet: one normal is bent, the other not.
+/// The three edges share what they may be off: along the axis of a tube nothing bends, and noise would decide.
+fn is_consistent(corners: [DVec3; 3], normals: [DVec3; 3]) -> bool {
+    let (mut off, mut bend) = (0.0, 0.0);
+    for i in 0..3 {
+        let j = (i + 1) % 3;
+        let edge = corners[j] - corners[i];
+        let (at_start, at_end) = (normals[i].dot(edge), normals[j].dot(edge));
+        off += (at_start + at_end).powi(2);
+        bend += (at_end - at_start).powi(2);
+    }
+    off <= 0.5 * bend + 3.0 * EDGE_TOLERANCE.powi(2)
+}
+
+/// Number of the smooth group of every corner (corner i of triangle t at 3 t + i), counted from 0, and facets.
+///
+/// Corners at one vertex are in a group where smooth edges connect their triangles.
+fn smooth_groups(vertices: &[DVec3], triangles: &[[u32; 3]], area_normals: &[DVec3], crease_angle: f64) -> Groups {
+    let positions = distinct_positions(vertices);
+    let position = |corner: usize| positions[triangles[corner / 3][corner % 3] as usize];
+    let min_cosine = (crease_angle - CREASE_MARGIN).clamp(0.0, PI).cos();
+
+    // Join the corners at both ends of every smooth edge, and triangles in one plane.
+    let mut facets: Vec<u32> = (0..triangles.len() as u32).collect();
+    let mut parents: Vec<u32> = (0..3 * triangles.len() as u32).collect();
+    for_edges(triangles.len(), position, |edge| {
+        let Some((first, second)) = two_sides(edge, position) else {
+            return;
+        };
+        let (n1, n2) = (area_normals[first / 3], area_normals[second / 3]);
+        if n1.dot(n2) > min_cosine * (n1.length() * n2.length()) {
+            join(&mut parents, first, next_corner(second));
+            join(&mut parents, next_corner(first), second);
+            if n1.cross(n2).length() < PLANE_ANGLE * n1.dot(n2) {
+                join(&mut facets, first / 3, second / 3);
+            }
+        }
+    });
+    for triangle in 0..facets.len() {
+        facets[triangle] = root(&mut facets, triangle) as u32;
+    }
+
+    // Number the groups. A root comes before the other corners of its group, so its number is there when they ask.
+    let mut num_groups = 0;
+    for corner in 0..parents.len() {
+        let parent = parents[corner] as usize;
+        if parent == corner {
+            parents[corner] = num_groups;
+            num_groups += 1;
+        } else {
+            parents[corner] = parents[parent];
+        }
+    }
+    Groups {
+        corners: parents,
+        facets,
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,85 @@
+//! Topology of triangle meshes: vertices at one position, edges, and groups joined by union-find.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+/// Number of the distinct position of every vertex, counted in order of appearance. Bit-equal is equal, and -0 is 0.
+pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
+    let mut numbers = HashMap::new();
+    vertices
+        .iter()
+        .map(|&vertex| {
+            // Adding +0 turns -0 into +0 and changes nothing else.
+            let bits = (vertex + DVec3::ZERO).to_array().map(f64::to_bits);
+            let next = numbers.len() as u32;
+            *numbers.entry(bits).or_insert(next)
+        })
+        .collect()
+}
+
+/// The two corners that an edge has if exactly two triangles share it and run through it in opposite directions.
+pub fn two_sides(edge: &[u32], position: impl Fn(usize) -> u32) -> Option<(usize, usize)> {
+    let &[first, second] = edge else { return None };
+    let (first, second) = (first as usize, second as usize);
+    (position(first) == position(next_corner(second))).then_some((first, second))
+}
+
+/// Calls `visit` for every edge with the corners at which it starts in its triangles, in increasing order. `position` is the
+/// number of a corner's vertex.
+pub fn for_edges(num_triangles: usize, position: impl Fn(usize) -> u32, mut visit: impl FnMut(&[u32])) {
+    let ends = |corner: usize| (position(corner), position(next_corner(corner)));
+    let low = |corner: usize| ends(corner).0.min(ends(corner).1) as usize;
+    let high = |corner: usize| ends(corner).0.max(ends(corner).1);
+    let num_corners = 3 * num_triangles;
+
+    // Sort the edges into one bucket per lower end: count, then fill from the back.
+    let num_positions = (0..num_corners)
+        .map(|corner| position(corner) as usize + 1)
+        .max()
+        .unwrap_or(0);
+    let mut starts = vec![0_u32; num_positions + 1];
+    for corner in 0..num_corners {
+        starts[low(corner)] += 1;
+    }
+    let mut total = 0;
+    for start in &mut starts {
+        total += *start;
+        *start = total;
+    }
+    let mut edges = vec![0_u32; num_corners];
+    for corner in (0..num_corners).rev() {
+        let start = &mut starts[low(corner)];
+        *start -= 1;
+        edges[*start as usize] = corner as u32;
+    }
+
+    // Within a bucket (about three edges) bring those with the same upper end together.
+    for bucket in starts.windows(2) {
+        let bucket = &mut edges[bucket[0] as usize..bucket[1] as usize];
+        bucket.sort_unstable_by_key(|&corner| (high(corner as usize), corner));
+        for same in bucket.chunk_by(|&a, &b| high(a as usize) == high(b as usize)) {
+            visit(same);
+        }
+    }
+}
+
+/// The corner after this one, round its triangle.
+pub fn next_corner(corner: usize) -> usize {
+    if corner % 3 == 2 { corner - 2 } else { corner + 1 }
+}
+
+/// Joins the groups of two corners, or triangles (union-find); the root of a group is its lowest one.
+pub fn join(parents: &mut [u32], a: usize, b: usize) {
+    let (a, b) = (root(parents, a), root(parents, b));
+    parents[a.max(b)] = a.min(b) as u32;
+}
+
+/// The lowest member of a group. Halves the path to it on the way.
+pub fn root(parents: &mut [u32], mut corner: usize) -> usize {
+    while parents[corner] as usize != corner {
+        parents[corner] = parents[parents[corner] as usize];
+        corner = parents[corner] as usize;
+    }
+    corner
+}

@@ -1,0 +1,278 @@
+//! SSE2, which every x86-64 processor has: vectors of four registers.
+
+#[allow(clippy::wildcard_imports)] // intrinsics have long names of their own
+use std::arch::x86_64::*;
+
+use super::vector::{Isa, Vector};
+
+/// Instructions that the target guarantees; vectors are written out because arrays take the compiler minutes.
+pub(super) struct Baseline;
+
+impl Isa for Baseline {
+    const REGISTERS: usize = 4;
+    const IS_FUSED: bool = false;
+    type F32 = Four<__m128>;
+    type F64 = Four<__m128d>;
+    #[inline(always)]
+    fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
+        narrow(low, high)
+    }
+    #[inline(always)]
+    fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+        equal(numbers, number)
+    }
+    #[inline(always)]
+    fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+        put(numbers, bits, number);
+    }
+}
+
+/// Four registers, lowest first.
+#[derive(Clone, Copy)]
+pub struct Four<R>([R; 4]);
+
+// SSE2 is part of x86-64.
+macro_rules! sse2_vector {
+    ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $alternate:expr, $add:ident, $sub:ident, $mul:ident,
+     $div:ident, $sqrt:ident, $min:ident, $max:ident, $at_most:ident, $bits:ident, $select:ident, $largest:ident,
+     $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
+        impl Vector for Four<$register> {
+            type Scalar = $scalar;
+            const LANES: usize = $lanes;
+            #[inline(always)]
+            fn splat(x: $scalar) -> Self {
+                Self([unsafe { $set1(x) }; 4])
+            }
+            #[inline(always)]
+            fn halves(a: $scalar, b: $scalar) -> Self {
+                let (a, b) = unsafe { ($set1(a), $set1(b)) };
+                Self([a, a, b, b])
+            }
+            #[inline(always)]
+            fn alternate(re: $scalar, im: $scalar) -> Self {
+                let alternate: fn($scalar, $scalar) -> $register = $alternate;
+                Self([alternate(re, im); 4])
+            }
+            #[inline(always)]
+            fn pairs(self) -> [Self; 2] {
+                let [a, b, c, d] = self.0;
+                unsafe {
+                    [
+                        Self([$low(a, a), $high(a, a), $low(b, b), $high(b, b)]),
+                        Self([$low(c, c), $high(c, c), $low(d, d), $high(d, d)]),
+                    ]
+                }
+            }
+            #[inline(always)]
+            fn add(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $add(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn sub(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $sub(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn mul(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $mul(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                self.mul(b).add(c)
+            }
+            #[inline(always)]
+            fn neg_mul_add(self, b: Self, c: Self) -> Self {
+                c.sub(self.mul(b))
+            }
+            #[inline(always)]
+            fn min(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $min(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn max(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $max(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn at_most(self, b: Self) -> u32 {
+                let mut bits = 0;
+                for i in 0..4 {
+                    bits |= (unsafe { $bits($at_most(self.0[i], b.0[i])) } as u32) << (i * $lanes / 4);
+                }
+                bits
+            }
+            #[inline(always)]
+            fn div(mut self, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $div(self.0[i], b.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn sqrt(mut self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = unsafe { $sqrt(self.0[i]) };
+                }
+                self
+            }
+            #[inline(always)]
+            fn largest(self) -> $scalar {
+                let [a, b, c, d] = self.0;
+                unsafe { $largest($max($max(a, b), $max(c, d))) }
+            }
+            #[inline(always)]
+            fn select(mut self, bits: u32, b: Self) -> Self {
+                for i in 0..4 {
+                    self.0[i] = $select(bits >> (i * $lanes / 4), self.0[i], b.0[i]);
+                }
+                self
+            }
+            #[inline(always)]
+            unsafe fn load_unchecked(from: *const $scalar) -> Self {
+                let mut v = Self::splat(0.0);
+                for i in 0..4 {
+                    v.0[i] = unsafe { $loadu(from.add(i * $lanes / 4)) };
+                }
+                v
+            }
+            #[inline(always)]
+            unsafe fn store_unchecked(self, to: *mut $scalar) {
+                for i in 0..4 {
+                    unsafe { $storeu(to.add(i * $lanes / 4), self.0[i]) };
+                }
+            }
+        }
+    };
+}
+
+sse2_vector!(
+    __m128,
+    f32,
+    16,
+    _mm_set1_ps,
+    |re, im| unsafe { _mm_setr_ps(re, im, re, im) },
+    _mm_add_ps,
+    _mm_sub_ps,
+    _mm_mul_ps,
+    _mm_div_ps,
+    _mm_sqrt_ps,
+    _mm_min_ps,
+    _mm_max_ps,
+    _mm_cmple_ps,
+    _mm_movemask_ps,
+    select_sse2_ps,
+    largest_ps,
+    _mm_loadu_ps,
+    _mm_storeu_ps,
+    _mm_unpacklo_ps,
+    _mm_unpackhi_ps
+);
+sse2_vector!(
+    __m128d,
+    f64,
+    8,
+    _mm_set1_pd,
+    |re, im| unsafe { _mm_setr_pd(re, im) },
+    _mm_add_pd,
+    _mm_sub_pd,
+    _mm_mul_pd,
+    _mm_div_pd,
+    _mm_sqrt_pd,
+    _mm_min_pd,
+    _mm_max_pd,
+    _mm_cmple_pd,
+    _mm_movemask_pd,
+    select_sse2_pd,
+    largest_pd,
+    _mm_loadu_pd,
+    _mm_storeu_pd,
+    _mm_unpacklo_pd,
+    _mm_unpackhi_pd
+);
+
+#[inline(always)]
+pub(super) unsafe fn largest_ps(v: __m128) -> f32 {
+    unsafe {
+        let v = _mm_max_ps(v, _mm_movehl_ps(v, v));
+        _mm_cvtss_f32(_mm_max_ss(v, _mm_shuffle_ps::<1>(v, v)))
+    }
+}
+
+#[inline(always)]
+pub(super) unsafe fn largest_pd(v: __m128d) -> f64 {
+    unsafe { _mm_cvtsd_f64(_mm_max_sd(v, _mm_unpackhi_pd(v, v))) }
+}
+
+#[inline(always)]
+fn select_sse2_ps(bits: u32, a: __m128, b: __m128) -> __m128 {
+    unsafe {
+        let mask = mask_sse2(bits);
+        _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b))
+    }
+}
+
+#[inline(always)]
+fn select_sse2_pd(bits: u32, a: __m128d, b: __m128d) -> __m128d {
+    unsafe {
+        let mask = mask_sse2(bits);
+        let mask = _mm_castps_pd(_mm_unpacklo_ps(mask, mask));
+        _mm_or_pd(_mm_and_pd(mask, a), _mm_andnot_pd(mask, b))
+    }
+}
+
+/// All bits of a number set where its bit is.
+#[inline(always)]
+fn mask_sse2(bits: u32) -> __m128 {
+    unsafe {
+        let places = _mm_setr_epi32(1, 2, 4, 8);
+        let bits = _mm_and_si128(_mm_set1_epi32(bits.cast_signed()), places);
+        _mm_castsi128_ps(_mm_cmpeq_epi32(bits, places))
+    }
+}
+
+/// See `Isa::equal`.
+#[inline(always)]
+fn equal(numbers: &[u32; 16], number: u32) -> u32 {
+    let mut bits = 0;
+    for i in 0..4 {
+        unsafe {
+            let v = _mm_loadu_si128(numbers.as_ptr().add(4 * i).cast());
+            let is_equal = _mm_cmpeq_epi32(v, _mm_set1_epi32(number.cast_signed()));
+            bits |= _mm_movemask_ps(_mm_castsi128_ps(is_equal)).cast_unsigned() << (4 * i);
+        }
+    }
+    bits
+}
+
+/// See `Isa::put`.
+#[inline(always)]
+fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
+    for i in 0..4 {
+        unsafe {
+            let at: *mut __m128i = numbers.as_mut_ptr().add(4 * i).cast();
+            let mask = _mm_castps_si128(mask_sse2(bits >> (4 * i)));
+            let new = _mm_and_si128(mask, _mm_set1_epi32(number.cast_signed()));
+            _mm_storeu_si128(at, _mm_or_si128(new, _mm_andnot_si128(mask, _mm_loadu_si128(at))));
+        }
+    }
+}
+
+/// Nearest f32 of twice 8 numbers.
+#[inline(always)]
+fn narrow(low: Four<__m128d>, high: Four<__m128d>) -> Four<__m128> {
+    let pair = |v: Four<__m128d>, i: usize| unsafe { _mm_movelh_ps(_mm_cvtpd_ps(v.0[i]), _mm_cvtpd_ps(v.0[i + 1])) };
+    Four([pair(low, 0), pair(low, 2), pair(high, 0), pair(high, 2)])
+}

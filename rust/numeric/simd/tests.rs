@@ -1,0 +1,106 @@
+#[cfg(not(target_arch = "x86_64"))]
+use super::portable::Baseline;
+#[cfg(target_arch = "x86_64")]
+use super::sse2::Baseline;
+use super::*;
+
+struct Operations<'a, T>(&'a [T; 16]);
+
+impl<T: Precision> Kernel for Operations<'_, T> {
+    type Output = Vec<T>;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<T> {
+        let lanes = <T::In<I>>::LANES;
+        let (a, b) = (self.0[0], self.0[1]);
+        let v = <T::In<I>>::load(self.0);
+        let [low, high] = v.pairs();
+        let c = <T::In<I>>::alternate(a, b);
+        let results = [
+            <T::In<I>>::splat(a),
+            <T::In<I>>::halves(a, b),
+            c,
+            low,
+            high,
+            v.add(c),
+            v.sub(c),
+            v.mul(c),
+            v.mul_add(c, low),
+            v.neg_mul_add(c, low),
+            v.min(c),
+            v.max(c),
+            v.mul(v).div(<T::In<I>>::splat(T::of(2.0))),
+            v.mul(v).sqrt(),
+            v.select(0b1010_0110_1101_0011, c),
+            <T::In<I>>::splat(v.largest()),
+        ];
+        let mut out = vec![T::zero(); results.len() * lanes];
+        for (result, chunk) in results.iter().zip(out.chunks_mut(lanes)) {
+            result.store(chunk);
+        }
+        out
+    }
+}
+
+struct Integers<'a>(&'a [u32; 16]);
+
+impl Kernel for Integers<'_> {
+    type Output = (u32, [u32; 16]);
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Self::Output {
+        let mut numbers = *self.0;
+        I::put(&mut numbers, 0b1000_0110_0000_1001, u32::MAX);
+        (I::equal(self.0, 7), numbers)
+    }
+}
+
+#[test]
+fn integers_are_compared_and_put_in_their_places() {
+    let mut numbers: [u32; 16] = std::array::from_fn(|i| i as u32);
+    (numbers[1], numbers[15]) = (7, 7);
+    for level in Level::available() {
+        let (equal, put) = level.run(Integers(&numbers));
+        assert_eq!(equal, 0b1000_0000_1000_0010, "{level:?}");
+        for i in 0..16 {
+            let is_put = [0, 3, 9, 10, 15].contains(&i);
+            assert_eq!(put[i], if is_put { u32::MAX } else { numbers[i] }, "{level:?}");
+        }
+    }
+}
+
+struct Narrow<'a>(&'a [f64; 16]);
+
+impl Kernel for Narrow<'_> {
+    type Output = Vec<f32>;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<f32> {
+        let mut out = vec![0.0; 16];
+        f32::narrow::<I>([I::F64::load(self.0), I::F64::load(&self.0[8..])]).store(&mut out);
+        out
+    }
+}
+
+#[test]
+fn narrow_rounds_every_number_in_its_place() {
+    let wide: [f64; 16] = std::array::from_fn(|i| (i as f64 + 0.3).sqrt());
+    let expected: Vec<f32> = wide.iter().map(|x| *x as f32).collect();
+    for level in Level::available() {
+        assert_eq!(level.run(Narrow(&wide)), expected, "{level:?}");
+    }
+}
+
+#[test]
+fn every_level_does_the_same() {
+    // Small integers: no operation rounds.
+    let single: [f32; 16] = std::array::from_fn(|i| (i * i % 23) as f32 - 7.0);
+    let double: [f64; 16] = std::array::from_fn(|i| (i * i % 23) as f64 - 7.0);
+    let expected = (
+        Operations(&single).run::<Baseline>(),
+        Operations(&double).run::<Baseline>(),
+    );
+    for level in Level::available() {
+        assert_eq!(level.run(Operations(&single)), expected.0, "{level:?}");
+        assert_eq!(level.run(Operations(&double)), expected.1, "{level:?}");
+    }
+    assert_eq!(expected.0[16..32], *[[-7.0; 8], [-6.0; 8]].as_flattened());
+    assert_eq!(expected.0[48..52], [-7.0, -7.0, -6.0, -6.0]);
+}

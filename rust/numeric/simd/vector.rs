@@ -1,0 +1,205 @@
+//! Vectors of 64 bytes, one interface for every instruction set.
+
+use num_traits::{Float, FromPrimitive};
+
+/// Numbers of the grid: f32 or f64.
+pub trait Real: Float + FromPrimitive + rustfft::FftNum + Default {
+    /// Nearest number of this type.
+    fn of(x: f64) -> Self;
+    /// The same number in f64.
+    fn wide(self) -> f64;
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        x as Self
+    }
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        self
+    }
+}
+
+/// 64 bytes of numbers: 16 of f32, 8 of f64.
+pub trait Vector: Copy {
+    /// Type of the numbers.
+    type Scalar: Real;
+    /// How many.
+    const LANES: usize;
+    /// The same number everywhere.
+    fn splat(x: Self::Scalar) -> Self;
+    /// `a` in the lower half, `b` in the upper.
+    fn halves(a: Self::Scalar, b: Self::Scalar) -> Self;
+    /// `re, im, re, im, ...`
+    fn alternate(re: Self::Scalar, im: Self::Scalar) -> Self;
+    /// `v0, v0, v1, v1, ...` from the lower half, and the same from the upper.
+    fn pairs(self) -> [Self; 2];
+    /// `self + b`
+    fn add(self, b: Self) -> Self;
+    /// `self - b`
+    fn sub(self, b: Self) -> Self;
+    /// `self * b`
+    fn mul(self, b: Self) -> Self;
+    /// `self * b + c`, rounded once where the level can.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// `c - self * b`, rounded once where the level can.
+    fn neg_mul_add(self, b: Self, c: Self) -> Self;
+    /// `self / b`
+    fn div(self, b: Self) -> Self;
+    /// Square roots.
+    fn sqrt(self) -> Self;
+    /// The smaller ones; `b` where one is NaN.
+    fn min(self, b: Self) -> Self;
+    /// The larger ones; `b` where one is NaN.
+    fn max(self, b: Self) -> Self;
+    /// A bit per number: whether it is at most `b`; not where one is NaN.
+    fn at_most(self, b: Self) -> u32;
+    /// Numbers of `self` where the bit is set, of `b` elsewhere.
+    fn select(self, bits: u32, b: Self) -> Self;
+    /// The largest number; none may be NaN.
+    fn largest(self) -> Self::Scalar;
+    /// The first numbers of a slice; panics if there are fewer than [`Self::LANES`].
+    #[inline(always)]
+    fn load(from: &[Self::Scalar]) -> Self {
+        assert!(from.len() >= Self::LANES);
+        // SAFETY: there are `LANES` numbers.
+        unsafe { Self::load_unchecked(from.as_ptr()) }
+    }
+    /// Into the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
+    #[inline(always)]
+    fn store(self, to: &mut [Self::Scalar]) {
+        assert!(to.len() >= Self::LANES);
+        // SAFETY: there are `LANES` numbers.
+        unsafe { self.store_unchecked(to.as_mut_ptr()) }
+    }
+    /// # Safety
+    /// `LANES` numbers can be read.
+    unsafe fn load_unchecked(from: *const Self::Scalar) -> Self;
+    /// # Safety
+    /// `LANES` numbers can be written.
+    unsafe fn store_unchecked(self, to: *mut Self::Scalar);
+}
+
+/// `re0, im0, re1, im1, ...`
+#[inline(always)]
+pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
+    let (zero, one) = (V::Scalar::of(0.0), V::Scalar::of(1.0));
+    let (real, imaginary) = (V::alternate(one, zero), V::alternate(zero, one));
+    let (mut sides, im) = (re.pairs(), im.pairs());
+    for i in 0..2 {
+        sides[i] = im[i].mul_add(imaginary, sides[i].mul(real));
+    }
+    sides
+}
+
+/// Rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
+#[inline(always)]
+pub fn add_rows<V: Vector, const W: usize, const N: usize>(
+    grid: &mut [V::Scalar],
+    start: usize,
+    stride: usize,
+    taps: &[V::Scalar; W],
+    values: &[V; N],
+) {
+    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    for j in 0..W {
+        for i in 0..N {
+            // SAFETY: checked for all rows above.
+            unsafe {
+                let tap = V::splat(taps[j]);
+                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
+                tap.mul_add(values[i], V::load_unchecked(at)).store_unchecked(at);
+            }
+        }
+    }
+}
+
+/// Rows of a grid: `grid[start + j stride ..] += patch[j]`.
+#[inline(always)]
+pub fn add_patch<V: Vector, const W: usize, const N: usize>(
+    grid: &mut [V::Scalar],
+    start: usize,
+    stride: usize,
+    patch: &[[V; N]; W],
+) {
+    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    for j in 0..W {
+        for i in 0..N {
+            // SAFETY: checked for all rows above.
+            unsafe {
+                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
+                patch[j][i].add(V::load_unchecked(at)).store_unchecked(at);
+            }
+        }
+    }
+}
+
+/// The vectors of an instruction set.
+pub trait Isa {
+    /// Registers that a vector takes.
+    const REGISTERS: usize;
+    /// Whether `mul_add` rounds once.
+    const IS_FUSED: bool;
+    /// 16 numbers.
+    type F32: Vector<Scalar = f32>;
+    /// 8 numbers.
+    type F64: Vector<Scalar = f64>;
+    /// Nearest f32 of twice 8 numbers.
+    fn narrow(low: Self::F64, high: Self::F64) -> Self::F32;
+    /// A bit per number: whether it is `number`.
+    fn equal(numbers: &[u32; 16], number: u32) -> u32;
+    /// `number` where the bit is set.
+    fn put(numbers: &mut [u32; 16], bits: u32, number: u32);
+}
+
+/// Ask for what will be read soon, first and second cache line.
+#[inline(always)]
+pub fn prefetch<T>(what: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let at = std::ptr::from_ref(what).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // SAFETY: SSE is part of x86-64; addresses are within the object, and prefetching reads nothing.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = what;
+}
+
+/// A kernel's number type, and its vector in an instruction set.
+pub trait Precision: Real {
+    /// 64 bytes of these numbers.
+    type In<I: Isa>: Vector<Scalar = Self>;
+    /// As many of twice 8 numbers as fit in, rounded.
+    fn narrow<I: Isa>(wide: [I::F64; 2]) -> Self::In<I>;
+}
+
+impl Precision for f32 {
+    type In<I: Isa> = I::F32;
+    #[inline(always)]
+    fn narrow<I: Isa>(wide: [I::F64; 2]) -> I::F32 {
+        I::narrow(wide[0], wide[1])
+    }
+}
+
+impl Precision for f64 {
+    type In<I: Isa> = I::F64;
+    #[inline(always)]
+    fn narrow<I: Isa>(wide: [I::F64; 2]) -> I::F64 {
+        wide[0]
+    }
+}

@@ -1,0 +1,430 @@
+//! Motion over a frame: bodies, point targets and vertices as the sensor sees them at the Chebyshev times of the frame, and the
+//! series through them.
+//!
+//! Times are `x` from -1 at the start of the first ramp to 1 at the last sample.
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::geometry::pose::Pose;
+use crate::numeric::chebyshev::{interpolation_weights, series_tail};
+use crate::paths::kinematics::Places;
+
+/// Vertices of a body that are looked at to tell how well their motion is resolved.
+const NUM_PROBED_VERTICES: usize = 1024;
+
+/// Positions of the vertices of a body that deforms, `(time, vertex)` [m].
+#[derive(Clone, Debug, Default)]
+pub struct VertexMotion {
+    num_times: usize,
+    positions: Vec<[f64; 3]>,
+}
+
+impl VertexMotion {
+    /// From positions `(time, vertex)`.
+    pub fn new(num_times: usize, positions: Vec<[f64; 3]>) -> Self {
+        Self { num_times, positions }
+    }
+
+    /// Number of vertices.
+    pub fn num_vertices(&self) -> usize {
+        self.positions.len() / self.num_times.max(1)
+    }
+
+    /// Positions at the time `x`, in body coordinates [m].
+    pub fn at(&self, x: f64) -> Vec<[f64; 3]> {
+        let mut at = Vec::with_capacity(self.num_vertices());
+        self.append_at(x, &mut at);
+        at
+    }
+
+    fn append_at(&self, x: f64, out: &mut Vec<[f64; 3]>) {
+        let number = self.num_vertices();
+        let weights = interpolation_weights(self.num_times, x);
+        if let Some(only) = weights.iter().position(|weight| *weight == 1.0) {
+            out.extend_from_slice(&self.positions[only * number..(only + 1) * number]);
+            return;
+        }
+        let first = out.len();
+        out.resize(first + number, [0.0; 3]);
+        for (weight, row) in weights.iter().zip(self.positions.chunks(number.max(1))) {
+            for (sum, position) in out[first..].iter_mut().zip(row) {
+                for axis in 0..3 {
+                    sum[axis] += weight * position[axis];
+                }
+            }
+        }
+    }
+
+    /// Error of the series through the positions [m].
+    fn tail(&self) -> f64 {
+        let number = self.num_vertices();
+        let stride = number.div_ceil(NUM_PROBED_VERTICES).max(1);
+        let tail = |vertex: usize| {
+            let values: Vec<[f64; 3]> = (0..self.num_times)
+                .map(|time| self.positions[time * number + vertex])
+                .collect();
+            DVec3::from_array(series_tail(&values)).length()
+        };
+        (0..number).step_by(stride).map(tail).fold(0.0, f64::max)
+    }
+}
+
+/// A pose, or the time derivative of one, of every body, and the same of point targets and vertices.
+///
+/// `poses`: `(time, body)` maps of body coordinates to the axes of `sensor`; likewise `points` `(time, point)` [m].
+#[derive(Clone, Debug)]
+pub struct Placement {
+    num_times: usize,
+    poses: Vec<Pose>,
+    points: Vec<DVec3>,
+    /// Per body that deforms.
+    vertices: Vec<VertexMotion>,
+}
+
+/// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)` [m].
+#[derive(Clone, Debug)]
+pub struct World {
+    /// Sensor to world.
+    pub sensor: Vec<Pose>,
+    /// Body to world.
+    pub poses: Vec<Pose>,
+    /// In the world [m].
+    pub points: Vec<DVec3>,
+    /// Of every body that deforms, in body coordinates [m]; may have fewer times than the rest.
+    pub vertices: Vec<VertexMotion>,
+}
+
+impl World {
+    /// Number of times.
+    pub fn num_times(&self) -> usize {
+        self.sensor.len()
+    }
+
+    /// Seen from the sensor: axes of the sensor, origin at `center`, the middle of its array in its own axes [m].
+    pub fn seen(&self, center: DVec3) -> Placement {
+        let num_times = self.num_times();
+        let bodies = self.poses.chunks((self.poses.len() / num_times).max(1));
+        let points = self.points.chunks((self.points.len() / num_times).max(1));
+        let poses = self.sensor.iter().zip(bodies).flat_map(|(sensor, bodies)| {
+            bodies.iter().map(move |body| Pose {
+                rotation: sensor.rotation.transpose() * body.rotation,
+                translation: sensor.point_to_body(body.translation) - center,
+            })
+        });
+        let points = self
+            .sensor
+            .iter()
+            .zip(points)
+            .flat_map(|(sensor, points)| points.iter().map(move |point| sensor.point_to_body(*point) - center));
+        Placement {
+            num_times,
+            poses: poses.collect(),
+            points: points.collect(),
+            vertices: self.vertices.clone(),
+        }
+    }
+
+    /// Time derivative of [`Self::seen`] at a time at which everything is at `at` and changes by `rates`: one time each.
+    pub fn seen_rates(at: &Self, rates: &Self, center: DVec3) -> Placement {
+        let (sensor, rate) = (&at.sensor[0], &rates.sensor[0]);
+        let seen = at.seen(center);
+        let to_sensor = sensor.rotation.transpose();
+        // The sensor turns about its own origin, not about the middle of the array.
+        let turning: DMat3 = rate.rotation.transpose() * sensor.rotation;
+        let pose = |(seen, rate_world): (&Pose, &Pose)| Pose {
+            rotation: to_sensor * rate_world.rotation + turning * seen.rotation,
+            translation: to_sensor * (rate_world.translation - rate.translation)
+                + turning * (seen.translation + center),
+        };
+        let point = |(seen, velocity): (&DVec3, &DVec3)| {
+            to_sensor * (*velocity - rate.translation) + turning * (*seen + center)
+        };
+        Placement {
+            num_times: 1,
+            poses: seen.poses.iter().zip(&rates.poses).map(pose).collect(),
+            points: seen.points.iter().zip(&rates.points).map(point).collect(),
+            vertices: rates.vertices.clone(),
+        }
+    }
+}
+
+impl Placement {
+    /// Number of bodies.
+    pub fn num_bodies(&self) -> usize {
+        self.poses.len() / self.num_times
+    }
+
+    /// Number of point targets.
+    pub fn num_points(&self) -> usize {
+        self.points.len() / self.num_times
+    }
+
+    /// Number of times.
+    pub fn num_times(&self) -> usize {
+        self.num_times
+    }
+
+    /// Vertices of the bodies that deform.
+    pub fn vertices(&self) -> &[VertexMotion] {
+        &self.vertices
+    }
+
+    /// True for every body whose pose is the same at all times.
+    pub fn are_still(&self) -> Vec<bool> {
+        let number = self.num_bodies();
+        let is_still =
+            |body: usize| (1..self.num_times).all(|time| self.poses[time * number + body] == self.poses[body]);
+        (0..number).map(is_still).collect()
+    }
+
+    /// True when all point targets are at the same place at all times.
+    pub fn points_are_still(&self) -> bool {
+        let number = self.num_points();
+        self.points
+            .iter()
+            .enumerate()
+            .all(|(i, point)| *point == self.points[i % number.max(1)])
+    }
+
+    /// Largest error of the series through the places of anything [m]: bodies reach `radii` (body,) beyond their origin [m].
+    pub fn tail(&self, radii: &[f64]) -> f64 {
+        let (num_bodies, num_points) = (self.num_bodies(), self.num_points());
+        let of_body = |body: usize| {
+            let pose = |time: usize| {
+                let pose = &self.poses[time * num_bodies + body];
+                let (turned, moved) = (pose.rotation.to_cols_array(), pose.translation.to_array());
+                let mut values = [0.0; 12];
+                values[..9].copy_from_slice(&turned);
+                values[9..].copy_from_slice(&moved);
+                values
+            };
+            let values: Vec<[f64; 12]> = (0..self.num_times).map(pose).collect();
+            let tail = series_tail(&values);
+            let norm = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
+            norm(&tail[9..]) + radii[body] * norm(&tail[..9])
+        };
+        let of_point = |point: usize| {
+            let place = |time: usize| self.points[time * num_points + point].to_array();
+            let values: Vec<[f64; 3]> = (0..self.num_times).map(place).collect();
+            DVec3::from_array(series_tail(&values)).length()
+        };
+        let bodies = (0..num_bodies).map(of_body);
+        let points = (0..num_points).map(of_point);
+        let vertices = self.vertices.iter().map(VertexMotion::tail);
+        bodies.chain(points).chain(vertices).fold(0.0, f64::max)
+    }
+
+    /// Bodies at the time `x`.
+    pub fn poses_at(&self, x: f64) -> Vec<Pose> {
+        let (number, weights) = (self.num_bodies(), interpolation_weights(self.num_times, x));
+        let at = |body: usize| {
+            let first = self.poses[body];
+            let differs = (1..self.num_times).any(|time| self.poses[time * number + body] != first);
+            if !differs {
+                return first;
+            }
+            if let Some(only) = weights.iter().position(|weight| *weight == 1.0) {
+                return self.poses[only * number + body];
+            }
+            let terms = weights.iter().enumerate();
+            let zero = Pose {
+                rotation: DMat3::ZERO,
+                translation: DVec3::ZERO,
+            };
+            terms.fold(zero, |sum, (time, weight)| {
+                let pose = &self.poses[time * number + body];
+                Pose {
+                    rotation: sum.rotation + pose.rotation * *weight,
+                    translation: sum.translation + pose.translation * *weight,
+                }
+            })
+        };
+        (0..number).map(at).collect()
+    }
+
+    /// Point targets at the time `x` [m].
+    pub fn points_at(&self, x: f64) -> Vec<DVec3> {
+        let (number, weights) = (self.num_points(), interpolation_weights(self.num_times, x));
+        let at = |point: usize| {
+            let first = self.points[point];
+            let differs = (1..self.num_times).any(|time| self.points[time * number + point] != first);
+            if !differs {
+                return first;
+            }
+            let terms = weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+            terms.fold(DVec3::ZERO, |sum, (time, weight)| {
+                sum + self.points[time * number + point] * *weight
+            })
+        };
+        (0..number).map(at).collect()
+    }
+
+    /// Everything at some times, with the vertices of the bodies `deforming`, numbers among those that deform.
+    pub fn at(&self, times: &[f64], deforming: &[usize]) -> Kinematics {
+        let vertices = deforming.iter().map(|body| {
+            let motion = &self.vertices[*body];
+            let mut positions = Vec::with_capacity(times.len() * motion.num_vertices());
+            for x in times {
+                motion.append_at(*x, &mut positions);
+            }
+            positions
+        });
+        Kinematics {
+            num_nodes: times.len(),
+            num_bodies: self.num_bodies(),
+            poses: times.iter().flat_map(|x| self.poses_at(*x)).collect(),
+            points: times.iter().flat_map(|x| self.points_at(*x)).collect(),
+            vertices: vertices.collect(),
+        }
+    }
+
+    /// Refuses arrays that do not fit a scene.
+    pub fn check(&self, num_bodies: usize, num_points: usize, num_vertices: &[usize]) -> Result<()> {
+        let checks = [
+            ("poses", num_bodies, self.num_bodies()),
+            ("points", num_points, self.num_points()),
+            ("vertices", num_vertices.len(), self.vertices.len()),
+        ];
+        for (name, expected, got) in checks {
+            if expected != got {
+                return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
+            }
+        }
+        for (motion, expected) in self.vertices.iter().zip(num_vertices) {
+            if motion.num_vertices() != *expected {
+                let expected = format!("{expected} as the mesh has");
+                return Err(Error::value("vertices", expected, motion.num_vertices()));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame.
+#[derive(Clone, Debug)]
+pub struct Kinematics {
+    num_nodes: usize,
+    num_bodies: usize,
+    poses: Vec<Pose>,
+    points: Vec<DVec3>,
+    vertices: Vec<Vec<[f64; 3]>>,
+}
+
+impl Kinematics {
+    /// Run something with these places and the cross-sections of the point targets [m^2].
+    pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Places) -> T) -> T {
+        let vertices: Vec<&[[f64; 3]]> = self.vertices.iter().map(Vec::as_slice).collect();
+        let points = if rcs.is_empty() { &[] } else { self.points.as_slice() };
+        run(&Places {
+            num_nodes: self.num_nodes,
+            num_bodies: self.num_bodies,
+            poses: &self.poses,
+            points,
+            rcs,
+            vertices: &vertices,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::chebyshev::chebyshev_nodes;
+
+    #[test]
+    fn series_through_a_turning_pose_is_exact_between_its_times() {
+        // 0.4 rad within the frame: the ninth power over 9! is below 1e-9, the 17th below rounding.
+        let pose = |x: f64| Pose {
+            rotation: DMat3::from_rotation_z(0.2 * x),
+            translation: DVec3::new(1.0 + 0.01 * x, 0.3 * x * x, 0.0),
+        };
+        for (number, error) in [(9, 1e-12), (17, 4e-15)] {
+            let placement = Placement {
+                num_times: number,
+                poses: chebyshev_nodes(number).into_iter().map(pose).collect(),
+                points: Vec::new(),
+                vertices: Vec::new(),
+            };
+            assert!(placement.tail(&[1.0]) < 4.0 * error);
+            for x in [-1.0, -0.37, 0.0, 0.91, 1.0] {
+                let (got, expected) = (placement.poses_at(x)[0], pose(x));
+                let off = got.rotation - expected.rotation;
+                assert!(off.to_cols_array().iter().all(|v| v.abs() < error), "{off}");
+                assert!((got.translation - expected.translation).length() < error);
+            }
+        }
+    }
+
+    #[test]
+    fn middle_of_an_odd_number_of_times_and_poses_at_rest_are_kept_to_the_last_bit() {
+        let pose = |x: f64| Pose {
+            rotation: DMat3::from_rotation_x(x),
+            translation: DVec3::splat(x / 3.0),
+        };
+        let rest = pose(0.123);
+        let nodes = chebyshev_nodes(17);
+        let placement = Placement {
+            num_times: 17,
+            poses: nodes.iter().flat_map(|x| [pose(*x), rest]).collect(),
+            points: Vec::new(),
+            vertices: Vec::new(),
+        };
+        assert_eq!(placement.poses_at(0.0)[0], pose(nodes[8]));
+        assert_eq!(placement.poses_at(0.777)[1], rest);
+        assert_eq!(placement.are_still(), [false, true]);
+    }
+
+    #[test]
+    fn kink_shows_in_the_tail() {
+        let kink = |x: f64| DVec3::new(1.0 + 0.01 * x.abs(), 0.0, 0.0);
+        let placement = Placement {
+            num_times: 17,
+            poses: Vec::new(),
+            points: chebyshev_nodes(17).into_iter().map(kink).collect(),
+            vertices: Vec::new(),
+        };
+        // |x| has the coefficients (4 / pi) / (k^2 - 1) or so: 5e-3 of its 1 cm at 16.
+        assert!(placement.tail(&[]) > 5e-5);
+    }
+
+    #[test]
+    fn rates_seen_are_the_derivatives_of_places_seen() {
+        let world = |t: f64| World {
+            sensor: vec![Pose {
+                rotation: DMat3::from_rotation_z(0.3 + 0.7 * t) * DMat3::from_rotation_x(0.2 * t),
+                translation: DVec3::new(0.1 * t, 0.2, -0.3 * t),
+            }],
+            poses: vec![Pose {
+                rotation: DMat3::from_rotation_y(1.1 * t),
+                translation: DVec3::new(2.0 + t, 0.5 * t, 0.1),
+            }],
+            points: vec![DVec3::new(1.0, 2.0 * t, 0.3)],
+            vertices: Vec::new(),
+        };
+        let difference = |a: &Pose, b: &Pose, step: f64| Pose {
+            rotation: (b.rotation - a.rotation) * (1.0 / step),
+            translation: (b.translation - a.translation) / step,
+        };
+        let (h, t, center) = (1e-5, 0.4, DVec3::new(0.01, -0.02, 0.03));
+        let [before, after] = [world(t - h), world(t + h)];
+        let rates = World {
+            sensor: vec![difference(&before.sensor[0], &after.sensor[0], 2.0 * h)],
+            poses: vec![difference(&before.poses[0], &after.poses[0], 2.0 * h)],
+            points: vec![(after.points[0] - before.points[0]) / (2.0 * h)],
+            vertices: Vec::new(),
+        };
+        let got = World::seen_rates(&world(t), &rates, center);
+        let [before, after] = [before.seen(center), after.seen(center)];
+        let expected = difference(&before.poses[0], &after.poses[0], 2.0 * h);
+        assert!((got.poses[0].translation - expected.translation).length() < 1e-9);
+        assert!(
+            (got.poses[0].rotation - expected.rotation)
+                .to_cols_array()
+                .iter()
+                .all(|v| v.abs() < 1e-9)
+        );
+        let expected = (after.points[0] - before.points[0]) / (2.0 * h);
+        assert!((got.points[0] - expected).length() < 1e-9);
+    }
+}

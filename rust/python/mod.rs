@@ -1,0 +1,47 @@
+//! The boundary to Python: borrow arrays in, release the interpreter, move arrays out. No arithmetic here.
+
+// Python hands arguments over by value, one by one.
+#![allow(clippy::needless_pass_by_value, clippy::too_many_arguments)]
+
+use pyo3::prelude::*;
+
+mod antennas;
+mod arrays;
+mod cross_section;
+mod error;
+mod geometry;
+mod rays;
+mod scattering;
+mod simulator;
+mod synthesis;
+mod threads;
+
+use antennas::{Antennas, Pattern};
+use rays::{Hits, Surface};
+use scattering::Material;
+use simulator::{DepthScene, IdealFrame, Placement, Scene, Settings, Simulator};
+use synthesis::{Report, Waveform};
+
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(geometry::load_obj, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::plan_beat_signal, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
+    module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
+    module.add_class::<Waveform>()?;
+    module.add_class::<Report>()?;
+    module.add_class::<Surface>()?;
+    module.add_class::<Material>()?;
+    module.add_class::<Pattern>()?;
+    module.add_class::<Antennas>()?;
+    module.add_class::<Hits>()?;
+    module.add_class::<Scene>()?;
+    module.add_class::<DepthScene>()?;
+    module.add_class::<Settings>()?;
+    module.add_class::<Placement>()?;
+    module.add_class::<IdealFrame>()?;
+    module.add_class::<Simulator>()?;
+    Ok(())
+}

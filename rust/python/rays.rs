@@ -1,0 +1,198 @@
+//! Surfaces, and hits of images.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use super::arrays::{numbers, points};
+use super::scattering::{Material, materials};
+use super::threads::{check_threads, compute};
+use crate::frame;
+use crate::rays::image;
+use crate::rays::scene::NO_BODY;
+use crate::rays::surface::{self, ShadingMode};
+use crate::scattering::reflectance;
+
+/// Triangles, tree and shading of one body.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Surface(pub(super) Arc<surface::Surface>);
+
+#[pymethods]
+impl Surface {
+    #[new]
+    #[pyo3(signature = (vertices, triangles, *, crease_angle=None, report=None))]
+    fn new(
+        py: Python<'_>,
+        vertices: PyReadonlyArray2<'_, f64>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        crease_angle: Option<f64>,
+        report: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
+        let triangles = numbers("triangles", &triangles, [None, Some(3)])?
+            .as_chunks()
+            .0
+            .to_vec();
+        let mode = crease_angle.map_or(ShadingMode::Flat, |crease_angle| ShadingMode::Smooth { crease_angle });
+        let tell = |share: f64| {
+            if let Some(report) = &report {
+                Python::attach(|py| {
+                    if let Err(error) = report.call1(py, (share,)) {
+                        error.write_unraisable(py, Some(report.bind(py)));
+                    }
+                });
+            }
+        };
+        let surface = compute(py, None, || {
+            surface::Surface::new_with(&vertices, &triangles, mode, &tell)
+        })?;
+        Ok(Self(Arc::new(surface)))
+    }
+
+    /// Rows of the triangles that were kept; none where all were.
+    fn kept<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u32>>> {
+        self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
+    }
+
+    /// The same triangles between vertices (n, 3) at other places.
+    #[pyo3(signature = (vertices, *, threads=None))]
+    fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
+        let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
+        let surface = compute(py, threads, || self.0.deform(vertices))?;
+        Ok(Self(Arc::new(surface)))
+    }
+
+    /// What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface, at a
+    /// wavelength [m]: numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area
+    /// and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets.
+    #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
+    fn quality(
+        &self,
+        py: Python<'_>,
+        crease_angle: f64,
+        wavelength: f64,
+        threads: Option<usize>,
+    ) -> PyResult<([usize; 6], [f64; 6])> {
+        let q = compute(py, threads, || Ok(self.0.quality(crease_angle, wavelength)))?;
+        let counts = [
+            q.num_parts,
+            q.num_open_edges,
+            q.num_nonmanifold_edges,
+            q.num_inconsistent_edges,
+            q.num_duplicates,
+            q.num_thin,
+        ];
+        let measures = [
+            q.area,
+            q.smooth_area,
+            q.largest_sagitta,
+            q.mean_sagitta,
+            q.largest_difference,
+            q.rms_difference,
+        ];
+        Ok((counts, measures))
+    }
+
+    /// Memory of triangles, tree and shading, and of the vertices [bytes].
+    #[getter]
+    fn memory(&self) -> (usize, usize) {
+        (self.0.memory(), self.0.vertex_memory())
+    }
+}
+
+pub(super) type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+
+/// What the rays of an image hit.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Hits(pub(super) Arc<frame::Image>);
+
+#[pymethods]
+impl Hits {
+    /// Distance along the ray [m], (rows, columns); inf where nothing was hit.
+    fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.image(PyArray1::from_slice(py, &self.0.hits.distance))
+    }
+
+    /// Rays that were cast, and tiles that were skipped and taken over.
+    #[getter]
+    fn counts(&self) -> (usize, usize, usize) {
+        let image::Counts {
+            rays,
+            tiles_skipped,
+            tiles_reused,
+        } = self.0.hits.counts;
+        (rays, tiles_skipped, tiles_reused)
+    }
+
+    /// Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit.
+    #[pyo3(signature = (*, threads=None))]
+    fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        check_threads(threads)?;
+        if let Some(cosine) = &self.0.hits.cosine {
+            return self.image(PyArray1::from_slice(py, cosine));
+        }
+        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
+        self.image(PyArray1::from_slice(py, &shown.cosine))
+    }
+
+    /// Distance along the ray to the surface that the facets stand for [m], (rows, columns), and its unit normal
+    /// towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
+    #[pyo3(signature = (*, threads=None))]
+    fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
+        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
+        let plane = &self.0.hits.plane;
+        let normals = shown.normal.iter().flat_map(DVec3::to_array);
+        Ok((
+            self.image(PyArray1::from_slice(py, &shown.distance))?,
+            PyArray1::from_iter(py, normals).reshape([plane.rows, plane.columns, 3])?,
+        ))
+    }
+
+    /// Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns); 0 where nothing was hit.
+    #[pyo3(signature = (materials, *, frequency, polarization=None, threads=None))]
+    fn reflectance<'py>(
+        &self,
+        py: Python<'py>,
+        materials: Vec<PyRef<'_, Material>>,
+        frequency: f64,
+        polarization: Option<[f64; 3]>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let materials = self::materials(&materials, self.0.scene.num_bodies())?;
+        let polarization = polarization.map(DVec3::from_array);
+        let reflectance = compute(py, threads, || {
+            let shown = || self.0.smooth();
+            Ok(reflectance::reflectance(
+                &self.0.hits,
+                &materials,
+                frequency,
+                polarization,
+                shown,
+            ))
+        })?;
+        self.image(reflectance.into_pyarray(py))
+    }
+
+    /// Number of the body, (rows, columns); -1 where nothing was hit.
+    fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
+        const { assert!(NO_BODY.cast_signed() == -1) };
+        let numbers: Vec<i32> = self.0.hits.body.iter().map(|body| body.cast_signed()).collect();
+        self.image(numbers.into_pyarray(py))
+    }
+
+    /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
+    fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let plane = &self.0.hits.plane;
+        let pixels = (0..plane.rows).flat_map(|row| (0..plane.columns).map(move |column| (row, column)));
+        let numbers = pixels.flat_map(|(row, column)| plane.direction(row, column).to_array());
+        PyArray1::from_iter(py, numbers).reshape([plane.rows, plane.columns, 3])
+    }
+}
+
+impl Hits {
+    fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
+        pixels.reshape([self.0.hits.plane.rows, self.0.hits.plane.columns])
+    }
+}

@@ -1,0 +1,86 @@
+//! Materials.
+
+use num_complex::Complex64;
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use super::arrays::numbers;
+use crate::antennas::polarization::Seen;
+use crate::error::{Error, Result};
+use crate::scattering::material::{self, Dielectric, Response, Roughness};
+use crate::scattering::physical_optics::Sampling;
+
+/// What a surface does to waves of one frequency.
+#[pyclass(frozen, module = "radarcore._core")]
+pub(super) struct Material(pub(super) material::Material);
+
+#[pymethods]
+impl Material {
+    /// The same at every angle; the field reflection coefficient as (real, imaginary).
+    #[staticmethod]
+    fn constant(reflection: (f64, f64), albedo: f64) -> Self {
+        Self(material::Material::Constant(Response {
+            reflection: Complex64::new(reflection.0, reflection.1),
+            albedo,
+        }))
+    }
+
+    /// What Fresnel says of a relative permittivity (real, imaginary), of a half-space or a slab of some thickness [m].
+    /// `roughness`: rms height [m], none for a smooth surface; or `scattering`: the part of the field that is scattered.
+    #[staticmethod]
+    #[pyo3(signature = (permittivity, *, roughness=None, scattering=None, thickness=None))]
+    fn dielectric(
+        permittivity: (f64, f64),
+        roughness: Option<f64>,
+        scattering: Option<f64>,
+        thickness: Option<f64>,
+    ) -> PyResult<Self> {
+        let roughness = match (roughness, scattering) {
+            (None, None) => Roughness::Smooth,
+            (Some(height), None) => Roughness::Height(height),
+            (None, Some(part)) => Roughness::Scattering(part),
+            (Some(_), Some(_)) => return Err(Error::value("scattering", "none with roughness", "both").into()),
+        };
+        Ok(Self(material::Material::Dielectric(Dielectric {
+            permittivity: Complex64::new(permittivity.0, permittivity.1),
+            thickness,
+            roughness,
+        })))
+    }
+
+    /// Field reflection coefficients and albedos at cosines of incidence (n,), as antennas see them that get the parts
+    /// `te` and `tm` of both polarisations.
+    #[pyo3(signature = (cosine, *, wavelength, te, tm))]
+    fn response<'py>(
+        &self,
+        py: Python<'py>,
+        cosine: PyReadonlyArray1<'_, f64>,
+        wavelength: f64,
+        te: f64,
+        tm: f64,
+    ) -> PyResult<ResponseArrays<'py>> {
+        let cosines = numbers("cosine", &cosine, [None])?.iter();
+        let of = |cosine: &f64| self.0.response(*cosine, wavelength, Seen { te, tm });
+        let (reflection, albedo): (Vec<_>, Vec<_>) = cosines.map(of).map(|r| (r.reflection, r.albedo)).unzip();
+        Ok((reflection.into_pyarray(py), albedo.into_pyarray(py)))
+    }
+}
+
+pub(super) type ResponseArrays<'py> = (Bound<'py, PyArray1<Complex64>>, Bound<'py, PyArray1<f64>>);
+
+/// One material per body.
+pub(super) fn materials(materials: &[PyRef<'_, Material>], num_bodies: usize) -> Result<Vec<material::Material>> {
+    if materials.len() != num_bodies {
+        let expected = format!("{num_bodies}, one per body");
+        return Err(Error::value("materials", expected, materials.len()));
+    }
+    Ok(materials.iter().map(|material| material.0).collect())
+}
+
+pub(super) fn sampling(is_footprint: bool) -> Sampling {
+    if is_footprint {
+        Sampling::Footprint
+    } else {
+        Sampling::Point
+    }
+}

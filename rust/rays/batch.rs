@@ -1,0 +1,239 @@
+//! Rays through any points of the image plane, 64 at a time: what they hit and what they show.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::numeric::simd::{Isa, Kernel};
+use crate::rays::image::{Cast, Counts, Scratch, Touch};
+use crate::rays::packet::{MOST_RAYS, PACKET};
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::tree::Tree;
+
+/// Bundles that one thread casts in a row.
+const BLOCK: usize = 16;
+
+/// What one ray hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Distance to the facet along the ray [m]; infinite where nothing was hit.
+    pub to_facet: f64,
+    /// Distance to the surface that the facet stands for [m].
+    pub distance: f64,
+    /// Its unit normal towards the incident side, in the sensor frame; zero where nothing was hit.
+    pub normal: DVec3,
+    /// Number of the body, or [`NO_BODY`].
+    pub body: u32,
+    /// Number of the triangle in the body's surface.
+    pub triangle: u32,
+    /// Whether antennas see that way; where not, nothing was cast.
+    pub is_seen: bool,
+}
+
+impl Found {
+    /// Nothing.
+    pub const NOTHING: Self = Self {
+        to_facet: f64::INFINITY,
+        distance: f64::INFINITY,
+        normal: DVec3::ZERO,
+        body: NO_BODY,
+        triangle: u32::MAX,
+        is_seen: true,
+    };
+
+    /// Whether anything was hit.
+    pub fn is_hit(&self) -> bool {
+        self.body != NO_BODY
+    }
+}
+
+/// What is known of rays from another time.
+pub struct Known<'a, F> {
+    /// Boxes where it may not be taken over; see [`Snapshot::moved`].
+    pub moved: &'a Tree,
+    /// What the ray of a number hit then, if it was cast.
+    pub found: F,
+}
+
+/// Bundles of rays that follow each other: as many as there is place for.
+pub fn whole_bundles(number: usize) -> Vec<usize> {
+    let ends = (1..=number.div_ceil(MOST_RAYS)).map(|bundle| number.min(bundle * MOST_RAYS));
+    ends.collect()
+}
+
+impl Snapshot {
+    /// Hits of rays through points `(u, v)` of the image plane, bundle by bundle in parallel: those of [`Self::cast_image`] at
+    /// the same places. `ends` are the numbers of the rays behind each bundle: at most 64 rays, which should be near each other.
+    pub fn cast_batch<F>(
+        &self,
+        points: &[[f64; 2]],
+        ends: &[usize],
+        cast: &Cast,
+        known: Option<&Known<F>>,
+    ) -> (Vec<Found>, Counts)
+    where
+        F: Fn(usize) -> Option<Found> + Sync,
+    {
+        let mut found = vec![Found::NOTHING; points.len()];
+        let mut blocks = Vec::with_capacity(ends.len().div_ceil(BLOCK));
+        let (mut first, mut rest) = (0, found.as_mut_slice());
+        for ends in ends.chunks(BLOCK) {
+            let (found, others) = rest.split_at_mut(ends[ends.len() - 1] - first);
+            blocks.push((first, ends, found));
+            (first, rest) = (ends[ends.len() - 1], others);
+        }
+        let counts = blocks
+            .into_par_iter()
+            .map(|(first, ends, found)| {
+                cast.level.run(CastBlock {
+                    snapshot: self,
+                    cast,
+                    known,
+                    first,
+                    ends,
+                    points,
+                    found,
+                })
+            })
+            .reduce(Counts::default, Counts::plus);
+        (found, counts)
+    }
+}
+
+/// Casts rays, bundle by bundle.
+struct CastBlock<'a, F> {
+    snapshot: &'a Snapshot,
+    cast: &'a Cast<'a>,
+    known: Option<&'a Known<'a, F>>,
+    /// Number of the first ray.
+    first: usize,
+    /// Of the rays behind each bundle.
+    ends: &'a [usize],
+    /// Of all rays.
+    points: &'a [[f64; 2]],
+    /// From the first ray on.
+    found: &'a mut [Found],
+}
+
+impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
+    type Output = Counts;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Counts {
+        let Self {
+            snapshot,
+            cast,
+            known,
+            first,
+            ends,
+            points,
+            found,
+        } = self;
+        let mut scratch = Scratch::new(snapshot.num_bodies());
+        let mut counts = Counts::default();
+        let mut start = first;
+        for end in ends {
+            let bundle = start..*end;
+            start = *end;
+            let points = &points[bundle.clone()];
+            let found = &mut found[bundle.start - first..bundle.end - first];
+            scratch.fan.hold(points);
+            if cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+                counts.tiles_skipped += 1;
+                for found in found {
+                    found.is_seen = false;
+                }
+                continue;
+            }
+            if let Some(known) = known {
+                let mut touch = Touch(false);
+                scratch.fan.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
+                if !touch.0 && take_over(found, known, bundle.start) {
+                    counts.tiles_reused += 1;
+                    continue;
+                }
+            }
+            if snapshot.search::<I>(&mut scratch, cast) {
+                counts.tiles_skipped += 1;
+                continue;
+            }
+            counts.rays += points.len();
+            snapshot.measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            let (best, distance) = (&scratch.best, &scratch.distance);
+            scratch
+                .shade
+                .fill::<I, true>(snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+            for (ray, found) in found.iter_mut().enumerate() {
+                let (packet, lane) = (ray / PACKET, ray % PACKET);
+                *found = Found {
+                    to_facet: scratch.distance[ray],
+                    distance: scratch.shade.distance[ray],
+                    normal: scratch.shade.normal_of(ray),
+                    body: scratch.best.body[packet][lane],
+                    triangle: scratch.best.triangle[packet][lane],
+                    is_seen: true,
+                };
+            }
+        }
+        counts
+    }
+}
+
+/// Take over all of a bundle, from the ray of a number on, or nothing.
+fn take_over<F: Fn(usize) -> Option<Found>>(found: &mut [Found], known: &Known<F>, first: usize) -> bool {
+    for ray in 0..found.len() {
+        match (known.found)(first + ray) {
+            Some(before) if before.is_seen => found[ray] = before,
+            _ => {
+                found.fill(Found::NOTHING);
+                return false;
+            }
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::simd::Level;
+    use crate::rays::camera::ImagePlane;
+    use crate::rays::scene::tests::furnished;
+    use crate::rays::smooth_hits::Shown;
+
+    /// Rays that need not be of any other time.
+    type Unknown = fn(usize) -> Option<Found>;
+
+    #[test]
+    fn rays_in_any_order_find_and_show_what_those_of_an_image_do() {
+        let (surfaces, poses) = furnished();
+        let scene = Snapshot::new(surfaces, poses);
+        let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
+        for level in Level::available() {
+            let cast = Cast {
+                level,
+                ..Cast::default()
+            };
+            let hits = scene.cast_image_with(&plane, &cast).unwrap();
+            let shown = Shown::at(&scene, &hits, level);
+            // Every seventh pixel after the other: bundles that reach all over the image.
+            let pixels: Vec<usize> = (0..plane.num_pixels()).map(|i| i * 7 % plane.num_pixels()).collect();
+            let points: Vec<[f64; 2]> = pixels
+                .iter()
+                .map(|pixel| plane.center(pixel / plane.columns, pixel % plane.columns).into())
+                .collect();
+            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_bundles(points.len()), &cast, None);
+            assert!(counts.rays + 64 * counts.tiles_skipped >= points.len() && counts.rays > 3000);
+            let mut num_hits = 0;
+            for (pixel, found) in pixels.into_iter().zip(found) {
+                assert_eq!((found.body, found.triangle), (hits.body[pixel], hits.triangle[pixel]));
+                assert_eq!(found.to_facet, hits.distance[pixel]);
+                assert_eq!(
+                    (found.distance, found.normal),
+                    (shown.distance[pixel], shown.normal[pixel])
+                );
+                num_hits += usize::from(found.is_hit());
+            }
+            assert!(num_hits > 1000);
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Rays: images of bodies at their poses, by traversal of a tree and an exact test of triangles.
+
+pub mod batch;
+pub mod camera;
+pub mod image;
+pub mod nearest_point;
+pub mod packet;
+pub mod scene;
+pub mod smooth_hits;
+pub mod surface;
+pub mod traversal;
+pub mod tree;
+pub mod triangle_block;
+pub mod watertight;

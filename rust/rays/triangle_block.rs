@@ -1,0 +1,269 @@
+//! Triangles of a leaf in single precision: which of them rays of one origin may meet, and where, with bounds on every rounding.
+//!
+//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, if `D . ((a + b) x (b - a))` and its like for the
+//! other edges have one sign (Plücker coordinates for a common origin). All planes of the leaf are computed at once.
+//!
+//! Errors, in units of `u = 2^-24`, where `R` bounds relative coordinates, `L` is the longest edge (sum of coordinates), and `l`
+//! bounds the coordinates of directions. A relative corner is off by `2 u R` along every axis.
+//!
+//! - Sides: moving a corner changes `D . n` by twice the distance of the ray from the other corner, at most `L` for a ray that
+//!   meets the triangle: `14 u R L l` for both; the cross product adds 14, the scalar product 10, directions 15: [`SIDE`].
+//! - Slopes `D . N`: `37 u R L l`. Distances hold where the slope is at least twice the tolerance of sides.
+//! - Distances: the corner adds `4 u R`, the normal `22 u R L` over at most `L`, the height 6 and the slope 18 `u R`, all along
+//!   the normal: `50 u R L^2 / (D . N)` in `t`, and 1.4 times that with the error of the slope itself: [`DISTANCE`].
+//! - Which side of a triangle the origin is on: `55 u R^2 L`: [`FACE`].
+//!
+//! A ray with all sides above twice the tolerance meets the triangle, wherever it passes: at a distance of `r L` from the triangle
+//! the error of sides is below `(53 + 14 r) u R L l`. For `r < 3` that is less than twice the tolerance. From there on a
+//! barycentric coordinate is below `(1 - r) / 3`, and the side, `2 (D . N)` times that, is below by more than the error grows.
+
+use glam::DVec3;
+
+use crate::numeric::simd::{Isa, Vector};
+use crate::rays::tree::WIDTH;
+
+/// Half the distance of 1 from the next number of single precision.
+pub const UNIT: f32 = 0.5 * f32::EPSILON;
+
+const SIDE: f32 = 64.0 * UNIT;
+const DISTANCE: f32 = 96.0 * UNIT;
+const FACE: f32 = 64.0 * UNIT;
+
+/// Triangles as the search reads them, axis by axis.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub struct Leaf {
+    corners: [[[f32; WIDTH]; 3]; 3],
+    /// Numbers of the triangles; the last one repeated.
+    pub triangles: [u32; WIDTH],
+}
+
+impl Leaf {
+    /// From the corners of [`WIDTH`] triangles, relative to the middle of the surface.
+    pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
+        let mut leaf = Self {
+            corners: [[[0.0; WIDTH]; 3]; 3],
+            triangles,
+        };
+        for (lane, triangle) in triangles.into_iter().enumerate() {
+            for (corner, position) in corners(triangle).into_iter().enumerate() {
+                for axis in 0..3 {
+                    leaf.corners[corner][axis][lane] = position[axis] as f32;
+                }
+            }
+        }
+        leaf
+    }
+
+    /// The planes through an edge and the origin, of all triangles; `reach` bounds coordinates of origin and corners
+    /// together, `length` those of directions.
+    #[inline(always)]
+    pub fn planes<I: Isa>(&self, origin: &[f32; 3], reach: f32, length: f32) -> Planes<I::F32> {
+        let splat = <I::F32 as Vector>::splat;
+        let zero = splat(0.0);
+        let mut corners = [[zero; 3]; 3];
+        for corner in 0..3 {
+            for axis in 0..3 {
+                corners[corner][axis] = I::F32::load(&self.corners[corner][axis]).sub(splat(origin[axis]));
+            }
+        }
+        let mut edges = [[zero; 3]; 3];
+        let mut sides = [[zero; 3]; 3];
+        let mut longest = zero;
+        for edge in 0..3 {
+            let (a, b) = (corners[edge], corners[(edge + 1) % 3]);
+            let mut sum = [zero; 3];
+            for axis in 0..3 {
+                sum[axis] = a[axis].add(b[axis]);
+                sides[edge][axis] = b[axis].sub(a[axis]);
+            }
+            edges[edge] = cross(sum, sides[edge]);
+            let [x, y, z] = sides[edge];
+            longest = longest.max(abs(x).add(abs(y)).add(abs(z)));
+        }
+        let normal = cross(sides[0], sides[1]);
+        let [x, y, z] = normal;
+        let [a, b, c] = corners[0];
+        let height = a.mul(x).add(b.mul(y)).add(c.mul(z));
+
+        // Planes of triangles that are seen from behind are turned round.
+        let is_behind = height.at_most(zero);
+        let turn = splat(-1.0).select(is_behind, splat(1.0));
+        for axis in 0..3 {
+            for edge in 0..3 {
+                edges[edge][axis] = edges[edge][axis].mul(turn);
+            }
+        }
+        let height = height.mul(turn);
+        Planes {
+            edges,
+            normal: [x.mul(turn), y.mul(turn), z.mul(turn)],
+            height,
+            tolerance: longest.mul(splat(SIDE * reach * length)),
+            slack: longest.mul(longest).mul(splat(DISTANCE * reach)),
+            unclear: height.at_most(longest.mul(splat(FACE * reach * reach))),
+        }
+    }
+}
+
+#[inline(always)]
+fn abs<V: Vector>(x: V) -> V {
+    x.max(V::splat(V::Scalar::default()).sub(x))
+}
+
+#[inline(always)]
+fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
+    [
+        a[2].neg_mul_add(b[1], a[1].mul(b[2])),
+        a[0].neg_mul_add(b[2], a[2].mul(b[0])),
+        a[1].neg_mul_add(b[0], a[0].mul(b[1])),
+    ]
+}
+
+/// Planes of the triangles of a leaf, so turned that rays that meet a triangle are above all of its planes.
+pub struct Planes<V> {
+    /// Of every edge, axis by axis.
+    edges: [[V; 3]; 3],
+    normal: [V; 3],
+    /// Of the triangle's plane over the origin, times the length of the normal.
+    height: V,
+    /// Error of `D . edges`.
+    tolerance: V,
+    /// Error of distances, times `D . normal`.
+    slack: V,
+    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be turned the
+    /// wrong way.
+    pub unclear: u32,
+}
+
+impl<V: Vector<Scalar = f32>> Planes<V> {
+    /// A bit per triangle that some direction within `half` of `center` may meet.
+    #[inline(always)]
+    pub fn may_meet(&self, center: &[f32; 3], half: &[f32; 3]) -> u32 {
+        let zero = V::splat(0.0);
+        let mut bits = u32::MAX;
+        for edge in 0..3 {
+            let mut most = self.tolerance.add(self.tolerance);
+            for axis in 0..3 {
+                let plane = self.edges[edge][axis];
+                most = plane.mul_add(V::splat(center[axis]), most);
+                most = abs(plane).mul_add(V::splat(half[axis]), most);
+            }
+            bits &= zero.at_most(most);
+        }
+        bits | self.unclear
+    }
+
+    /// A bit per triangle that one direction may meet.
+    #[inline(always)]
+    pub fn may_be_met_by(&self, direction: &[f32; 3]) -> u32 {
+        let zero = V::splat(0.0);
+        let mut bits = u32::MAX;
+        for edge in 0..3 {
+            let mut side = self.tolerance;
+            for axis in 0..3 {
+                side = self.edges[edge][axis].mul_add(V::splat(direction[axis]), side);
+            }
+            bits &= zero.at_most(side);
+        }
+        bits | self.unclear
+    }
+
+    /// Into memory, for one triangle after the other.
+    #[inline(always)]
+    pub fn store(&self, table: &mut Table) {
+        for axis in 0..3 {
+            for edge in 0..3 {
+                self.edges[edge][axis].store(&mut table.edges[edge][axis]);
+            }
+            self.normal[axis].store(&mut table.normal[axis]);
+        }
+        self.height.store(&mut table.height);
+        self.tolerance.store(&mut table.tolerance);
+        self.slack.store(&mut table.slack);
+    }
+}
+
+/// [`Planes`] in memory.
+#[repr(C, align(64))]
+pub struct Table {
+    edges: [[[f32; WIDTH]; 3]; 3],
+    normal: [[f32; WIDTH]; 3],
+    height: [f32; WIDTH],
+    tolerance: [f32; WIDTH],
+    slack: [f32; WIDTH],
+}
+
+/// Where some rays meet one triangle.
+pub struct Crossing<V> {
+    /// A bit per ray that meets the triangle without doubt.
+    pub certain: u32,
+    /// A bit per ray whose distances hold if it meets the triangle.
+    pub measured: u32,
+    /// Least distance.
+    pub near: V,
+    /// Largest distance.
+    pub far: V,
+}
+
+impl Table {
+    /// Of no triangles.
+    pub const EMPTY: Self = Self {
+        edges: [[[0.0; WIDTH]; 3]; 3],
+        normal: [[0.0; WIDTH]; 3],
+        height: [0.0; WIDTH],
+        tolerance: [0.0; WIDTH],
+        slack: [0.0; WIDTH],
+    };
+
+    /// A bit per ray that may meet a triangle, and how far it is inside: the least distance from an edge's plane plus the
+    /// tolerance.
+    #[inline(always)]
+    pub fn meet<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> (u32, V) {
+        let tolerance = V::splat(self.tolerance[triangle]);
+        let mut sides = [tolerance; 3];
+        for edge in 0..3 {
+            for axis in 0..3 {
+                sides[edge] = directions[axis].mul_add(V::splat(self.edges[edge][axis][triangle]), sides[edge]);
+            }
+        }
+        let least = sides[0].min(sides[1]).min(sides[2]);
+        (V::splat(0.0).at_most(least), least)
+    }
+
+    /// A bit per ray that may meet a triangle whose planes may be turned the wrong way.
+    #[inline(always)]
+    pub fn meet_unclear<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> u32 {
+        let tolerance = V::splat(self.tolerance[triangle]);
+        let mut least = V::splat(f32::INFINITY);
+        let mut most = V::splat(f32::NEG_INFINITY);
+        for edge in 0..3 {
+            let mut side = V::splat(0.0);
+            for axis in 0..3 {
+                side = directions[axis].mul_add(V::splat(self.edges[edge][axis][triangle]), side);
+            }
+            (least, most) = (least.min(side), most.max(side));
+        }
+        V::splat(0.0).sub(tolerance).at_most(least) | most.at_most(tolerance)
+    }
+
+    /// Where rays meet the triangle, from what [`Self::meet`] returned.
+    #[inline(always)]
+    pub fn cross<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3], least: V) -> Crossing<V> {
+        let mut slope = V::splat(0.0);
+        for axis in 0..3 {
+            slope = directions[axis].mul_add(V::splat(self.normal[axis][triangle]), slope);
+        }
+        let inverse = V::splat(1.0).div(slope);
+        let (distance, slack) = (
+            inverse.mul(V::splat(self.height[triangle])),
+            inverse.mul(V::splat(self.slack[triangle])),
+        );
+        Crossing {
+            certain: V::splat(3.0 * self.tolerance[triangle]).at_most(least),
+            measured: V::splat(2.0 * self.tolerance[triangle]).at_most(slope),
+            near: distance.sub(slack),
+            far: distance.add(slack),
+        }
+    }
+}

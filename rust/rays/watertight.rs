@@ -1,0 +1,137 @@
+//! The exact test: where a ray meets a triangle, in double precision and without gaps between neighbours.
+
+use glam::DVec3;
+
+use crate::rays::tree::Ray;
+
+/// A ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
+///
+/// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
+/// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
+pub struct Woop {
+    ray: Ray,
+    axes: [usize; 3],
+    shear: DVec3,
+}
+
+impl Woop {
+    /// Prepare a ray.
+    pub fn new(ray: &Ray) -> Self {
+        let d = ray.direction;
+        let z = if d.x.abs() >= d.y.abs().max(d.z.abs()) {
+            0
+        } else if d.y.abs() >= d.z.abs() {
+            1
+        } else {
+            2
+        };
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        Self {
+            ray: *ray,
+            axes: [x, y, z],
+            shear: DVec3::new(d[x] / d[z], d[y] / d[z], 1.0 / d[z]),
+        }
+    }
+
+    /// Where the ray meets the triangle behind its start; edges belong to it.
+    pub fn intersect(&self, triangle: &[DVec3; 3]) -> Option<Crossing> {
+        let seen = self.look(triangle);
+        let [u, v, w] = seen.sides();
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let sum = u + v + w;
+        if sum == 0.0 {
+            return None; // the ray lies in the triangle's plane
+        }
+        let crossing = if seen.is_edge_on(sum) {
+            seen.first_edge(self.ray.start)?
+        } else {
+            // The distance to the plane, from the normal: the interpolated one is less exact on needles.
+            let [a, b, c] = triangle.map(|v| v - self.ray.origin);
+            let normal = (b - a).cross(c - a);
+            Crossing {
+                distance: normal.dot(a) / normal.dot(self.ray.direction),
+                barycentric: [u / sum, v / sum, w / sum],
+                is_edge_on: false,
+            }
+        };
+        (crossing.distance > self.ray.start && crossing.distance.is_finite()).then_some(crossing)
+    }
+
+    /// The triangle in the ray's own axes.
+    fn look(&self, triangle: &[DVec3; 3]) -> Seen {
+        let [x, y, z] = self.axes;
+        let corners = triangle.map(|v| {
+            let v = v - self.ray.origin;
+            let (across, down) = (v[x] - self.shear.x * v[z], v[y] - self.shear.y * v[z]);
+            DVec3::new(across, down, self.shear.z * v[z])
+        });
+        let reach = triangle.iter().fold(0.0, |reach: f64, v| {
+            reach.max((v - self.ray.origin).abs().max_element())
+        });
+        Seen { corners, reach }
+    }
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Crossing {
+    /// Parameter along the ray.
+    pub distance: f64,
+    /// Weights of the corners, adding up to one.
+    pub barycentric: [f64; 3],
+    /// Whether the ray lies in the triangle's plane, to rounding: then it is met at an edge.
+    pub is_edge_on: bool,
+}
+
+/// A triangle as a ray sees it: the ray goes through (0, 0) along the third axis, which counts its parameter.
+struct Seen {
+    corners: [DVec3; 3],
+    /// Largest coordinate relative to the ray's origin.
+    reach: f64,
+}
+
+impl Seen {
+    /// Twice the areas of the ray's point with the edges.
+    fn sides(&self) -> [f64; 3] {
+        let [a, b, c] = self.corners;
+        [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
+    }
+
+    /// Whether the sides, which add up to `sum`, are no more than rounding.
+    fn is_edge_on(&self, sum: f64) -> bool {
+        let width = |v: &DVec3| v.x.abs().max(v.y.abs());
+        let widest = self.corners.iter().map(width).fold(0.0, f64::max);
+        sum.abs() <= 64.0 * f64::EPSILON * widest * self.reach
+    }
+
+    /// Where the ray first meets an edge behind its start, for a triangle that is but a line.
+    fn first_edge(&self, start: f64) -> Option<Crossing> {
+        let spread = |axis: usize| {
+            let all = self.corners.map(|v| v[axis]);
+            all.into_iter().fold(f64::NEG_INFINITY, f64::max) - all.into_iter().fold(f64::INFINITY, f64::min)
+        };
+        let axis = usize::from(spread(1) > spread(0));
+        let mut first: Option<Crossing> = None;
+        for i in 0..3 {
+            let j = (i + 1) % 3;
+            let (p, q) = (self.corners[i], self.corners[j]);
+            let share = p[axis] / (p[axis] - q[axis]);
+            if !(0.0..=1.0).contains(&share) {
+                continue;
+            }
+            let distance = p.z + share * (q.z - p.z);
+            if distance > start && first.is_none_or(|first| distance < first.distance) {
+                let mut barycentric = [0.0; 3];
+                (barycentric[i], barycentric[j]) = (1.0 - share, share);
+                first = Some(Crossing {
+                    distance,
+                    barycentric,
+                    is_edge_on: true,
+                });
+            }
+        }
+        first
+    }
+}

@@ -1,0 +1,57 @@
+//! Depth images from elsewhere: distance, normal and reflection of every pixel.
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use crate::error::{Error, Result, fits_memory};
+use crate::rays::camera::ImagePlane;
+use crate::scattering::material_points::POINT_SIZE;
+use crate::scattering::patch::Patch;
+
+/// An image of surface elements that another program has seen: one per pixel, row by row. The bodies' frames are the
+/// sensor frame at the time of the image.
+#[derive(Clone, Copy, Debug)]
+pub struct Surfels<'a> {
+    /// The image.
+    pub plane: ImagePlane,
+    /// Distance along the ray [m]; no return where it is not a positive, finite number.
+    pub distance: &'a [f64],
+    /// Unit normals towards the incident side, sensor frame.
+    pub normal: &'a [DVec3],
+    /// Field reflection coefficient of the mirror-like part.
+    pub reflection: &'a [Complex64],
+    /// Diffuse albedo.
+    pub albedo: &'a [f64],
+    /// Number of the body; no return where it is negative.
+    pub body: &'a [i32],
+    /// Number of bodies.
+    pub num_bodies: usize,
+}
+
+impl Surfels<'_> {
+    /// Refuses images that cannot be, and bodies that are not there.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.plane.check()?;
+        fits_memory("scatterers", &[self.plane.rows, self.plane.columns], POINT_SIZE)?;
+        let is_beyond = |body: &&i32| usize::try_from(**body).is_ok_and(|body| body >= self.num_bodies);
+        match self.body.iter().find(is_beyond) {
+            Some(body) => Err(Error::value("body", format!("numbers below {}", self.num_bodies), body)),
+            None => Ok(()),
+        }
+    }
+
+    /// What one pixel shows.
+    pub(crate) fn patch(&self, pixel: usize) -> Option<Patch> {
+        let (distance, normal) = (self.distance[pixel], self.normal[pixel]);
+        if !(distance > 0.0 && distance.is_finite() && normal.is_finite()) {
+            return None;
+        }
+        Some(Patch {
+            index: pixel,
+            body: u32::try_from(self.body[pixel]).ok()?,
+            cell: self.plane.cell(pixel / self.plane.columns, pixel % self.plane.columns),
+            distance,
+            normal,
+        })
+    }
+}

@@ -1,0 +1,144 @@
+//! From hits to paths: what every hit, or pixel of somebody else's depth image, sends back to every antenna pair.
+//!
+//! Two mechanisms per material (README eqs. (2) and (3)): the mirror-like one is physical optics written on the
+//! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
+//! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
+//! deforms, and its delay and amplitude follow from the geometry at any time of the frame.
+
+use rayon::prelude::*;
+
+use crate::antennas::array::Array;
+use crate::error::Result;
+use crate::geometry::pose::Pose;
+use crate::numeric::random::mix;
+use crate::paths::scatterers::Scatterers;
+use crate::rays::batch::Found;
+use crate::rays::image::Hits;
+use crate::rays::scene::Snapshot;
+use crate::rays::smooth_hits::Shown;
+use crate::scattering::depth_image::Surfels;
+use crate::scattering::material::{Material, Response};
+use crate::scattering::material_frame::Ground;
+use crate::scattering::material_points::Points;
+use crate::scattering::patch::{Patch, patch};
+use crate::scattering::physical_optics::{Sampling, Weigh};
+use crate::scattering::samples::Samples;
+use glam::DVec3;
+
+impl Scatterers {
+    /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.
+    pub fn new(
+        snapshot: &Snapshot,
+        hits: &Hits,
+        shown: &Shown,
+        materials: &[Material],
+        array: Array,
+        sampling: Sampling,
+        seed: u64,
+    ) -> Self {
+        Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
+            if let Some(patch) = patch(hits, shown, pixel) {
+                let ground = Ground::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                weigh.patch(&patch, &ground, &materials[patch.body as usize], points);
+            }
+        })
+        .with_vertices(|body| snapshot.surface(body).vertices().len())
+    }
+
+    /// Material points of samples: those of the leaves, which belong to the cell of their leaf's number, and the diffuse ones,
+    /// which belong to [`NO_CELL`].
+    pub fn of_samples(snapshot: &Snapshot, samples: &Samples, materials: &[Material], array: Array) -> Self {
+        let weigh = Weigh {
+            array: &array,
+            sampling: Sampling::Footprint,
+        };
+        let mut points = gather(samples.leaves.len(), |index, points| {
+            let leaf = &samples.leaves[index];
+            let Found {
+                body,
+                triangle,
+                distance,
+                normal,
+                ..
+            } = leaf.found;
+            let patch = Patch {
+                index,
+                body,
+                cell: leaf.cell,
+                distance,
+                normal,
+            };
+            let ground = Ground::of_mesh(snapshot, body, triangle, 0);
+            weigh.leaf(&patch, leaf, &ground, &materials[body as usize], points);
+        });
+        for (body, speckle) in samples.speckles.iter().enumerate() {
+            let Some(speckle) = speckle else { continue };
+            points.append(gather(speckle.normal.len(), |point, points| {
+                if speckle.normal[point] != DVec3::ZERO {
+                    weigh.diffuse_point(snapshot, body as u32, speckle, point, &materials[body], points);
+                }
+            }));
+        }
+        points
+            .with_array(array)
+            .with_vertices(|body| snapshot.surface(body).vertices().len())
+    }
+
+    /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
+    pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
+        surfels.check()?;
+        let num_pixels = surfels.plane.num_pixels();
+        Ok(Self::gather(num_pixels, array, sampling, |weigh, pixel, points| {
+            if let Some(patch) = surfels.patch(pixel) {
+                let material = Material::Constant(Response {
+                    reflection: surfels.reflection[pixel],
+                    albedo: surfels.albedo[pixel],
+                });
+                let ground = Ground {
+                    pose: &Pose::IDENTITY,
+                    carrier: None,
+                    speckle: mix(seed ^ u64::from(patch.body)),
+                };
+                weigh.patch(&patch, &ground, &material, points);
+            }
+        }))
+    }
+
+    /// The material points of all cells of an image.
+    fn gather(
+        num_cells: usize,
+        array: Array,
+        sampling: Sampling,
+        add: impl Fn(&Weigh, usize, &mut Points) + Sync,
+    ) -> Self {
+        let weigh = Weigh {
+            array: &array,
+            sampling,
+        };
+        let mut points = gather(num_cells, |cell, points| add(&weigh, cell, points));
+        if sampling == Sampling::Footprint {
+            points.share_speckle(array.num_channels());
+        }
+        points.with_array(array)
+    }
+}
+
+/// The material points of a number of things, block by block in parallel.
+fn gather(number: usize, add: impl Fn(usize, &mut Points) + Sync) -> Points {
+    const BLOCK: usize = 1024;
+    let blocks: Vec<Points> = (0..number.div_ceil(BLOCK))
+        .into_par_iter()
+        .map(|block| {
+            let mut points = Points::default();
+            for thing in block * BLOCK..number.min((block + 1) * BLOCK) {
+                add(thing, &mut points);
+            }
+            points
+        })
+        .collect();
+    let mut points = Points::default();
+    for block in blocks {
+        points.append(block);
+    }
+    points
+}

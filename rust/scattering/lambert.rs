@@ -1,0 +1,249 @@
+//! Diffuse scattering: points that stay on the surface of a body, each with a phase of its own.
+//!
+//! They are spread evenly by area and stand for equal parts of it, so that the power expected of a surface does not depend on
+//! how many there are, nor on the rays that see them (README eq. (3)); their phases are uniform and independent, which makes
+//! the intensity of many exponentially distributed. They are the same in every frame.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::geometry::triangle::area;
+use crate::numeric::random::mix;
+use crate::rays::batch::{Found, Known, whole_bundles};
+use crate::rays::camera::morton;
+use crate::rays::image::{Cast, Counts};
+use crate::rays::scene::Snapshot;
+use crate::rays::surface::Surface;
+use crate::rays::tree::Tree;
+use crate::scattering::sampling::Rule;
+
+/// Least and largest number of points of a body.
+const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
+
+/// The cross-section of a point of a white surface that faces the sensor, in smallest ones of interest.
+const POINT_RCS: f64 = 10.0;
+
+/// Rays are sorted by places on a grid this many times finer than the base grid.
+const SUBDIVISION: f64 = 256.0;
+
+/// Part of the distance to a point by which what its ray hits may be nearer and still be the point.
+const AT_POINT: f64 = 1e-9;
+
+/// Points on a surface.
+#[derive(Debug)]
+pub struct Points {
+    /// Number of the triangle of every point.
+    pub triangle: Vec<u32>,
+    /// Weights of the corners of its triangle.
+    pub barycentric: Vec<[f64; 3]>,
+    /// Phase in turns.
+    pub turns: Vec<f64>,
+    /// Area that each stands for [m^2].
+    pub area: f64,
+    /// What they were made of.
+    source: (u64, u64, u64),
+}
+
+/// The points of a body, and which of them the sensor sees.
+pub struct Speckle {
+    /// The points.
+    pub points: Arc<Points>,
+    /// Unit normal of the surface at every point towards the incident side, in the sensor frame; zero where it is not seen.
+    pub normal: Vec<DVec3>,
+    /// The points that rays were cast to, in their order, and what these hit.
+    rays: Vec<u32>,
+    found: Vec<Found>,
+}
+
+impl Points {
+    /// Points of a surface, so many, as far as [`NUMBERS`] allows, that none is worth looking at; `rcs_floor` [m^2].
+    pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
+        let number_of_triangles = surface.num_triangles() as u32;
+        let mut sums = Vec::with_capacity(number_of_triangles as usize);
+        let mut total = 0.0;
+        for triangle in 0..number_of_triangles {
+            total += area(&surface.rest_corners(triangle));
+            sums.push(total);
+        }
+        let wanted = (4.0 * total / (POINT_RCS * rcs_floor)).ceil();
+        let number = if total > 0.0 {
+            wanted.clamp(NUMBERS.0, NUMBERS.1) as usize
+        } else {
+            0
+        };
+
+        let mut points = Self {
+            triangle: Vec::with_capacity(number),
+            barycentric: Vec::with_capacity(number),
+            turns: Vec::with_capacity(number),
+            area: total / number as f64,
+            source: source(surface, rcs_floor, seed),
+        };
+        let mut triangle = 0;
+        let mut state = mix(seed ^ surface.fingerprint());
+        let mut draw = || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        for point in 0..number {
+            // One in every stretch of equal area.
+            let place = (point as f64 + draw()) / number as f64 * total;
+            while sums[triangle] < place && triangle + 1 < sums.len() {
+                triangle += 1;
+            }
+            let (root, along) = (draw().sqrt(), draw());
+            points.triangle.push(triangle as u32);
+            points
+                .barycentric
+                .push([1.0 - root, root * (1.0 - along), root * along]);
+            points.turns.push(draw());
+        }
+        points
+    }
+
+    /// Where a point is, in body coordinates.
+    pub fn position(&self, surface: &Surface, point: usize) -> DVec3 {
+        let corners = surface.corners(self.triangle[point]);
+        let weights = self.barycentric[point];
+        (0..3).map(|i| weights[i] * corners[i]).sum()
+    }
+
+    fn is_of(&self, surface: &Surface, rcs_floor: f64, seed: u64) -> bool {
+        self.source == source(surface, rcs_floor, seed)
+    }
+}
+
+/// What tells points from others.
+fn source(surface: &Surface, rcs_floor: f64, seed: u64) -> (u64, u64, u64) {
+    (surface.fingerprint(), rcs_floor.to_bits(), seed)
+}
+
+/// A ray to a point.
+struct Sight {
+    /// Near rays have near keys.
+    key: u64,
+    point: u32,
+    /// On the image plane.
+    place: [f64; 2],
+    /// [m]
+    distance: f64,
+}
+
+impl Speckle {
+    /// The points of a body and which of them are seen within the image of a rule. `before`: at another time; `moved`: boxes
+    /// where bodies have moved since.
+    pub fn new(
+        snapshot: &Snapshot,
+        body: u32,
+        cast: &Cast,
+        rule: &Rule,
+        seed: u64,
+        before: Option<&Self>,
+        moved: Option<&Tree>,
+    ) -> (Self, Counts) {
+        let surface = snapshot.surface(body);
+        let before = before.filter(|before| before.points.is_of(surface, rule.rcs_floor, seed));
+        let points = before.map_or_else(
+            || Arc::new(Points::new(surface, rule.rcs_floor, seed)),
+            |before| before.points.clone(),
+        );
+
+        // Rays to the points within the image, near ones after each other.
+        let sight = |point: usize| {
+            let position = snapshot.pose(body).point(points.position(surface, point));
+            let place = [position.y / position.x, position.z / position.x];
+            let (row, column) = rule.base.pixel(place);
+            let (rows, columns) = (rule.base.rows as f64, rule.base.columns as f64);
+            let is_inside = position.x > 0.0 && (0.0..rows).contains(&row) && (0.0..columns).contains(&column);
+            is_inside.then(|| Sight {
+                key: morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32),
+                point: point as u32,
+                place,
+                distance: position.length(),
+            })
+        };
+        let mut sights: Vec<Sight> = (0..points.turns.len()).into_par_iter().filter_map(sight).collect();
+        sights.par_sort_unstable_by_key(|sight| (sight.key, sight.point));
+
+        // A point is seen if nothing is in front of it.
+        let places: Vec<[f64; 2]> = sights.iter().map(|sight| sight.place).collect();
+        let rays: Vec<u32> = sights.iter().map(|sight| sight.point).collect();
+        let known = before.filter(|before| before.rays == rays).zip(moved);
+        let known = known.map(|(before, moved)| Known {
+            moved,
+            found: |ray: usize| before.found.get(ray).copied(),
+        });
+        let (found, counts) = snapshot.cast_batch(&places, &whole_bundles(places.len()), cast, known.as_ref());
+        let mut normal = vec![DVec3::ZERO; points.turns.len()];
+        for (sight, found) in sights.iter().zip(&found) {
+            let point = sight.point as usize;
+            let is_itself = found.body == body && found.triangle == points.triangle[point];
+            if found.is_hit() && (is_itself || found.to_facet >= sight.distance * (1.0 - AT_POINT)) {
+                normal[point] = found.normal;
+            }
+        }
+        let speckle = Self {
+            points,
+            normal,
+            rays,
+            found,
+        };
+        (speckle, counts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::rays::surface::ShadingMode;
+
+    /// Two squares in one plane, one of nine times the other's area.
+    fn squares() -> Surface {
+        let square = |x: f64, side: f64| {
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[u, v]| DVec3::new(x + side * u, side * v, 0.0))
+        };
+        let vertices: Vec<DVec3> = square(0.0, 0.1).into_iter().chain(square(1.0, 0.3)).collect();
+        let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap()
+    }
+
+    #[test]
+    fn points_are_spread_by_area_and_stay_where_they_are() {
+        let surface = squares();
+        let points = Points::new(&surface, 1e-6, 3);
+        let number = points.turns.len();
+        assert!((40_000..40_002).contains(&number)); // 4 x 0.1 m^2 / (10 x 1e-6 m^2)
+        assert!((points.area * number as f64 - 0.1).abs() < 1e-12);
+        let on_small = points.triangle.iter().filter(|triangle| **triangle < 2).count();
+        assert!(on_small.abs_diff(number / 10) <= 2, "{on_small}");
+
+        // Even within a triangle: the mean of the large square is its middle, to four sigma.
+        let large = (0..number).filter(|point| points.triangle[*point] >= 2);
+        let mean: DVec3 = large.map(|point| points.position(&surface, point)).sum::<DVec3>() / (0.9 * number as f64);
+        let sigma = 0.3 / 12.0_f64.sqrt() / (0.9 * number as f64).sqrt();
+        assert!((mean - DVec3::new(1.15, 0.15, 0.0)).length() < 4.0 * sigma, "{mean}");
+
+        let again = Points::new(&surface, 1e-6, 3);
+        assert_eq!((&again.turns, &again.barycentric), (&points.turns, &points.barycentric));
+        assert_ne!(Points::new(&surface, 1e-6, 4).turns, points.turns);
+    }
+
+    #[test]
+    fn phases_are_uniform_and_independent() {
+        let points = Points::new(&squares(), 1e-6, 5);
+        let phasors: Vec<(f64, f64)> = points.turns.iter().map(|t| (TAU * t).sin_cos()).collect();
+        let number = phasors.len() as f64;
+        let bound = 4.0 / number.sqrt();
+        let (s, c) = phasors.iter().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
+        assert!(s.hypot(c) / number < bound);
+        let beside = phasors
+            .windows(2)
+            .map(|p| p[0].0 * p[1].0 + p[0].1 * p[1].1)
+            .sum::<f64>();
+        assert!(beside.abs() / number < bound);
+    }
+}

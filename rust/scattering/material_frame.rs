@@ -1,0 +1,114 @@
+//! Frame that material points stay with: the body, or the triangle where the body deforms.
+
+use glam::DVec3;
+
+use crate::geometry::moving_triangle::Facet;
+use crate::geometry::pose::Pose;
+use crate::numeric::random::mix;
+use crate::paths::scatterers::Edges;
+use crate::rays::scene::Snapshot;
+
+/// Surface points in one cube of this edge share their diffuse phase [m]. It is a sixteenth of a wavelength at 60 GHz:
+/// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
+pub(crate) const SPECKLE_CELL: f64 = 0.3e-3;
+
+/// Where the cubes begin, in edges: apart from the planes through the body's origin, where rounding would toss
+/// points of a plate between two cubes.
+pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_776);
+
+/// What material points stay with.
+pub(crate) struct Ground<'a> {
+    pub(crate) pose: &'a Pose,
+    /// Where the body deforms.
+    pub(crate) carrier: Option<Carrier>,
+    /// Number that diffuse phases begin with.
+    pub(crate) speckle: u64,
+}
+
+impl<'a> Ground<'a> {
+    /// A triangle of a body.
+    pub(crate) fn of_mesh(snapshot: &'a Snapshot, body: u32, triangle: u32, seed: u64) -> Self {
+        let surface = snapshot.surface(body);
+        let carrier = surface.is_deformed().then(|| Carrier {
+            vertices: surface.vertices_of(triangle),
+            facet: Facet::new(surface.corners(triangle)),
+            rest: Facet::new(surface.rest_corners(triangle)),
+        });
+        Self {
+            pose: snapshot.pose(body),
+            carrier,
+            speckle: mix(seed ^ surface.fingerprint()),
+        }
+    }
+
+    /// A point of the sensor frame, on the body or on its facet where the body deforms.
+    pub(crate) fn position(&self, point: DVec3) -> DVec3 {
+        let position = self.pose.point_to_body(point);
+        self.carrier
+            .as_ref()
+            .map_or(position, |c| c.facet.coordinates(position))
+    }
+
+    /// A unit normal of the sensor frame likewise.
+    pub(crate) fn normal(&self, normal: DVec3) -> DVec3 {
+        let normal = self.pose.direction_to_body(normal);
+        self.carrier.as_ref().map_or(normal, |c| c.facet.slopes(normal))
+    }
+
+    /// Edges of a patch likewise.
+    pub(crate) fn edges(&self, edges: [DVec3; 2]) -> Edges {
+        edges.map(|edge| {
+            let edge = self.pose.direction_to_body(edge);
+            self.carrier
+                .as_ref()
+                .map_or(edge, |c| c.facet.coordinates_of_vector(edge))
+        })
+    }
+
+    /// Number of the cube of the surface, as it was before it was deformed, at a position on it.
+    pub(crate) fn cube(&self, position: DVec3) -> u64 {
+        let on_surface = self.carrier.as_ref().map_or(position, |c| c.rest.point(position));
+        speckle_cube(self.speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN)
+    }
+}
+
+/// What carries a material point of a body that deforms.
+pub(crate) struct Carrier {
+    pub(crate) vertices: [u32; 3],
+    /// When the rays were cast.
+    pub(crate) facet: Facet,
+    /// Before the body was deformed.
+    pub(crate) rest: Facet,
+}
+
+/// A random number that belongs to a cube of the surface: the same in every chirp, frame and cell.
+pub(crate) fn speckle_cube(speckle: u64, cube: DVec3) -> u64 {
+    let cube = cube.floor().to_array().map(|x| x as i64 as u64);
+    cube.into_iter().fold(speckle, |state, word| mix(state ^ word))
+}
+
+/// The phase of a cube in turns: uniform in [0, 1).
+pub(crate) fn speckle_turns(cube: u64) -> f64 {
+    (cube >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use num_complex::Complex64;
+
+    use super::*;
+
+    #[test]
+    fn speckle_phases_are_uniform_and_uncorrelated_between_neighbours() {
+        let turns: Vec<f64> = (0..20_000)
+            .map(|i| speckle_turns(speckle_cube(3, DVec3::new(f64::from(i) + 0.5, -2.5, 0.5))))
+            .collect();
+        let mean = |values: &mut dyn Iterator<Item = Complex64>| values.sum::<Complex64>().norm() / 20_000.0;
+        // Sums of n random phasors have rms sqrt(n): four sigma of 1 / sqrt(20000).
+        let phasors: Vec<Complex64> = turns.iter().map(|t| Complex64::cis(TAU * t)).collect();
+        assert!(mean(&mut phasors.iter().copied()) < 0.03);
+        assert!(mean(&mut phasors.windows(2).map(|p| p[0] * p[1].conj())) < 0.03);
+    }
+}

@@ -1,0 +1,115 @@
+//! Material points while they are gathered, in arrays.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use crate::antennas::array::Array;
+use crate::paths::scatterers::{Edges, Scatterers, Weight};
+use crate::scattering::material_frame::Ground;
+use crate::scattering::patch::Patch;
+
+/// Cell of points that belong to none.
+pub const NO_CELL: u32 = u32::MAX;
+
+/// Memory of a material point, without its weights [bytes].
+pub(crate) const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, [DVec3; 2], Edges, f64, u64)>();
+
+/// Material points as they are found; see [`Scatterers`].
+#[derive(Default)]
+pub(crate) struct Points {
+    pub(crate) cell: Vec<u32>,
+    pub(crate) body: Vec<u32>,
+    pub(crate) order: Vec<u8>,
+    pub(crate) facet: Vec<Option<[u32; 3]>>,
+    pub(crate) position: Vec<DVec3>,
+    pub(crate) normal: Vec<DVec3>,
+    pub(crate) patch: Vec<Edges>,
+    /// `(point, channel)`.
+    pub(crate) weights: Vec<Weight>,
+    /// Area of the patch [m^2].
+    pub(crate) area: Vec<f64>,
+    /// Number of the cube whose diffuse phase it has.
+    pub(crate) cube: Vec<u64>,
+}
+
+/// Where on a patch a material point is, and what it stands for.
+#[derive(Clone, Copy)]
+pub(crate) struct Spot {
+    /// On its ground.
+    pub(crate) position: DVec3,
+    pub(crate) edges: Edges,
+    pub(crate) order: u8,
+    /// Area [m^2], and number of the cube, whose diffuse phase it has.
+    pub(crate) area: f64,
+    pub(crate) cube: u64,
+}
+
+impl Points {
+    /// One more, unless it sends nothing back; its weights are there already.
+    pub(crate) fn push(&mut self, patch: &Patch, ground: &Ground, spot: Spot, num_channels: usize) {
+        let first = self.weights.len() - num_channels;
+        if self.weights[first..].iter().all(Weight::is_silent) {
+            self.weights.truncate(first);
+            return;
+        }
+        self.cell.push(patch.index as u32);
+        self.body.push(patch.body);
+        self.order.push(spot.order);
+        self.facet.push(ground.carrier.as_ref().map(|carrier| carrier.vertices));
+        self.position.push(spot.position);
+        self.normal.push(ground.normal(patch.normal));
+        self.patch.push(spot.edges);
+        self.area.push(spot.area);
+        self.cube.push(spot.cube);
+    }
+
+    pub(crate) fn with_array(self, array: Array) -> Scatterers {
+        Scatterers {
+            cell: self.cell,
+            body: self.body,
+            order: self.order,
+            facet: self.facet,
+            position: self.position,
+            normal: self.normal,
+            patch: self.patch,
+            deforming: Vec::new(),
+            weights: self.weights,
+            array,
+        }
+    }
+
+    pub(crate) fn append(&mut self, mut other: Self) {
+        self.cell.append(&mut other.cell);
+        self.body.append(&mut other.body);
+        self.order.append(&mut other.order);
+        self.facet.append(&mut other.facet);
+        self.position.append(&mut other.position);
+        self.normal.append(&mut other.normal);
+        self.patch.append(&mut other.patch);
+        self.weights.append(&mut other.weights);
+        self.area.append(&mut other.area);
+        self.cube.append(&mut other.cube);
+    }
+
+    /// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cube is that of its
+    /// area, however many cells it was sampled with.
+    pub(crate) fn share_speckle(&mut self, num_channels: usize) {
+        let is_diffuse = |weights: &[Weight]| weights.iter().any(|w| w.diffuse != Complex64::ZERO);
+        let mut areas: HashMap<u64, f64> = HashMap::new();
+        for (point, weights) in self.weights.chunks(num_channels.max(1)).enumerate() {
+            if is_diffuse(weights) {
+                *areas.entry(self.cube[point]).or_default() += self.area[point];
+            }
+        }
+        for (point, weights) in self.weights.chunks_mut(num_channels.max(1)).enumerate() {
+            if is_diffuse(weights) {
+                let share = (self.area[point] / areas[&self.cube[point]]).sqrt();
+                for weight in weights {
+                    weight.diffuse *= share;
+                }
+            }
+        }
+    }
+}

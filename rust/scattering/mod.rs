@@ -1,0 +1,14 @@
+//! Scattering: what surfaces that rays hit return, as scatterers with an amplitude for every pair of antennas.
+
+pub mod depth_image;
+pub mod gather;
+pub mod lambert;
+pub mod material;
+pub mod material_frame;
+pub mod material_points;
+pub mod patch;
+pub mod physical_optics;
+pub mod reflectance;
+pub mod samples;
+pub mod sampling;
+pub mod taper;

@@ -1,0 +1,83 @@
+//! Patches of surfaces, as cells of an image cover them.
+
+use glam::DVec3;
+
+use crate::rays::camera::Cell;
+use crate::rays::image::Hits;
+use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::smooth_hits::Shown;
+
+/// Surfaces seen at a smaller cosine of incidence return nothing.
+pub(crate) const MIN_COSINE: f64 = 1e-6;
+
+/// What one cell shows.
+#[derive(Clone, Copy)]
+pub(crate) struct Patch {
+    /// Number of the cell.
+    pub(crate) index: usize,
+    pub(crate) body: u32,
+    pub(crate) cell: Cell,
+    /// Distance to the curved surface that the facet stands for [m].
+    pub(crate) distance: f64,
+    /// Unit normal towards the incident side, sensor frame.
+    pub(crate) normal: DVec3,
+}
+
+impl Patch {
+    pub(crate) const NOTHING: Self = Self {
+        index: 0,
+        body: NO_BODY,
+        cell: Cell {
+            u: 0.0,
+            v: 0.0,
+            du: 0.0,
+            dv: 0.0,
+        },
+        distance: 0.0,
+        normal: DVec3::ZERO,
+    };
+
+    /// The same about the point of the plane that is so many widths of the cell away; none where the plane is seen at too small
+    /// an angle for that.
+    pub(crate) fn about(&self, sides: [f64; 2]) -> Option<Self> {
+        let cell = self.cell.about(sides);
+        let distance = self.distance * self.normal.dot(self.cell.direction()) / self.normal.dot(cell.direction());
+        let is_near = distance > 0.5 * self.distance && distance < 2.0 * self.distance;
+        is_near.then_some(Self {
+            cell,
+            distance,
+            ..*self
+        })
+    }
+
+    /// The point in its middle [m].
+    pub(crate) fn point(&self) -> DVec3 {
+        self.distance * self.cell.direction()
+    }
+
+    /// Of surface behind the cell [m^2], if that faces the sensor.
+    pub(crate) fn area(&self) -> Option<f64> {
+        let cosine = -self.normal.dot(self.cell.direction());
+        let area = self.distance * self.distance * self.cell.solid_angle() / cosine;
+        (cosine >= MIN_COSINE && self.distance > 0.0).then_some(area)
+    }
+}
+
+/// The vertices of the triangle that the ray of a cell hit and their weights there.
+pub fn place_on_mesh(snapshot: &Snapshot, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
+    let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
+    (snapshot.surface(body).vertices_of(triangle), weights)
+}
+
+/// What the hit of one pixel shows.
+pub(crate) fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
+    let body = hits.body[pixel];
+    let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
+    (body != NO_BODY).then(|| Patch {
+        index: pixel,
+        body,
+        cell: hits.plane.cell(row, column),
+        distance: shown.distance[pixel],
+        normal: shown.normal[pixel],
+    })
+}

@@ -1,0 +1,202 @@
+//! Amplitudes of patches: physical optics for the specular part, Lambert's law for the diffuse one.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use crate::antennas::array::Array;
+use crate::antennas::polarization::Seen;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::geometry::triangle::area;
+use crate::paths::scatterers::{Edges, Weight, bisector};
+use crate::rays::scene::Snapshot;
+use crate::scattering::lambert::Speckle;
+use crate::scattering::material::{Material, Response};
+use crate::scattering::material_frame::{Ground, speckle_turns};
+use crate::scattering::material_points::{NO_CELL, Points, Spot};
+use crate::scattering::patch::Patch;
+use crate::scattering::sampling::Leaf;
+use crate::scattering::taper::taper;
+
+/// The phase turns at the end of a cell at least at this part of the rate that it turns at in its centre, else at that.
+const LEAST_TURN: f64 = 0.5;
+
+/// How a cell stands for the patch it covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// One point, no phase variation over the patch and no random phase: the coherent sum over pixels of Stetco
+    /// et al., ICRA 2020. It does not converge; for comparison.
+    Point,
+    /// The phase varies linearly over the patch, tapered so that steep patches drop out.
+    Footprint,
+}
+
+pub(crate) struct Weigh<'a> {
+    pub(crate) array: &'a Array,
+    pub(crate) sampling: Sampling,
+}
+
+impl Weigh<'_> {
+    /// What the material of a surface with a unit normal returns to antennas in unit directions. The angle of incidence is
+    /// that whose cosine is the mean of both, which is the mirror's where it matters.
+    pub(crate) fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
+        let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
+        let polarization = self.array.polarization;
+        let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, normal, t, r));
+        material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
+    }
+
+    /// The material point of a patch: what its material sends back by every channel, mirror-like and diffuse.
+    pub(crate) fn patch(&self, patch: &Patch, ground: &Ground, material: &Material, points: &mut Points) {
+        let Some(area) = patch.area() else { return };
+        let point = patch.point();
+        let position = ground.position(point);
+        let cube = ground.cube(position);
+        let phase = match self.sampling {
+            Sampling::Point => 0.0,
+            Sampling::Footprint => TAU * speckle_turns(cube),
+        };
+        let phasor = Complex64::cis(phase);
+        let [along_u, along_v] = patch.cell.edges(patch.distance, patch.normal);
+        for channel in 0..self.array.num_channels() {
+            let [t, r] = self.array.directions(channel, point);
+            let response = self.response(material, patch.normal, t, r);
+            let mut mirror = mirror(&response, area);
+            if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
+                let bisector = bisector(self.array.frequency, t, r);
+                mirror *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
+            }
+            let diffuse = phasor * self.diffuse(&response, area);
+            points.weights.push(Weight { mirror, diffuse });
+        }
+        let spot = Spot {
+            position,
+            edges: Edges::default(),
+            order: 0,
+            area,
+            cube,
+        };
+        points.push(patch, ground, spot, self.array.num_channels());
+    }
+
+    /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
+    pub(crate) fn leaf(&self, patch: &Patch, leaf: &Leaf, ground: &Ground, material: &Material, points: &mut Points) {
+        let Some(area) = patch.area() else { return };
+        let num_channels = self.array.num_channels();
+        let point = patch.point();
+        let edges = patch.cell.edges(patch.distance, patch.normal);
+        let of_channel = |channel: usize| {
+            let [t, r] = self.array.directions(channel, point);
+            let bisector = bisector(self.array.frequency, t, r);
+            (
+                self.response(material, patch.normal, t, r),
+                edges.map(|edge| bisector.dot(edge)),
+            )
+        };
+
+        // What is mirror-like, by centre, ends or corners.
+        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
+        for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
+            let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
+            let sides = [0, 1].map(|axis| side(axis).map_or(0.0, |side| f64::from(side) - 0.5));
+            let there = patch.about(sides).unwrap_or(*patch);
+            let area = there.area().unwrap_or(area);
+            let edges_there = there.cell.edges(there.distance, there.normal);
+            // Only at glancing angles the end is not in the plane.
+            let is_there = there.cell != patch.cell || sides == [0.0; 2];
+            let end = if is_there {
+                there.point()
+            } else {
+                point + sides[0] * edges[0] + sides[1] * edges[1]
+            };
+            for channel in 0..num_channels {
+                let (response, slopes) = of_channel(channel);
+                let mut mirror = mirror(&response, area);
+                let [t, r] = self.array.directions(channel, end);
+                let bisector = bisector(self.array.frequency, t, r);
+                if !leaf.is_linear {
+                    mirror *= taper(slopes[0]) * taper(slopes[1]);
+                }
+                for axis in axes.iter().copied() {
+                    // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
+                    let (x, x_there) = (slopes[axis], bisector.dot(edges_there[axis]));
+                    let x = if x_there / x > LEAST_TURN { x_there } else { x };
+                    mirror *= Complex64::new(0.0, sides[axis] / x);
+                }
+                let diffuse = Complex64::ZERO;
+                points.weights.push(Weight { mirror, diffuse });
+            }
+            let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
+            let across = [0, 1].map(|axis| {
+                if is_across(axis) {
+                    edges_there[axis]
+                } else {
+                    DVec3::ZERO
+                }
+            });
+            let spot = Spot {
+                position: ground.position(end),
+                edges: ground.edges(across),
+                order: axes.len() as u8,
+                area: 0.0,
+                cube: 0,
+            };
+            points.push(patch, ground, spot, num_channels);
+        }
+    }
+
+    /// A diffuse point of a surface.
+    pub(crate) fn diffuse_point(
+        &self,
+        snapshot: &Snapshot,
+        body: u32,
+        speckle: &Speckle,
+        point: usize,
+        material: &Material,
+        points: &mut Points,
+    ) {
+        let Speckle {
+            points: spread, normal, ..
+        } = speckle;
+        let ground = Ground::of_mesh(snapshot, body, spread.triangle[point], 0);
+        let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
+        let position = spread.position(surface, point);
+        let place = ground.pose.point(position);
+        // A surface that stretches has the same points with more area each.
+        let stretch = area(&surface.corners(triangle)) / area(&surface.rest_corners(triangle));
+        let phasor = Complex64::cis(TAU * spread.turns[point]);
+        for channel in 0..self.array.num_channels() {
+            let [t, r] = self.array.directions(channel, place);
+            let response = self.response(material, normal[point], t, r);
+            points.weights.push(Weight {
+                mirror: Complex64::ZERO,
+                diffuse: phasor * self.diffuse(&response, stretch * spread.area),
+            });
+        }
+        let patch = Patch {
+            index: NO_CELL as usize,
+            body,
+            normal: normal[point],
+            ..Patch::NOTHING
+        };
+        let spot = Spot {
+            position: ground.position(place),
+            edges: Edges::default(),
+            order: 0,
+            area: 0.0,
+            cube: 0,
+        };
+        points.push(&patch, &ground, spot, self.array.num_channels());
+    }
+
+    /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
+    pub(crate) fn diffuse(&self, response: &Response, area: f64) -> f64 {
+        SPEED_OF_LIGHT / self.array.frequency / (4.0 * PI) * (response.albedo * area / PI).sqrt()
+    }
+}
+
+/// `(j / 4 pi) Gamma dA / 2`.
+pub(crate) fn mirror(response: &Response, area: f64) -> Complex64 {
+    Complex64::new(0.0, 1.0 / (8.0 * PI)) * response.reflection * area
+}

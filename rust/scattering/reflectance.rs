@@ -1,0 +1,42 @@
+//! Reflectance of every pixel, for depth images as a camera gives them.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::antennas::polarization::Seen;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::rays::image::Hits;
+use crate::rays::smooth_hits::Shown;
+use crate::scattering::material::Material;
+
+/// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
+/// of the array; zero where nothing was hit. `shown` is asked only where it depends on the angle.
+pub fn reflectance<'a>(
+    hits: &Hits,
+    materials: &[Material],
+    frequency: f64,
+    polarization: Option<DVec3>,
+    shown: impl FnOnce() -> &'a Shown,
+) -> Vec<f64> {
+    let wavelength = SPEED_OF_LIGHT / frequency;
+    if materials.iter().all(|m| matches!(m, Material::Constant(_))) {
+        let of = |m: &Material| m.response(1.0, wavelength, Seen::SCALAR).power();
+        let per_body: Vec<f64> = materials.iter().map(of).collect();
+        let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
+        return hits.body.iter().map(of).collect();
+    }
+    let shown = shown();
+    (0..hits.plane.num_pixels())
+        .into_par_iter()
+        .map(|pixel| {
+            let Some(material) = materials.get(hits.body[pixel] as usize) else {
+                return 0.0;
+            };
+            let direction = hits
+                .plane
+                .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
+            let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, shown.normal[pixel], direction, direction));
+            material.response(shown.cosine[pixel], wavelength, seen).power()
+        })
+        .collect()
+}

@@ -1,0 +1,74 @@
+//! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
+
+use crate::antennas::array::Array;
+use crate::error::Result;
+use crate::rays::image::{Cast, Counts};
+use crate::rays::scene::Snapshot;
+use crate::scattering::lambert::Speckle;
+use crate::scattering::material::Material;
+use crate::scattering::sampling::{Leaf, Quadtree, Rule};
+
+/// Cells and points.
+pub struct Samples {
+    tree: Quadtree,
+    /// The cells that hit something and were not split.
+    pub leaves: Vec<Leaf>,
+    /// Points of the bodies whose materials scatter.
+    pub speckles: Vec<Option<Speckle>>,
+    /// What was done for them.
+    pub counts: Counts,
+}
+
+impl Samples {
+    /// Cast rays where they are needed; `seed` is that of the points. What was sampled before is taken over where no body has
+    /// moved since.
+    pub fn new(
+        snapshot: &Snapshot,
+        cast: &Cast,
+        materials: &[Material],
+        array: &Array,
+        rule: &Rule,
+        seed: u64,
+        before: Option<(&Snapshot, &Self)>,
+    ) -> Result<Self> {
+        rule.check()?;
+        let beam = cast.beam.and_then(|beam| beam.before(snapshot, &rule.base));
+        let cast = &Cast {
+            beam: beam.as_ref(),
+            ..*cast
+        };
+        let moved = before.and_then(|(before, _)| snapshot.moved(before));
+        let previous = before.map(|(_, samples)| samples);
+        let tree = Quadtree::grow(
+            snapshot,
+            cast,
+            materials,
+            array,
+            rule,
+            previous.map(|samples| &samples.tree).zip(moved.as_ref()),
+        )?;
+        let mut counts = tree.counts;
+        let mut speckles = Vec::with_capacity(materials.len());
+        for (body, material) in materials.iter().enumerate() {
+            if !material.is_diffuse() {
+                speckles.push(None);
+                continue;
+            }
+            let known = previous.and_then(|samples| samples.speckles[body].as_ref());
+            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, rule, seed, known, moved.as_ref());
+            counts = counts.plus(more);
+            speckles.push(Some(speckle));
+        }
+        Ok(Self {
+            leaves: tree.leaves(),
+            tree,
+            speckles,
+            counts,
+        })
+    }
+
+    /// Cells that could have been split.
+    pub fn num_coarse(&self) -> usize {
+        self.tree.num_coarse
+    }
+}

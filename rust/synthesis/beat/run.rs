@@ -1,0 +1,233 @@
+//! Plans are run: the parts one after the other, channels, blocks and groups of chirps at the same time.
+
+use num_complex::{Complex, Complex32, Complex64};
+
+use super::{Job, Samples};
+use crate::numeric::parallel;
+use crate::numeric::simd::Real;
+use crate::synthesis::block::{CHUNK, Selection};
+use crate::synthesis::direct;
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::nufft::{self, Widths};
+use crate::synthesis::plan::{Part, Plan, Step};
+use crate::synthesis::recurrence::{self, LaneGrid};
+
+/// What a run was like.
+#[derive(Default)]
+pub(super) struct Outcome {
+    /// Velocity rows that were transformed, and that no path had touched.
+    pub rows: usize,
+    /// See `rows`.
+    pub rows_skipped: usize,
+    /// Mean square over the frame of what the interpolation of residuals leaves, summed over paths, per channel.
+    pub rest: Vec<f64>,
+    /// Chunks `(channel, chunk)` with the largest shares of it.
+    pub worst: Vec<(usize, usize)>,
+}
+
+impl Outcome {
+    fn join(&mut self, other: Self) {
+        self.rows += other.rows;
+        self.rows_skipped += other.rows_skipped;
+        self.rest.resize(self.rest.len().max(other.rest.len()), 0.0);
+        for (sum, rest) in self.rest.iter_mut().zip(other.rest) {
+            *sum += rest;
+        }
+        self.worst.extend(other.worst);
+    }
+
+    /// Error of the interpolation relative to l2(amplitudes), the largest of all channels.
+    pub fn interpolation(&self, power: &[f64]) -> f64 {
+        let ratios = self.rest.iter().zip(power).filter(|(_, power)| **power > 0.0);
+        ratios.map(|(rest, power)| (rest / power).sqrt()).fold(0.0, f64::max)
+    }
+}
+
+impl Job<'_> {
+    /// Run all parts of a plan.
+    pub(super) fn run(&self, plan: &Plan, is_single: bool) -> (Samples, Outcome) {
+        let size = self.series.num_channels * self.waveform.chirp_times.len() * self.waveform.num_samples;
+        let selection = |part: &Part| self.selection(part.class);
+        let needs_double = |part: &Part| !part.step.is_single();
+        let mut outcome = Outcome::default();
+        let mut add = |part: Outcome| outcome.join(part);
+        if plan.parts.iter().any(needs_double) || !is_single {
+            let mut sum = vec![Complex64::ZERO; size];
+            for part in &plan.parts {
+                if needs_double(part) {
+                    add(self.part(part, selection(part), &mut sum));
+                } else {
+                    let mut single = vec![Complex32::ZERO; size];
+                    add(self.single(part, selection(part), &mut single));
+                    for (a, b) in sum.iter_mut().zip(&single) {
+                        *a += Complex64::new(f64::from(b.re), f64::from(b.im));
+                    }
+                }
+            }
+            let back = self.scale.recip();
+            for sample in &mut sum {
+                *sample *= back;
+            }
+            (narrow(sum, is_single), outcome)
+        } else {
+            let mut sum = vec![Complex32::ZERO; size];
+            for part in &plan.parts {
+                add(self.single(part, selection(part), &mut sum));
+            }
+            if self.scale != 1.0 {
+                // In double: the scale may be beyond single precision where the samples are not.
+                let back = self.scale.recip();
+                for sample in &mut sum {
+                    *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
+                }
+            }
+            (Samples::Single(sum), outcome)
+        }
+    }
+
+    /// Add the paths of one part.
+    fn part<T: Widths>(&self, part: &Part, selection: Selection, out: &mut [Complex<T>]) -> Outcome {
+        match &part.step {
+            Step::Direct => {
+                let (level, is_parallel) = (self.options.level, self.options.is_parallel);
+                let samples = direct::beat_signal(self.waveform, self.series, selection.class, level, is_parallel);
+                for (sum, sample) in out.iter_mut().zip(samples) {
+                    *sum = *sum + Complex::new(T::of(sample.re * self.scale), T::of(sample.im * self.scale));
+                }
+                Outcome::default()
+            }
+            Step::Recurrence { .. } => {
+                self.lanes(selection, out, |job, samples| {
+                    recurrence::add_recurrence(self.options.level, job, samples);
+                });
+                Outcome::default()
+            }
+            Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
+            Step::Grid { width, expansions, .. } => self.grid(selection, *width, expansions, out),
+        }
+    }
+
+    /// Add the paths of one part whose sums are in single precision.
+    fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
+        if let Step::Lanes { width, follows_sweep } = part.step {
+            let grid = LaneGrid::new(self.waveform, width, follows_sweep);
+            self.lanes(selection, out, |job, samples| {
+                grid.add(self.options.level, job, samples);
+            });
+            return Outcome::default();
+        }
+        self.part(part, selection, out)
+    }
+
+    /// Every channel in groups of chirps.
+    fn lanes<T: Widths>(
+        &self,
+        selection: Selection,
+        out: &mut [Complex<T>],
+        add: impl Fn(&recurrence::Job, &mut [Complex<T>]) + Sync + Send,
+    ) {
+        const GROUP: usize = 16;
+        let (num_chirps, num_samples) = (self.waveform.chirp_times.len(), self.waveform.num_samples);
+        let tasks: Vec<_> = out
+            .chunks_mut(num_chirps * num_samples)
+            .enumerate()
+            .flat_map(|(channel, samples)| {
+                let groups = samples.chunks_mut(GROUP * num_samples).enumerate();
+                groups.map(move |(group, samples)| (channel, group * GROUP, samples))
+            })
+            .collect();
+        parallel::map(self.options.is_parallel, tasks, |(channel, first, samples)| {
+            let job = recurrence::Job {
+                waveform: self.waveform,
+                series: self.series,
+                channel,
+                selection,
+                paths: 0..self.series.num_paths,
+                chirps: first..(first + GROUP).min(num_chirps),
+                scale: self.scale,
+            };
+            add(&job, samples);
+        });
+    }
+
+    /// Every channel and block of chirps on its grid.
+    fn grid<T: Widths>(
+        &self,
+        selection: Selection,
+        width: usize,
+        expansions: &[Expansion],
+        out: &mut [Complex<T>],
+    ) -> Outcome {
+        let num_samples = self.waveform.num_samples;
+        // Samples by block and channel; one task per block and some channels.
+        let mut samples: Vec<Vec<&mut [Complex<T>]>> = expansions.iter().map(|_| Vec::new()).collect();
+        let mut rest = out;
+        for _ in 0..self.series.num_channels {
+            for (expansion, samples) in expansions.iter().zip(&mut samples) {
+                let (own, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
+                samples.push(own);
+                rest = behind;
+            }
+        }
+        let mut tasks = Vec::new();
+        for (expansion, samples) in expansions.iter().zip(samples) {
+            let mut samples = samples.into_iter();
+            for first in (0..self.series.num_channels).step_by(nufft::MAX_CHANNELS) {
+                let some: Vec<_> = samples.by_ref().take(nufft::MAX_CHANNELS).collect();
+                tasks.push((first, expansion, some));
+            }
+        }
+        let num_chunks = self.series.num_paths.div_ceil(CHUNK);
+        let num_parts = if self.series.num_channels * expansions.len() >= 4 {
+            1
+        } else {
+            (num_chunks / 256).clamp(1, nufft::MAX_PARTS)
+        };
+        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, expansion, samples)| {
+            let job = |channel: usize| nufft::Job {
+                waveform: self.waveform,
+                series: self.series,
+                channel,
+                selection,
+                scale: self.scale,
+                expansion,
+                width,
+                level: self.options.level,
+                num_parts,
+                is_parallel: self.options.is_parallel,
+                keep_empty_rows: !self.options.skip_rows,
+            };
+            let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
+            let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
+            let mut outcome = Outcome {
+                rest: vec![0.0; self.series.num_channels],
+                ..Outcome::default()
+            };
+            for (job, (used, checked)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
+                outcome.rows += used;
+                outcome.rows_skipped += expansion.rows - used;
+                outcome.rest[job.channel] = share * checked.sum;
+                outcome.worst.push((job.channel, checked.worst.0));
+            }
+            outcome
+        });
+        outcomes.into_iter().fold(Outcome::default(), |mut sum, outcome| {
+            sum.join(outcome);
+            sum
+        })
+    }
+}
+
+/// Samples in the precision that is asked for.
+fn narrow(samples: Vec<Complex64>, is_single: bool) -> Samples {
+    if is_single {
+        Samples::Single(
+            samples
+                .iter()
+                .map(|s| Complex32::new(s.re as f32, s.im as f32))
+                .collect(),
+        )
+    } else {
+        Samples::Double(samples)
+    }
+}

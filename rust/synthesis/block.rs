@@ -1,0 +1,595 @@
+//! Blocks of chirps, and the Chebyshev series of delays and amplitudes of a chunk of paths in one of them.
+//!
+//! Within a block, time runs as `x = (T - center) / half` from -1 to 1; delay and amplitude of a path are
+//! `sum_k c_k T_k(x)`. The coefficients follow from what the caller gave, values at the nodes of the frame or
+//! derivatives at its start, by one small matrix per block: exactly, as both are polynomials.
+
+use std::ops::Range;
+
+use num_complex::Complex64;
+
+use crate::numeric::chebyshev::chebyshev_matrix;
+use crate::numeric::simd::Isa;
+use crate::numeric::wide::{self, Wide};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries, basis_values};
+
+/// Paths that go through all steps together: their numbers stay in L1.
+pub const CHUNK: usize = 128;
+
+/// One number per path of a chunk.
+pub type Lane = [f64; CHUNK];
+
+/// Consecutive chirps, and the interval of time about its centre in which their samples lie.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Numbers of the chirps.
+    pub chirps: Range<usize>,
+    /// Centre of the interval, after the start of the frame [s].
+    pub center: f64,
+    /// Half of its length [s], positive.
+    pub half: f64,
+    /// From the rows of a series to coefficients of the delay, (degree, row), see [`coefficient`].
+    pub delay: Vec<Vec<f64>>,
+    /// The same for the amplitude.
+    pub amplitude: Vec<Vec<f64>>,
+}
+
+impl Block {
+    /// The block of some chirps for series of this form.
+    pub fn new(waveform: &Waveform, series: &PathSeries, chirps: Range<usize>) -> Self {
+        let times = &waveform.chirp_times[chirps.clone()];
+        let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let last = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let center = 0.5 * (first + last) + waveform.middle_time();
+        let half = 0.5 * (last - first) + waveform.half_sweep();
+        let matrix = |terms: usize| block_matrix(waveform, series.basis, terms, center, half);
+        Self {
+            chirps,
+            center,
+            half,
+            delay: matrix(series.num_delay_terms()),
+            amplitude: matrix(series.num_amplitude_terms()),
+        }
+    }
+
+    /// The frame in `count` blocks of nearly equal numbers of chirps.
+    pub fn split(waveform: &Waveform, series: &PathSeries, count: usize) -> Vec<Self> {
+        let num_chirps = waveform.chirp_times.len();
+        let bound = |i: usize| i * num_chirps / count;
+        (0..count)
+            .map(|i| Self::new(waveform, series, bound(i)..bound(i + 1)))
+            .collect()
+    }
+
+    /// Time of a sample in units of the block, -1 to 1.
+    pub fn x(&self, time: f64) -> f64 {
+        (time - self.center) / self.half
+    }
+}
+
+/// Matrix (degree, row) from the rows of a series to its Chebyshev coefficients on `center - half ..= center + half`.
+///
+/// Rows after the first act on differences from the first row where rows are values, see [`Rows`].
+fn block_matrix(waveform: &Waveform, basis: Basis, terms: usize, center: f64, half: f64) -> Vec<Vec<f64>> {
+    let to_block = chebyshev_matrix(terms);
+    let to_frame = (basis == Basis::Chebyshev).then_some(&to_block);
+    // Values of the frame's basis functions at the nodes of the block.
+    let mut values = vec![vec![0.0; terms]; terms];
+    for (j, row) in values.iter_mut().enumerate() {
+        let x = -(std::f64::consts::PI * (2 * j + 1) as f64 / (2 * terms) as f64).cos();
+        basis_values(basis, waveform, center + half * x, row);
+    }
+    (0..terms)
+        .map(|k| {
+            let per_function: Vec<f64> = (0..terms)
+                .map(|n| (0..terms).map(|j| to_block[k * terms + j] * values[j][n]).sum())
+                .collect();
+            match to_frame {
+                None => per_function,
+                Some(to_frame) => (0..terms)
+                    .map(|row| (0..terms).map(|n| per_function[n] * to_frame[n * terms + row]).sum())
+                    .collect(),
+            }
+        })
+        .collect()
+}
+
+/// Which paths of a chunk are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Delay and amplitude never change.
+    Still,
+    /// All others.
+    Moving,
+    /// Both.
+    All,
+}
+
+impl Class {
+    /// `still`, `moving` or `all`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Still => "still",
+            Self::Moving => "moving",
+            Self::All => "all",
+        }
+    }
+}
+
+/// The paths of a class.
+#[derive(Clone, Copy, Debug)]
+pub struct Selection<'a> {
+    /// The class.
+    pub class: Class,
+    /// A bit per path that moves, (channel, chunk).
+    moving: &'a [u128],
+    chunks_per_channel: usize,
+}
+
+impl<'a> Selection<'a> {
+    /// All paths.
+    pub const ALL: Selection<'static> = Selection {
+        class: Class::All,
+        moving: &[],
+        chunks_per_channel: 0,
+    };
+
+    /// Those of a class, with a bit per path that moves, (channel, chunk).
+    pub fn new(class: Class, moving: &'a [u128], num_channels: usize) -> Self {
+        Self {
+            class,
+            moving,
+            chunks_per_channel: moving.len() / num_channels.max(1),
+        }
+    }
+
+    /// How many paths of a chunk are wanted.
+    pub fn count(&self, series: &PathSeries, channel: usize, chunk: usize) -> usize {
+        let len = CHUNK.min(series.num_paths - chunk * CHUNK);
+        self.wanted(channel, chunk, len).count_ones() as usize
+    }
+
+    /// Place in a chunk of a wanted path.
+    pub fn place(&self, series: &PathSeries, channel: usize, chunk: usize, rank: usize) -> usize {
+        let len = CHUNK.min(series.num_paths - chunk * CHUNK);
+        let mut bits = self.wanted(channel, chunk, len);
+        for _ in 0..rank {
+            bits &= bits - 1;
+        }
+        bits.trailing_zeros() as usize
+    }
+
+    /// A bit per wanted path among the `len` of a chunk.
+    fn wanted(&self, channel: usize, chunk: usize, len: usize) -> u128 {
+        let all = first_bits(len);
+        let moving = || self.moving[channel * self.chunks_per_channel + chunk];
+        match self.class {
+            Class::All => all,
+            Class::Moving => moving() & all,
+            Class::Still => !moving() & all,
+        }
+    }
+}
+
+/// So many ones.
+fn first_bits(len: usize) -> u128 {
+    u128::MAX.checked_shr((CHUNK - len) as u32).unwrap_or(0)
+}
+
+/// Up to [`CHUNK`] paths of one channel as the series has them.
+pub struct Rows {
+    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    pub len: usize,
+    /// Delays: the first row, and the others; where rows are values, their differences from the first.
+    pub delay: Vec<Lane>,
+    /// Real part of the amplitudes, in the same way.
+    pub re: Vec<Lane>,
+    /// Imaginary part.
+    pub im: Vec<Lane>,
+}
+
+impl Rows {
+    /// Room for the rows of a series.
+    pub fn new(series: &PathSeries) -> Self {
+        Self::with(series.num_delay_terms(), series.num_amplitude_terms())
+    }
+
+    /// Room for what a class needs: paths that never change have no further rows.
+    pub fn of_class(series: &PathSeries, class: Class) -> Self {
+        if class == Class::Still {
+            Self::with(1, 1)
+        } else {
+            Self::new(series)
+        }
+    }
+
+    /// Room for delays alone.
+    pub fn of_delays(series: &PathSeries) -> Self {
+        Self::with(series.num_delay_terms(), 0)
+    }
+
+    fn with(num_delays: usize, num_amplitudes: usize) -> Self {
+        let lanes = |n: usize| vec![[0.0; CHUNK]; n];
+        Self {
+            len: 0,
+            delay: lanes(num_delays),
+            re: lanes(num_amplitudes),
+            im: lanes(num_amplitudes),
+        }
+    }
+
+    /// The selected paths among the [`CHUNK`] from `first` on, in their order: as many rows as there is room for.
+    #[inline(always)] // part of kernels, see simd.rs
+    pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, selection: Selection) {
+        let len = CHUNK.min(series.num_paths - first);
+        let wanted = selection.wanted(channel, first / CHUNK, len);
+        self.len = wanted.count_ones() as usize;
+        if self.len == 0 {
+            return;
+        }
+        let at = channel * series.num_paths + first;
+        let is_difference = series.basis == Basis::Chebyshev;
+        if self.len == len {
+            for j in 0..self.delay.len() {
+                copy(&series.delay[j][at..at + len], &mut self.delay, j, is_difference);
+            }
+            for j in 0..self.re.len() {
+                copy_parts(&series.amplitude[j][at..at + len], &mut self.re, &mut self.im, j);
+            }
+        } else {
+            let places = places(wanted);
+            for j in 0..self.delay.len() {
+                pick(
+                    &series.delay[j][at..at + len],
+                    &places[..self.len],
+                    &mut self.delay,
+                    j,
+                    is_difference,
+                );
+            }
+            for j in 0..self.re.len() {
+                let row = &series.amplitude[j][at..at + len];
+                pick_parts(row, &places[..self.len], &mut self.re, &mut self.im, j);
+            }
+        }
+    }
+
+    /// A bit per path that changes.
+    #[inline(always)]
+    pub fn moving(&self) -> u128 {
+        let all = first_bits(self.len);
+        let mut change = [0.0; CHUNK];
+        add_changes(&self.delay, &mut change);
+        let mut count = count_changed(&change);
+        if count < CHUNK {
+            add_changes(&self.re, &mut change);
+            add_changes(&self.im, &mut change);
+            count = count_changed(&change);
+        }
+        if count == 0 || count == CHUNK {
+            return if count == 0 { 0 } else { all };
+        }
+        let mut bits = [0_u64; 2];
+        for i in 0..CHUNK {
+            bits[i / 64] |= u64::from(change[i] != 0.0) << (i % 64);
+        }
+        (u128::from(bits[0]) | u128::from(bits[1]) << 64) & all
+    }
+}
+
+/// Add the absolute values of all lanes after the first.
+#[inline(always)]
+fn add_changes(lanes: &[Lane], change: &mut Lane) {
+    for j in 1..lanes.len() {
+        for i in 0..CHUNK {
+            change[i] += lanes[j][i].abs();
+        }
+    }
+}
+
+/// How many numbers are not zero.
+#[inline(always)]
+fn count_changed(change: &Lane) -> usize {
+    let mut count: u64 = 0;
+    for i in 0..CHUNK {
+        count += u64::from(change[i] != 0.0);
+    }
+    count as usize
+}
+
+/// Coefficient k of the paths from `at` on, the first row of the constant one left out.
+#[inline(always)]
+pub fn coefficient<I: Isa, const P: usize>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I, P> {
+    let mut sum = wide::splat::<I, P>(0.0);
+    if let Some(factors) = matrix.get(k) {
+        for j in 1..rows.len() {
+            let row = wide::load::<I, P>(&rows[j][at..]);
+            sum = wide::mul_add(row, wide::splat::<I, P>(factors[j]), sum);
+        }
+    }
+    sum
+}
+
+/// Up to [`CHUNK`] paths of one channel: coefficients of delay and amplitude in a block.
+pub struct Chunk {
+    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    pub len: usize,
+    /// Coefficients of the delay by degree [s].
+    pub delay: Vec<Lane>,
+    /// Real part of the coefficients of the amplitude by degree [sqrt(W)].
+    pub re: Vec<Lane>,
+    /// Imaginary part.
+    pub im: Vec<Lane>,
+    rows: Rows,
+}
+
+impl Chunk {
+    /// Room for all degrees of a series.
+    pub fn new(series: &PathSeries) -> Self {
+        let rows = Rows::new(series);
+        Self {
+            len: 0,
+            delay: rows.delay.clone(),
+            re: rows.re.clone(),
+            im: rows.im.clone(),
+            rows,
+        }
+    }
+
+    /// The selected paths among the [`CHUNK`] from `first` on, in their order.
+    ///
+    /// Coefficients are formed from differences to the first row, which keeps what is small and vanishes where nothing
+    /// changes.
+    #[inline(always)] // part of kernels, see simd.rs
+    pub fn load<I: Isa>(
+        &mut self,
+        series: &PathSeries,
+        channel: usize,
+        first: usize,
+        block: &Block,
+        selection: Selection,
+    ) {
+        self.rows.gather(series, channel, first, selection);
+        self.len = self.rows.len;
+        expand::<I>(&block.delay, &self.rows.delay, &mut self.delay);
+        expand::<I>(&block.amplitude, &self.rows.re, &mut self.re);
+        expand::<I>(&block.amplitude, &self.rows.im, &mut self.im);
+    }
+}
+
+/// Coefficients of all degrees.
+#[inline(always)]
+fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
+    for k in 0..coefficients.len() {
+        for at in (0..CHUNK).step_by(8) {
+            let mut sum = coefficient::<I, 1>(matrix, rows, k, at);
+            if k == 0 {
+                sum = wide::add(sum, wide::load::<I, 1>(&rows[0][at..]));
+            }
+            wide::store(sum, &mut coefficients[k][at..]);
+        }
+    }
+}
+
+/// Places of the ones.
+#[inline(always)]
+fn places(mut bits: u128) -> [u8; CHUNK] {
+    let mut places = [0; CHUNK];
+    let mut count = 0;
+    while bits != 0 && count < CHUNK {
+        places[count] = bits.trailing_zeros() as u8;
+        count += 1;
+        bits &= bits - 1;
+    }
+    places
+}
+
+/// Lane j, and the first one if `j > 0`.
+#[inline(always)]
+fn lane_and_first(lanes: &mut [Lane], j: usize) -> (&mut Lane, Option<&Lane>) {
+    let (before, from) = lanes.split_at_mut(j);
+    (&mut from[0], before.first())
+}
+
+/// Some numbers of a row into lane j; after them, the last. Less the first lane if it `is_difference`.
+#[inline(always)]
+fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference: bool) {
+    let (lane, first) = lane_and_first(lanes, j);
+    let first = if is_difference { first } else { None };
+    let mut last = 0.0;
+    for i in 0..places.len().min(CHUNK) {
+        last = row[usize::from(places[i])] - first.map_or(0.0, |first| first[i]);
+        lane[i] = last;
+    }
+    lane[places.len()..].fill(last);
+}
+
+/// Real and imaginary parts of some numbers of a row, less the first lane; zero after them.
+#[inline(always)]
+fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane], j: usize) {
+    let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
+    (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
+    for i in 0..places.len().min(CHUNK) {
+        let a = row[usize::from(places[i])];
+        re[i] = a.re - first_re.map_or(0.0, |first| first[i]);
+        im[i] = a.im - first_im.map_or(0.0, |first| first[i]);
+    }
+}
+
+/// A row into lane j; after its end, its last number. Less the first lane if it `is_difference`.
+#[inline(always)]
+fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
+    let (lane, first) = lane_and_first(lanes, j);
+    match (<&Lane>::try_from(row), first) {
+        (Ok(row), Some(first)) if is_difference => {
+            for i in 0..CHUNK {
+                lane[i] = row[i] - first[i];
+            }
+        }
+        (Ok(row), _) => *lane = *row,
+        (Err(_), first) => {
+            let last = row.len() - 1;
+            for i in 0..CHUNK {
+                let less = if is_difference {
+                    first.map_or(0.0, |first| first[i])
+                } else {
+                    0.0
+                };
+                lane[i] = row[i.min(last)] - less;
+            }
+        }
+    }
+}
+
+/// Real and imaginary parts of a row, less the first lane; zero after its end.
+#[inline(always)]
+fn copy_parts(row: &[Complex64], re: &mut [Lane], im: &mut [Lane], j: usize) {
+    let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
+    match (<&[Complex64; CHUNK]>::try_from(row), first_re, first_im) {
+        (Ok(row), Some(first_re), Some(first_im)) => {
+            for i in 0..CHUNK {
+                re[i] = row[i].re - first_re[i];
+                im[i] = row[i].im - first_im[i];
+            }
+        }
+        (Ok(row), ..) => {
+            for i in 0..CHUNK {
+                re[i] = row[i].re;
+                im[i] = row[i].im;
+            }
+        }
+        (Err(_), ..) => {
+            (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
+            for i in 0..row.len().min(CHUNK) {
+                re[i] = row[i].re - first_re.map_or(0.0, |first| first[i]);
+                im[i] = row[i].im - first_im.map_or(0.0, |first| first[i]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::simd::{Kernel, Level};
+
+    struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Selection<'a>);
+
+    impl Kernel for Load<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            self.0.load::<I>(self.1, 0, self.2, self.3, self.4);
+        }
+    }
+
+    /// The paths of a class, found by themselves.
+    fn load(chunk: &mut Chunk, series: &PathSeries, first: usize, block: &Block, class: Class) {
+        let mut rows = Rows::new(series);
+        let masks: Vec<u128> = (0..series.num_paths)
+            .step_by(CHUNK)
+            .map(|first| {
+                rows.gather(series, 0, first, Selection::ALL);
+                rows.moving()
+            })
+            .collect();
+        Level::best().run(Load(chunk, series, first, block, Selection::new(class, &masks, 1)));
+    }
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..10).map(|c| f64::from(c) * 1e-4).collect(),
+        }
+    }
+
+    #[test]
+    fn series_in_every_block_is_the_polynomial_of_the_frame() {
+        let wf = waveform();
+        // Two paths, delay d + r T + a T^2 / 2.
+        let (d, r, a) = ([1e-8, 2e-8], [3e-8, 0.0], [4e-6, 0.0]);
+        let amplitude = [Complex64::new(1.0, 2.0), Complex64::new(3.0, 0.0)];
+        let rows: [&[f64]; 3] = [&d, &r, &a];
+        let taylor = PathSeries {
+            basis: Basis::Taylor,
+            delay: &rows,
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: 2,
+        };
+        let tau = |path: usize, t: f64| d[path] + r[path] * t + 0.5 * a[path] * t * t;
+        let nodes: Vec<Vec<f64>> = (0..4)
+            .map(|j| {
+                let x = -(std::f64::consts::PI * f64::from(2 * j + 1) / 8.0).cos();
+                let t = 0.5 * wf.duration() * (1.0 + x);
+                vec![tau(0, t), tau(1, t)]
+            })
+            .collect();
+        let nodes: Vec<&[f64]> = nodes.iter().map(Vec::as_slice).collect();
+        let nodal = PathSeries {
+            basis: Basis::Chebyshev,
+            delay: &nodes,
+            ..taylor
+        };
+        for series in [taylor, nodal] {
+            for block in Block::split(&wf, &series, 3) {
+                let mut chunk = Chunk::new(&series);
+                load(&mut chunk, &series, 0, &block, Class::All);
+                assert_eq!(chunk.len, 2);
+                for time in [block.center - block.half, block.center, block.center + 0.7 * block.half] {
+                    let x = block.x(time);
+                    for path in 0..2 {
+                        let c = |k: usize| chunk.delay[k][path];
+                        let got = c(0) + c(1) * x + c(2) * (2.0 * x * x - 1.0);
+                        assert!((got - tau(path, time)).abs() < 1e-22, "{got} {}", tau(path, time));
+                    }
+                }
+                for (class, path) in [(Class::Moving, 0), (Class::Still, 1)] {
+                    load(&mut chunk, &series, 0, &block, class);
+                    assert_eq!(chunk.len, 1);
+                    // T_0(0) = 1, T_2(0) = -1
+                    let middle = chunk.delay[0][0] - chunk.delay[2][0];
+                    assert!((middle - tau(path, block.center)).abs() < 1e-22);
+                    assert_eq!(chunk.re[0][0], amplitude[path].re);
+                    assert_eq!(chunk.re[0][1], 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn classes_of_every_size_keep_their_order() {
+        let wf = waveform();
+        let delay: Vec<f64> = (0..300).map(|i| 1e-8 + 1e-11 * f64::from(i)).collect();
+        let amplitude: Vec<Complex64> = (0..300).map(|i| Complex64::new(f64::from(i), 0.0)).collect();
+        for rule in [2, 3, 299, 1000] {
+            let rate: Vec<f64> = (0..300).map(|i| if i % rule == 1 { 1e-9 } else { 0.0 }).collect();
+            let rows: [&[f64]; 2] = [&delay, &rate];
+            let series = PathSeries {
+                basis: Basis::Taylor,
+                delay: &rows,
+                amplitude: &[&amplitude],
+                num_channels: 1,
+                num_paths: 300,
+            };
+            let block = Block::new(&wf, &series, 0..10);
+            let mut chunk = Chunk::new(&series);
+            for class in [Class::Still, Class::Moving] {
+                let mut got = Vec::new();
+                for first in (0..300).step_by(CHUNK) {
+                    load(&mut chunk, &series, first, &block, class);
+                    got.extend(chunk.re[0][..chunk.len].iter().map(|re| *re as usize));
+                }
+                let expected: Vec<usize> = (0..300)
+                    .filter(|i| (i % rule as usize == 1) == (class == Class::Moving))
+                    .collect();
+                assert_eq!(got, expected);
+            }
+        }
+    }
+}

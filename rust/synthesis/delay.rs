@@ -1,0 +1,179 @@
+//! Delays and amplitudes over a frame: value, rate and acceleration, or values at Chebyshev times.
+
+use num_complex::Complex64;
+
+use crate::error::{Error, Result};
+use crate::synthesis::chirp::Waveform;
+
+/// Most values per path: the matrix from values to coefficients has the square of that.
+const MAX_NODES: usize = 4096;
+
+/// Most rows of a series that sums are planned for.
+const MAX_PLANNED_TERMS: usize = 64;
+
+/// How much larger a term of a series may be beside the frame than within: rounding grows as much.
+const MOST_GROWTH: f64 = 1e3;
+
+/// How the numbers of [`PathSeries`] follow each other along their first axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Basis {
+    /// Value, rate [1/s] and acceleration [1/s^2] at the start of the frame: `1, T, T^2/2`.
+    Taylor,
+    /// Values at the Chebyshev times of the first kind on `[0, duration]`, increasing.
+    Chebyshev,
+}
+
+/// Delays [s] and amplitudes [sqrt(W)] of all paths of all channels; row-major.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSeries<'a> {
+    /// Meaning of the first axis of `delay`.
+    pub basis: Basis,
+    /// One row `(num_channels, num_paths)` per term [s].
+    pub delay: &'a [&'a [f64]],
+    /// One row `(num_channels, num_paths)`: constant; or values at their own Chebyshev times together with such delays.
+    pub amplitude: &'a [&'a [Complex64]],
+    /// Number of channels.
+    pub num_channels: usize,
+    /// Paths per channel.
+    pub num_paths: usize,
+}
+
+impl PathSeries<'_> {
+    /// Rows of `delay`.
+    pub fn num_delay_terms(&self) -> usize {
+        self.delay.len()
+    }
+
+    /// Rows of `amplitude`.
+    pub fn num_amplitude_terms(&self) -> usize {
+        self.amplitude.len()
+    }
+
+    /// Rows of both, the larger number.
+    pub fn num_terms(&self) -> usize {
+        self.num_delay_terms().max(self.num_amplitude_terms())
+    }
+
+    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks, which
+    /// are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
+    pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
+        let degree = self.num_terms().max(1) - 1;
+        let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);
+        let growth = || (degree as f64 * (1.0 + 2.0 * beyond / waveform.duration()).max(1.0).acosh()).cosh();
+        degree < MAX_PLANNED_TERMS && (degree == 0 || self.basis != Basis::Chebyshev || growth() <= MOST_GROWTH)
+    }
+
+    /// Refuses shapes that do not fit together.
+    pub fn check_shapes(&self) -> Result<()> {
+        let plane = self.num_channels * self.num_paths;
+        let lengths = self.delay.iter().map(|row| ("delay", row.len()));
+        for (name, length) in lengths.chain(self.amplitude.iter().map(|row| ("amplitude", row.len()))) {
+            if length != plane {
+                let expected = format!("{} x {} numbers", self.num_channels, self.num_paths);
+                return Err(Error::value(name, expected, length));
+            }
+        }
+        let (max_terms, terms) = match self.basis {
+            Basis::Taylor => (3, "terms"),
+            Basis::Chebyshev => (MAX_NODES, "nodes"),
+        };
+        if self.delay.is_empty() || self.delay.len() > max_terms {
+            let expected = format!("1 to {max_terms} {terms}");
+            return Err(Error::value("delay", expected, self.delay.len()));
+        }
+        let (most, expected) = match self.basis {
+            Basis::Taylor => (1, "one amplitude per path".to_owned()),
+            Basis::Chebyshev => (MAX_NODES, format!("1 to {MAX_NODES} nodes")),
+        };
+        if self.amplitude.is_empty() || self.amplitude.len() > most {
+            return Err(Error::value("amplitude", expected, self.amplitude.len()));
+        }
+        Ok(())
+    }
+
+    /// Refuses numbers that are not finite.
+    pub fn check_numbers(&self) -> Result<()> {
+        let plane = self.num_channels * self.num_paths;
+        for (j, row) in self.delay.iter().enumerate() {
+            if let Some(bad) = first_bad(row, |x| !x.is_finite()) {
+                let (name, index) = match self.basis {
+                    Basis::Taylor => (["delay", "delay_rate", "delay_acceleration"][j], bad),
+                    Basis::Chebyshev => ("delay", j * plane + bad),
+                };
+                let got = format!("{} at flat index {index}", row[bad]);
+                return Err(Error::value(name, "finite numbers", got));
+            }
+        }
+        for (j, row) in self.amplitude.iter().enumerate() {
+            if let Some(bad) = first_bad(row, |a| !a.re.is_finite() | !a.im.is_finite()) {
+                let got = format!("{} at flat index {}", row[bad], j * plane + bad);
+                return Err(Error::value("amplitude", "finite numbers", got));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Index of the first bad number. Good ones are passed at the speed of memory: no branch per number.
+fn first_bad<T>(numbers: &[T], is_bad: impl Fn(&T) -> bool) -> Option<usize> {
+    const RUN: usize = 256;
+    let run = numbers
+        .chunks(RUN)
+        .position(|run| run.iter().fold(false, |bad, x| bad | is_bad(x)))?;
+    let inside = numbers[run * RUN..].iter().position(is_bad)?;
+    Some(run * RUN + inside)
+}
+
+/// Values of the basis functions at time `t` [s] after the start of the frame, `terms` of them into `out`.
+pub fn basis_values(basis: Basis, waveform: &Waveform, t: f64, out: &mut [f64]) {
+    let duration = waveform.duration();
+    // One sample of one chirp at time zero: every node is that time.
+    let x = if duration > 0.0 { 2.0 * t / duration - 1.0 } else { 0.0 };
+    for k in 0..out.len() {
+        out[k] = match (basis, k) {
+            (_, 0) => 1.0,
+            (Basis::Taylor, 1) => t,
+            (Basis::Taylor, _) => 0.5 * t * t,
+            (Basis::Chebyshev, 1) => x,
+            (Basis::Chebyshev, _) => 2.0 * x * out[k - 1] - out[k - 2],
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use crate::numeric::chebyshev::chebyshev_matrix;
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..8).map(|c| f64::from(c) * 1e-4).collect(),
+        }
+    }
+
+    #[test]
+    fn polynomial_through_chebyshev_times_is_recovered_everywhere() {
+        let (wf, n) = (waveform(), 5);
+        let f = |t: f64| 1.0 + 3.0e3 * t - 2.0e6 * t * t + 1.0e9 * t.powi(3) - 4.0e11 * t.powi(4);
+        let nodes: Vec<f64> = (0..n)
+            .map(|j| 0.5 * wf.duration() * (1.0 - (PI * f64::from(2 * j + 1) / 10.0).cos()))
+            .collect();
+        let matrix = chebyshev_matrix(5);
+        let coefficients: Vec<f64> = (0..5)
+            .map(|k| (0..5).map(|j| matrix[5 * k + j] * f(nodes[j])).sum())
+            .collect();
+        for t in [0.0, 1e-4, 3.3e-4, wf.duration()] {
+            let mut values = [0.0; 5];
+            basis_values(Basis::Chebyshev, &wf, t, &mut values);
+            let got: f64 = values.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
+            assert!((got - f(t)).abs() < 1e-13, "{got} {}", f(t));
+        }
+    }
+}

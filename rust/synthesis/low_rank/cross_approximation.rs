@@ -1,0 +1,760 @@
+//! Residuals of all paths as combinations of a few: adaptive cross approximation (Bebendorf, Numer. Math. 86, 2000), also
+//! known as empirical interpolation.
+//!
+//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to path.
+//! A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
+//!
+//! ```text
+//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j        q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
+//! ```
+//!
+//! with `g_i` the residual of a reference path. Instants and references are the largest elements that are left of a matrix
+//! of samples (paths, instants), one after the other, until what is left is small. All paths are held to the result where
+//! they are put on the grid, at [`Check`]s.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
+use crate::numeric::wide;
+use crate::synthesis::block::Block;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::low_rank::block_plan::offset;
+use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path, turns};
+
+/// Most modes of a block.
+pub const MAX_MODES: usize = 48;
+
+/// How residuals are interpolated in a block.
+#[derive(Clone, Debug)]
+pub struct Modes {
+    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes with the phase of one path.
+    pub instants: Vec<Instant>,
+    /// The path whose residual phase all others have if there are no modes: a mean one.
+    pub mean: Path,
+    /// Values `q_j(x_i)`, (i, j < i).
+    pub lower: Vec<Vec<Complex64>>,
+    /// Paths from which modes follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
+    pub references: Vec<(Path, Complex64, Vec<Complex64>)>,
+    /// Where residuals are compared with their interpolation.
+    pub checks: Vec<Check>,
+    /// Mean square over the block of what is left of the samples, relative to that at the checks.
+    pub check_factor: f64,
+    /// rms of the residual phases of the samples, by power [turns].
+    pub turns: f64,
+}
+
+/// An instant, and the weights of the strengths of all modes in the interpolation there.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// The instant.
+    pub instant: Instant,
+    /// Per mode.
+    pub weights: Vec<Complex64>,
+}
+
+impl Modes {
+    /// Residuals that never change.
+    pub fn none() -> Self {
+        Self {
+            instants: Vec::new(),
+            mean: Path::default(),
+            lower: Vec::new(),
+            references: Vec::new(),
+            checks: Vec::new(),
+            check_factor: 0.0,
+            turns: 0.0,
+        }
+    }
+
+    /// Sets of strengths.
+    pub fn num_sets(&self) -> usize {
+        self.instants.len().max(1)
+    }
+
+    /// Degrees of the series of references.
+    pub fn num_degrees(&self) -> usize {
+        let paths = self.references.iter().map(|(path, ..)| path).chain([&self.mean]);
+        let degrees = paths.map(|path| path.num_amplitudes().max(path.bends().len() + 2));
+        degrees.max().unwrap_or(0)
+    }
+
+    /// Whether residuals are the paths' mean amplitudes with one phase.
+    pub fn are_flat(&self) -> bool {
+        self.instants.is_empty()
+    }
+}
+
+/// Errors below this are small.
+const FINE: f64 = 1e-6;
+/// Chirps and samples per chirp at which residuals are looked at.
+const NUM_CHIRPS: usize = 16;
+const NUM_FAST: usize = 3;
+/// The same where errors are small.
+const MANY_CHIRPS: usize = 28;
+const MANY_FAST: usize = 5;
+/// Most chirps, where residuals turn by much: twice as many as there may be modes.
+const MOST_CHIRPS: usize = 2 * MAX_MODES;
+/// Instants apart from these, for checks.
+const NUM_OTHERS: usize = 8;
+/// How many checks there are.
+const NUM_CHECKS: usize = 2;
+const MANY_CHECKS: usize = 4;
+const MOST_CHECKS: usize = 12;
+/// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
+const TIE: f64 = 1.0 + 1e-9;
+/// Share of the allowed error that samples may have with modes that fit them: other paths may have more.
+const SHARE: f64 = 0.85;
+
+/// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
+/// they are too many.
+///
+/// If other paths may not be alike, there are many checks. Nothing below the `rounding` of strengths, relative to the rms
+/// of residuals, makes a mode.
+///
+/// Every second of the first `num_apart` paths is kept apart, to see what error those have that are no samples; if it has
+/// too much of it, none is.
+pub fn find(
+    waveform: &Waveform,
+    block: &Block,
+    frame: &Frame,
+    (paths, num_apart): (&[Path], usize),
+    are_alike: bool,
+    (budget, rounding): (f64, f64),
+    level: Level,
+) -> Option<(Modes, f64)> {
+    let is_fine = budget < FINE;
+    let (chirps, fast) = if is_fine {
+        (MANY_CHIRPS, MANY_FAST)
+    } else {
+        (NUM_CHIRPS, NUM_FAST)
+    };
+    // exp(2 pi j z T_2(x)) is a polynomial of degree 4 pi z and a few more.
+    let bends = |path: &Path| path.bends().iter().map(|bend| bend.abs()).sum::<f64>();
+    let most = paths.iter().map(bends).fold(0.0, f64::max);
+    let chirps = chirps.max(((2.0 * TAU * most) as usize).saturating_add(6).min(MOST_CHIRPS));
+    let instant = |chirp: usize, sample: usize| {
+        let fine = waveform.sample_time(sample) - waveform.middle_time();
+        Instant {
+            x: (offset(waveform, block, chirp) + fine) / block.half,
+            sweep: frame.stretch * fine,
+        }
+    };
+    let (num_chirps, num_samples) = (block.chirps.len(), waveform.num_samples);
+    let mut instants = Vec::new();
+    // Where chirps are few, more of their samples.
+    let num_instants = chirps * fast;
+    let chirps = spread(num_chirps, chirps);
+    let samples = spread(num_samples, num_instants / chirps.len());
+    // Instants stand for those around them.
+    let mut weights = Vec::new();
+    for (chirp, slow) in &chirps {
+        instants.extend(samples.iter().map(|(sample, _)| instant(*chirp, *sample)));
+        weights.extend(samples.iter().map(|(_, fast)| slow * fast));
+    }
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    for weight in &mut weights {
+        *weight /= mean;
+    }
+    let is_complete = instants.len() == num_chirps * num_samples;
+    let num_trained = instants.len();
+    // Instants between those, by a sequence that fills the plane evenly (Roberts' R2).
+    for i in 1..=NUM_OTHERS {
+        let place =
+            |step: f64, count: usize| (((0.5 + step * i as f64).fract() * count as f64) as usize).min(count - 1);
+        instants.push(instant(
+            place(0.754_877_666_246_692_8, num_chirps),
+            place(0.569_840_290_998_053_3, num_samples),
+        ));
+    }
+    let max_modes = if is_complete { num_trained } else { num_trained * 2 / 5 };
+    let search = |num_apart| {
+        level.run(Search {
+            frame,
+            paths,
+            num_apart,
+            are_alike,
+            instants: &instants,
+            weights: &weights,
+            num_trained,
+            max_modes: max_modes.min(MAX_MODES),
+            budget: SHARE * budget,
+            rounding,
+        })
+    };
+    let found = search(num_apart);
+    if found.is_some() || num_apart == 0 {
+        return found;
+    }
+    search(0)
+}
+
+/// Up to `most` numbers below `count`, denser towards the ends, which are among them; and how many each stands for.
+fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
+    if count <= most {
+        return (0..count).map(|place| (place, 1.0)).collect();
+    }
+    let place = |i: usize| {
+        let angle = std::f64::consts::PI * i as f64 / (most - 1) as f64;
+        (0.5 * (1.0 - angle.cos()) * (count - 1) as f64).round() as usize
+    };
+    let mut places: Vec<usize> = (0..most).map(place).collect();
+    places.dedup();
+    let middle = |i: usize| 0.5 * (places[i] + places[i + 1]) as f64;
+    let stands_for = |i: usize| {
+        let low = if i == 0 { -0.5 } else { middle(i - 1) };
+        let high = if i + 1 == places.len() {
+            count as f64 - 0.5
+        } else {
+            middle(i)
+        };
+        (places[i], high - low)
+    };
+    (0..places.len()).map(stands_for).collect()
+}
+
+struct Search<'a> {
+    frame: &'a Frame,
+    paths: &'a [Path],
+    /// Every second of so many paths is no reference.
+    num_apart: usize,
+    /// All paths are like the samples.
+    are_alike: bool,
+    instants: &'a [Instant],
+    /// How much those count that modes may be taken at; the others count one.
+    weights: &'a [f64],
+    /// Instants that modes may be taken at; the others come after them.
+    num_trained: usize,
+    max_modes: usize,
+    budget: f64,
+    rounding: f64,
+}
+
+/// Instants in whole vectors.
+struct Times {
+    /// Chebyshev polynomials, (degree, instant).
+    polynomials: Vec<Vec<f64>>,
+    sweeps: Vec<f64>,
+}
+
+/// Residuals of all samples, (path, instant), in whole vectors; the last instant is repeated.
+struct Matrix {
+    stride: usize,
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Matrix {
+    fn at(&self, row: usize, column: usize) -> Complex64 {
+        let at = row * self.stride + column;
+        Complex64::new(self.re[at], self.im[at])
+    }
+}
+
+impl Kernel for Search<'_> {
+    type Output = Option<(Modes, f64)>;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Option<(Modes, f64)> {
+        let (paths, num_instants) = (self.paths, self.instants.len());
+        let (mut matrix, turns) = self.residuals::<I>();
+        let counts = self.weights(&matrix);
+        let zero = vec![0.0; matrix.stride];
+        let none = vec![0.0; paths.len()];
+        let all = self.reduce::<I, false>(&mut matrix, &counts, [&zero, &zero], [&none, &none]);
+        let power: f64 = all.sums.iter().sum();
+        if !power.is_finite() {
+            return None;
+        }
+        if power == 0.0 {
+            // No sample has any amplitude; other paths may.
+            let mut modes = Modes::none();
+            self.add_checks(&matrix, &[], &all, &mut modes);
+            return Some((modes, 0.0));
+        }
+        let bound = self.budget * self.budget;
+
+        // Without modes: the mean amplitudes, with one phase.
+        let mut modes = Modes {
+            turns,
+            mean: mean(paths),
+            ..Modes::none()
+        };
+        let [common_re, common_im] = self.phasors::<I>(&modes.mean, matrix.stride);
+        let mean_re: Vec<f64> = paths.iter().map(|path| path.re()[0]).collect();
+        let mean_im: Vec<f64> = paths.iter().map(|path| -path.im()[0]).collect();
+        let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
+        let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
+        if flat.relative(&all) <= bound / (SHARE * SHARE) {
+            self.reduce::<I, true>(&mut matrix, &counts, row, multiples);
+            self.add_checks(&matrix, &[], &flat, &mut modes);
+            return Some((modes, flat.relative(&all).sqrt()));
+        }
+
+        // Cross approximation with full pivoting.
+        let mut rows: Vec<Vec<Complex64>> = Vec::new();
+        // Coefficients of all paths, (mode, path).
+        let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
+        let mut left = all;
+        while left.relative(&all) > bound {
+            if modes.instants.len() == self.max_modes {
+                return None;
+            }
+            let path = left.row;
+            let column = self.largest_in(&matrix, path);
+            let pivot = matrix.at(path, column);
+            // What is left is in paths that are kept apart; a mode of rounding errors would magnify those of its evaluation.
+            let mean = power / (num_instants * paths.len()) as f64;
+            if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
+                return None;
+            }
+            let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
+            modes.lower.push(rows.iter().map(|row| row[column]).collect());
+            let own = coefficients
+                .iter()
+                .map(|[re, im]| Complex64::new(re[path], im[path]) / pivot);
+            modes.references.push((paths[path].clone(), pivot.inv(), own.collect()));
+            modes.instants.push(self.instants[column]);
+            let row_parts = [
+                row.iter().map(|c| c.re).collect::<Vec<f64>>(),
+                row.iter().map(|c| c.im).collect(),
+            ];
+            let taken = [&matrix.re, &matrix.im].map(|part| -> Vec<f64> {
+                let rows = part.chunks_exact(matrix.stride);
+                rows.map(|row| row[column]).collect()
+            });
+            left = self.reduce::<I, true>(
+                &mut matrix,
+                &counts,
+                [&row_parts[0], &row_parts[1]],
+                [&taken[0], &taken[1]],
+            );
+            coefficients.push(taken);
+            rows.push(row);
+        }
+        self.add_checks(&matrix, &rows, &left, &mut modes);
+        Some((modes, left.relative(&all).sqrt()))
+    }
+}
+
+impl Search<'_> {
+    /// The residuals, and the rms of their phases by power [turns].
+    #[inline(always)]
+    fn residuals<I: Isa>(&self) -> (Matrix, f64) {
+        let stride = self.instants.len().next_multiple_of(8);
+        let mut matrix = Matrix {
+            stride,
+            re: vec![0.0; self.paths.len() * stride],
+            im: vec![0.0; self.paths.len() * stride],
+        };
+        let times = self.times(stride);
+        let splat = <I::F64 as Vector>::splat;
+        let (mut squares, mut power) = (splat(0.0), 0.0);
+        for p in 0..self.paths.len() {
+            let path = &self.paths[p];
+            let (res, ims) = (path.re(), path.im());
+            let own = res[0] * res[0] + ims[0] * ims[0];
+            power += own;
+            for at in (0..stride).step_by(8) {
+                let (mut re, mut im) = (splat(res[0]), splat(ims[0]));
+                for k in 1..res.len() {
+                    let polynomial = I::F64::load(&times.polynomials[k][at..]);
+                    re = polynomial.mul_add(splat(res[k]), re);
+                    im = polynomial.mul_add(splat(ims[k]), im);
+                }
+                let phase = self.phases::<I>(path, &times, at);
+                squares = phase.mul(splat(own)).mul_add(phase, squares);
+                let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
+                let to = p * stride + at;
+                im.mul_add(sin, re.mul(cos)).store(&mut matrix.re[to..]);
+                im.neg_mul_add(cos, re.mul(sin)).store(&mut matrix.im[to..]);
+            }
+        }
+        let mut lanes = [0.0; 8];
+        squares.store(&mut lanes);
+        let total = power * stride as f64;
+        let turns = if total > 0.0 {
+            (lanes.iter().sum::<f64>() / total).sqrt()
+        } else {
+            0.0
+        };
+        (matrix, turns)
+    }
+
+    /// Cosine and sine of the residual phase of a path.
+    #[inline(always)]
+    fn phasors<I: Isa>(&self, path: &Path, stride: usize) -> [Vec<f64>; 2] {
+        let times = self.times(stride);
+        let mut phasors = [vec![0.0; stride], vec![0.0; stride]];
+        for at in (0..stride).step_by(8) {
+            let phase = self.phases::<I>(path, &times, at);
+            let [cos, sin] = wide::cos_sin::<f64, I, 1>([phase]);
+            cos.store(&mut phasors[0][at..]);
+            sin.store(&mut phasors[1][at..]);
+        }
+        phasors
+    }
+
+    /// Residual phases of a path at the instants from `at` on [turns].
+    #[inline(always)]
+    fn phases<I: Isa>(&self, path: &Path, times: &Times, at: usize) -> I::F64 {
+        let splat = <I::F64 as Vector>::splat;
+        let bends = path.bends();
+        let mut delta = splat(0.0);
+        for k in 0..bends.len() {
+            delta = I::F64::load(&times.polynomials[k + 2][at..]).mul_add(splat(bends[k]), delta);
+        }
+        let (offset, rate) = (splat(path.offset), splat(path.rate));
+        let (x, sweep) = (
+            I::F64::load(&times.polynomials[1][at..]),
+            I::F64::load(&times.sweeps[at..]),
+        );
+        turns(delta, offset, rate, x, sweep, splat(self.frame.bend))
+    }
+
+    /// Times and sweeps of the instants, the last repeated to fill whole vectors.
+    fn times(&self, stride: usize) -> Times {
+        let instant = |i: usize| &self.instants[i.min(self.instants.len() - 1)];
+        let x: Vec<f64> = (0..stride).map(|i| instant(i).x).collect();
+        let degrees = self
+            .paths
+            .iter()
+            .map(|path| path.num_amplitudes().max(path.bends().len() + 2));
+        let num_degrees = degrees.max().unwrap_or(0);
+        let mut polynomials = vec![vec![1.0; stride], x];
+        for k in 2..num_degrees {
+            let next = |i: usize| 2.0 * polynomials[1][i] * polynomials[k - 1][i] - polynomials[k - 2][i];
+            polynomials.push((0..stride).map(next).collect());
+        }
+        Times {
+            polynomials,
+            sweeps: (0..stride).map(|i| instant(i).sweep).collect(),
+        }
+    }
+
+    /// Instant of the largest element of a path at the trained instants.
+    fn largest_in(&self, matrix: &Matrix, path: usize) -> usize {
+        let square = |x: usize| matrix.at(path, x).norm_sqr();
+        let largest = (0..self.num_trained).map(square).fold(0.0, f64::max);
+        (0..self.num_trained).find(|x| square(*x) * TIE >= largest).unwrap_or(0)
+    }
+
+    /// Weights of the instants, and ones at those that are trained; zero after them.
+    fn weights(&self, matrix: &Matrix) -> [Vec<f64>; 2] {
+        let mut counted = self.weights.to_vec();
+        counted.resize(self.instants.len(), 1.0);
+        counted.resize(matrix.stride, 0.0);
+        let mut trained = vec![1.0; self.num_trained];
+        trained.resize(matrix.stride, 0.0);
+        [counted, trained]
+    }
+
+    /// Checks: half of them at the instants where most is left of the samples, the others, for paths unlike them, far from
+    /// where modes are taken.
+    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
+        let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
+        let mut all = vec![0.0; self.instants.len()];
+        for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
+            for ((sum, re), im) in all.iter_mut().zip(re).zip(im) {
+                *sum += re * re + im * im;
+            }
+        }
+        // Samples that are all references leave nothing but rounding.
+        let power: f64 = self
+            .paths
+            .iter()
+            .map(|path| path.re()[0].powi(2) + path.im()[0].powi(2))
+            .sum();
+        let is_exact = left <= 1e-24 * power;
+        let count = match (self.are_alike, self.budget < FINE) {
+            (false, _) => MOST_CHECKS,
+            (true, true) => MANY_CHECKS,
+            (true, false) => NUM_CHECKS,
+        };
+        let mut chosen: Vec<usize> = Vec::new();
+        for number in 0..count {
+            let distance = |x: usize| {
+                let taken = modes.instants.iter().chain(chosen.iter().map(|x| &self.instants[*x]));
+                // Residuals are near to even functions of time: what vanishes at x may do so at -x.
+                let distances = taken.map(|other| (other.x.abs() - self.instants[x].x.abs()).abs());
+                distances.fold(2.0, f64::min)
+            };
+            let best = if number % 2 == 0 && !is_exact {
+                let apart = |x: &usize| {
+                    chosen
+                        .iter()
+                        .all(|other| self.instants[*other].x != self.instants[*x].x)
+                };
+                (0..all.len()).filter(apart).max_by(|a, b| all[*a].total_cmp(&all[*b]))
+            } else {
+                (0..all.len()).max_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+            };
+            chosen.extend(best);
+        }
+        let sums: Vec<(f64, usize)> = chosen.iter().map(|x| (all[*x], *x)).collect();
+        let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
+        modes.check_factor = if at_checks > 0.0 && self.are_alike {
+            (left / at_checks).clamp(0.2, 1.0)
+        } else {
+            1.0
+        };
+        for (_, x) in sums {
+            // Weights w of g(x_i) in sum_i c_i q_i(x): L^T w = q(x), with the lower triangle L of q_j(x_i).
+            let mut weights: Vec<Complex64> = rows.iter().map(|row| row[x]).collect();
+            for i in (0..weights.len()).rev() {
+                let weight = weights[i];
+                for (j, value) in modes.lower[i].iter().enumerate() {
+                    weights[j] -= value * weight;
+                }
+            }
+            modes.checks.push(Check {
+                instant: self.instants[x],
+                weights,
+            });
+        }
+    }
+}
+
+/// A path with the mean residual phase of some: of `rate^2`, `offset rate` and the bends, weighted with their power.
+fn mean(paths: &[Path]) -> Path {
+    let power = |path: &Path| path.re()[0].powi(2) + path.im()[0].powi(2);
+    let total: f64 = paths.iter().map(power).sum();
+    let mean = |value: &dyn Fn(&Path) -> f64| {
+        if total > 0.0 {
+            paths.iter().map(|path| power(path) * value(path)).sum::<f64>() / total
+        } else {
+            0.0
+        }
+    };
+    let rate = mean(&|path| path.rate * path.rate).sqrt();
+    let skew = mean(&|path| path.offset * path.rate);
+    let num_bends = paths.iter().map(|path| path.bends().len()).max().unwrap_or(0);
+    let offset = if rate > 0.0 { skew / rate } else { 0.0 };
+    let bends = (0..num_bends).map(|k| mean(&|path| path.bends()[k]));
+    Path::new([offset, rate], bends, [std::iter::empty(), std::iter::empty()])
+}
+
+/// What is left of a matrix.
+#[derive(Clone, Copy)]
+struct Left {
+    /// Sums of the squares at all instants, of the paths that may be references and of the others.
+    sums: [f64; 2],
+    /// Path with the largest element at the trained ones.
+    row: usize,
+}
+
+impl Left {
+    /// Relative to what it was, the larger one.
+    fn relative(&self, all: &Self) -> f64 {
+        let ratio = |i: usize| {
+            if all.sums[i] > 0.0 {
+                self.sums[i] / all.sums[i]
+            } else {
+                0.0
+            }
+        };
+        ratio(0).max(ratio(1))
+    }
+}
+
+impl Search<'_> {
+    /// Take multiples of a row, one per path, off all paths, in place if it `STORES`. The weights are those of
+    /// [`Self::weights`]; complex numbers are in two parts.
+    #[inline(always)]
+    fn reduce<I: Isa, const STORES: bool>(
+        &self,
+        matrix: &mut Matrix,
+        [counted, trained]: &[Vec<f64>; 2],
+        [row_re, row_im]: [&[f64]; 2],
+        [multiple_re, multiple_im]: [&[f64]; 2],
+    ) -> Left {
+        let splat = <I::F64 as Vector>::splat;
+        let mut sums = [splat(0.0); 2];
+        let (mut largest, mut row) = (0.0, 0);
+        for path in 0..multiple_re.len() {
+            let is_apart = path < self.num_apart && path % 2 == 1;
+            let (a, b) = (splat(multiple_re[path]), splat(multiple_im[path]));
+            let (mut sum, mut most) = (splat(0.0), splat(0.0));
+            for at in (0..matrix.stride).step_by(8) {
+                let (c, d) = (I::F64::load(&row_re[at..]), I::F64::load(&row_im[at..]));
+                let to = path * matrix.stride + at;
+                let re = b.mul_add(d, a.neg_mul_add(c, I::F64::load(&matrix.re[to..])));
+                let im = b.neg_mul_add(c, a.neg_mul_add(d, I::F64::load(&matrix.im[to..])));
+                if STORES {
+                    re.store(&mut matrix.re[to..]);
+                    im.store(&mut matrix.im[to..]);
+                }
+                let square = re.mul_add(re, im.mul(im));
+                sum = square.mul_add(I::F64::load(&counted[at..]), sum);
+                most = square.mul(I::F64::load(&trained[at..])).max(most);
+            }
+            let half = usize::from(is_apart);
+            sums[half] = sums[half].add(sum);
+            if is_apart {
+                continue;
+            }
+            let mut lanes = [0.0_f64; 8];
+            most.store(&mut lanes);
+            for half in [4, 2, 1] {
+                for i in 0..half {
+                    lanes[i] = lanes[i].max(lanes[i + half]);
+                }
+            }
+            if lanes[0] > largest * TIE {
+                (largest, row) = (lanes[0], path);
+            }
+        }
+        let mut lanes = [[0.0; 8]; 2];
+        sums[0].store(&mut lanes[0]);
+        sums[1].store(&mut lanes[1]);
+        Left {
+            sums: lanes.map(|lanes| lanes.iter().sum()),
+            row,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::random::mix;
+    use crate::synthesis::delay::{Basis, PathSeries};
+
+    fn waveform() -> Waveform {
+        Waveform {
+            start_frequency: 58e9,
+            slope: 2e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..40).map(|c| f64::from(c) * 4e-4).collect(),
+        }
+    }
+
+    /// Random paths in the whole frame, with accelerations and changing amplitudes.
+    fn paths(wf: &Waveform, count: usize) -> (Block, Frame, Vec<Path>) {
+        let mut state = 3;
+        let mut unit = || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let empty: [&[f64]; 3] = [&[], &[], &[]];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &empty,
+            amplitude: &[&[]],
+            num_channels: 1,
+            num_paths: 0,
+        };
+        let block = Block::new(wf, &series, 0..wf.chirp_times.len());
+        let frame = Frame::new(wf.start_frequency, 2e-8, wf.slope);
+        let paths = (0..count)
+            .map(|_| {
+                let mut about = |middle: f64, span: f64| middle + span * (unit() - 0.5);
+                Path::new(
+                    [about(0.0, 1e-5), about(0.0, 40.0)],
+                    [about(0.0, 0.3), about(0.0, 0.05)].into_iter(),
+                    [1.5, 0.5].map(|middle| [about(middle, 1.0), about(0.0, 0.05)].into_iter()),
+                )
+            })
+            .collect();
+        (block, frame, paths)
+    }
+
+    /// The residual by its definition.
+    fn residual(path: &Path, frame: &Frame, instant: &Instant) -> Complex64 {
+        let chebyshev = |k: usize| (k as f64 * instant.x.clamp(-1.0, 1.0).acos()).cos();
+        let sum = |series: &[f64], first: usize| -> f64 {
+            series.iter().enumerate().map(|(k, c)| c * chebyshev(first + k)).sum()
+        };
+        let delta = sum(path.bends(), 2);
+        let turns = delta * (1.0 + instant.sweep - path.offset) + instant.x * instant.sweep * path.offset * path.rate
+            - frame.bend * (path.rate * instant.x + delta).powi(2);
+        let phasor = Complex64::from_polar(1.0, std::f64::consts::TAU * turns);
+        Complex64::new(sum(path.re(), 0), -sum(path.im(), 0)) * phasor
+    }
+
+    /// Value at an instant of the interpolation between those at the modes' instants.
+    fn interpolated(modes: &Modes, frame: &Frame, path: &Path, instant: &Instant) -> Complex64 {
+        let mut functions: Vec<Complex64> = Vec::new();
+        let mut coefficients: Vec<Complex64> = Vec::new();
+        for (i, (reference, inverse, own)) in modes.references.iter().enumerate() {
+            let mut function = residual(reference, frame, instant) * inverse;
+            let mut coefficient = residual(path, frame, &modes.instants[i]);
+            for j in 0..i {
+                function -= own[j] * functions[j];
+                coefficient -= modes.lower[i][j] * coefficients[j];
+            }
+            functions.push(function);
+            coefficients.push(coefficient);
+        }
+        functions.iter().zip(&coefficients).map(|(q, c)| q * c).sum()
+    }
+
+    #[test]
+    fn every_path_is_interpolated_within_the_budget() {
+        let wf = waveform();
+        let (block, frame, paths) = paths(&wf, 400);
+        let mut last = 0;
+        for budget in [1e-2, 1e-4, 1e-8] {
+            for level in Level::available() {
+                let (modes, error) =
+                    find(&wf, &block, &frame, (&paths[..200], 200), true, (budget, 1e-14), level).unwrap();
+                assert!(error <= budget);
+                assert!(modes.num_sets() >= last, "{} modes for {budget}", modes.num_sets());
+                last = modes.num_sets();
+                // Also paths and instants that the search has not seen.
+                let (mut left, mut power) = (0.0, 0.0);
+                for path in &paths {
+                    for i in 0..50 {
+                        let instant = Instant {
+                            x: f64::from(i) / 24.5 - 1.0,
+                            sweep: frame.stretch * wf.half_sweep() * (f64::from(i * 7 % 50) / 24.5 - 1.0),
+                        };
+                        let exact = residual(path, &frame, &instant);
+                        left += (interpolated(&modes, &frame, path, &instant) - exact).norm_sqr();
+                        power += exact.norm_sqr();
+                    }
+                }
+                let measured = (left / power).sqrt();
+                assert!(measured <= 1.5 * budget, "{measured:e} for {budget:e}");
+                // Weights of the checks are those of the interpolation.
+                for check in &modes.checks {
+                    let values = modes
+                        .instants
+                        .iter()
+                        .map(|instant| residual(&paths[7], &frame, instant));
+                    let sum: Complex64 = values.zip(&check.weights).map(|(value, weight)| value * weight).sum();
+                    let expected = interpolated(&modes, &frame, &paths[7], &check.instant);
+                    assert!((sum - expected).norm() < 1e-10, "{}", (sum - expected).norm());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn paths_at_constant_velocity_need_no_modes() {
+        let wf = waveform();
+        let (block, frame, mut paths) = paths(&wf, 50);
+        for path in &mut paths {
+            let parts = [path.re()[0], path.im()[0]].map(std::iter::once);
+            *path = Path::new([path.offset, path.rate], std::iter::empty(), parts);
+        }
+        let (modes, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
+        assert!(modes.are_flat() && modes.num_sets() == 1 && error < 1e-3);
+        assert_eq!(modes.checks.len(), NUM_CHECKS);
+        // A rounding error is within no sum of a few.
+        assert!(find(&wf, &block, &frame, (&paths, 0), true, (1e-18, 1e-14), Level::best()).is_none());
+    }
+
+    #[test]
+    fn places_are_spread_to_both_ends() {
+        assert_eq!(spread(3, 16), [(0, 1.0), (1, 1.0), (2, 1.0)]);
+        let places = spread(100, 16);
+        assert_eq!((places[0].0, places[places.len() - 1].0), (0, 99));
+        assert!(places.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        let all: f64 = places.iter().map(|(_, weight)| weight).sum();
+        assert!((all - 100.0).abs() < 1e-9, "{all}");
+    }
+}

@@ -1,0 +1,466 @@
+//! Where paths lie on the grid, with which strengths, and how far their residuals are from their interpolation.
+
+use super::{Job, Layout, PAD, Widths, origin};
+use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
+use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
+use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
+use crate::synthesis::low_rank::residual_phase::{Instant, turns};
+
+/// Numbers from which places, phases and strengths follow, the same for all paths of a job.
+pub struct Map<T> {
+    /// Turns per sample: of a second of delay, and of a unit of the first degree.
+    turns: [f64; 2],
+    /// Cells of the range axis; half a cell past the first one of a patch around zero.
+    cells: [f64; 2],
+    /// The same for the velocity axis: rows per unit of the first degree, its middle.
+    velocity: [f64; 3],
+    last_row: f64,
+    stride: f64,
+    is_moving: bool,
+    /// Turns of a second of delay, and of its square, less what the start frequency gives.
+    swept: [f64; 2],
+    /// Share of the squared delay in a residual.
+    bend: T,
+    /// Weights of the rows of the amplitude after the first in its mean, and in its further coefficients.
+    mean: Vec<T>,
+    amplitudes: Vec<Vec<T>>,
+    /// Where strengths are taken; none: they are those of the mean amplitude.
+    probes: Vec<Probe<T>>,
+    /// Where they are checked.
+    checks: Vec<(Probe<T>, Vec<[T; 2]>)>,
+    /// Residual phase that paths without modes have there [turns].
+    common: Vec<T>,
+}
+
+/// An instant at which residuals are evaluated.
+struct Probe<T> {
+    x: T,
+    sweep: T,
+    /// Chebyshev polynomials from degree 2 on.
+    polynomials: Vec<T>,
+    /// The same from degree 1 on, for amplitudes.
+    amplitude: Vec<T>,
+    /// Weights of the rows of the amplitude after the first.
+    rows: Vec<T>,
+}
+
+impl<T: Widths> Probe<T> {
+    fn new(job: &Job, instant: &Instant) -> Self {
+        let matrix = &job.expansion.block.amplitude;
+        let mut polynomials = vec![1.0, instant.x];
+        for k in 2..job.expansion.num_degrees.max(matrix.len()) {
+            polynomials.push(2.0 * instant.x * polynomials[k - 1] - polynomials[k - 2]);
+        }
+        let weight = |row: usize| matrix.iter().zip(&polynomials).map(|(m, t)| m[row] * t).sum();
+        Self {
+            x: T::of(instant.x),
+            sweep: T::of(instant.sweep),
+            amplitude: (1..job.expansion.num_amplitudes)
+                .map(|k| T::of(polynomials[k]))
+                .collect(),
+            rows: (1..matrix.len()).map(weight).map(T::of).collect(),
+            polynomials: (2..job.expansion.num_degrees).map(|k| T::of(polynomials[k])).collect(),
+        }
+    }
+}
+
+impl<T: Widths> Map<T> {
+    /// The numbers of a job.
+    pub fn new(job: &Job, layout: &Layout) -> Self {
+        let (waveform, expansion) = (job.waveform, job.expansion);
+        let (width, cells) = (job.width as f64, layout.num_cells as f64);
+        let (half, carrier, modes) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
+        let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
+            let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
+            (Probe::new(job, &check.instant), weights.collect())
+        };
+        // Paths that never change have no further rows.
+        let coefficients = |k: usize| {
+            let factors = &expansion.block.amplitude[k];
+            let num_rows = if job.selection.class == Class::Still {
+                1
+            } else {
+                factors.len()
+            };
+            factors[..num_rows]
+                .iter()
+                .skip(1)
+                .map(|factor| T::of(*factor))
+                .collect()
+        };
+        Self {
+            turns: [
+                waveform.slope / waveform.sample_rate,
+                carrier / (waveform.sample_rate * half),
+            ],
+            cells: [cells, 0.5 * (cells - width) + origin(job.width) as f64 + 0.5],
+            velocity: [
+                (expansion.step * half).recip(),
+                expansion.middle_rate * half,
+                0.5 * ((layout.rows - 1) as f64 - width) + 0.5,
+            ],
+            last_row: layout.rows.saturating_sub(job.width) as f64,
+            stride: layout.stride as f64,
+            is_moving: layout.rows > 1,
+            swept: [waveform.slope * waveform.middle_time(), 0.5 * waveform.slope],
+            bend: T::of(expansion.frame.bend),
+            mean: coefficients(0),
+            amplitudes: (1..expansion.num_amplitudes).map(coefficients).collect(),
+            probes: modes.instants.iter().map(|instant| Probe::new(job, instant)).collect(),
+            checks: modes.checks.iter().map(check).collect(),
+            common: modes
+                .checks
+                .iter()
+                .map(|check| T::of(modes.mean.turns(&expansion.frame, &check.instant)))
+                .collect(),
+        }
+    }
+}
+
+/// One number per path of a chunk.
+type Lane<T> = [T; CHUNK];
+
+/// What a batch of paths is on the grid.
+pub struct Points<T> {
+    /// Paths that are there.
+    pub len: usize,
+    /// First velocity row of the patch of every path.
+    pub row: Vec<u32>,
+    /// First number of the patch in the grid of a mode.
+    pub start: Vec<u32>,
+    /// Place between two cells and between two rows, -1 to 1.
+    pub zx: Vec<T>,
+    /// See `zx`.
+    pub zy: Vec<T>,
+    /// Strengths of every mode: real and imaginary part of a path side by side.
+    pub strengths: Vec<Vec<T>>,
+}
+
+impl<T: Widths> Points<T> {
+    /// Room for some paths.
+    pub fn new(num_modes: usize, num_paths: usize) -> Self {
+        // A chunk is written in whole vectors.
+        let room = num_paths + PAD;
+        let zero = || vec![T::zero(); room];
+        Self {
+            len: 0,
+            row: vec![0; room],
+            start: vec![0; room],
+            zx: zero(),
+            zy: zero(),
+            strengths: vec![vec![T::zero(); 2 * room]; num_modes],
+        }
+    }
+}
+
+/// What is known of a chunk of paths, whatever the instant.
+pub struct Tracks<T> {
+    /// Cosine and sine of the constant phase.
+    phasor: (Lane<T>, Lane<T>),
+    /// As in `residual::Path`.
+    offset: Lane<T>,
+    rate: Lane<T>,
+    bends: Vec<Lane<T>>,
+    /// Rows of the amplitude, real and imaginary parts: the first, and the others' differences from it.
+    rows: [Vec<Lane<T>>; 2],
+    /// Its coefficients by degree.
+    amplitude: [Vec<Lane<T>>; 2],
+    /// Strengths of every mode, real and imaginary parts.
+    strengths: Vec<[Lane<T>; 2]>,
+}
+
+impl<T: Widths> Tracks<T> {
+    /// Room for the series of a job.
+    pub fn new(job: &Job) -> Self {
+        let zero = [T::zero(); CHUNK];
+        // Paths that never change have no further rows.
+        let num_amplitudes = if job.selection.class == Class::Still {
+            1
+        } else {
+            job.series.num_amplitude_terms()
+        };
+        Self {
+            phasor: (zero, zero),
+            offset: zero,
+            rate: zero,
+            bends: vec![zero; job.expansion.num_degrees.saturating_sub(2)],
+            rows: [vec![zero; num_amplitudes], vec![zero; num_amplitudes]],
+            amplitude: [
+                vec![zero; job.expansion.num_amplitudes],
+                vec![zero; job.expansion.num_amplitudes],
+            ],
+            strengths: vec![[zero; 2]; job.expansion.modes.num_sets()],
+        }
+    }
+}
+
+/// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64 hold.
+/// Returns the squared distance of their residuals from the interpolation, the mean over the checks.
+pub struct Place<'a, T, const P: usize> {
+    pub job: &'a Job<'a>,
+    pub map: &'a Map<T>,
+    pub first: usize,
+    pub rows: &'a mut Rows,
+    pub tracks: &'a mut Tracks<T>,
+    pub points: &'a mut Points<T>,
+}
+
+impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
+    type Output = f64;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> f64 {
+        let Self {
+            job,
+            map,
+            first,
+            rows,
+            tracks,
+            points,
+        } = self;
+        rows.gather(job.series, job.channel, first, job.selection);
+        let to = points.len;
+        for at in (0..rows.len).step_by(8 * P) {
+            place::<T, I, P>(job, map, rows, at, tracks, points, to + at);
+        }
+        expand::<T, I, P>(map, rows.len, tracks);
+        let is_flat = job.expansion.modes.are_flat();
+        for mode in 0..points.strengths.len() {
+            let strengths = &mut points.strengths[mode][2 * to..];
+            for at in (0..rows.len).step_by(8 * P) {
+                let [a, b] = if is_flat {
+                    let load = <T::In<I> as Vector>::load;
+                    let mean = [load(&tracks.amplitude[0][0][at..]), load(&tracks.amplitude[1][0][at..])];
+                    turned::<T, I>(mean, tracks, at)
+                } else {
+                    let probe = &map.probes[mode];
+                    let phase = residual_turns::<T, I>(map, probe, tracks, at);
+                    residual::<T, I>(phase, interpolated::<T, I>(probe, tracks, at), tracks, at)
+                };
+                let [re, im] = &mut tracks.strengths[mode];
+                a.store(&mut re[at..]);
+                b.store(&mut im[at..]);
+                wide::store(interleave(a, b), &mut strengths[2 * at..]);
+            }
+        }
+        points.len += rows.len;
+        check::<T, I, P>(map, is_flat, tracks, rows.len)
+    }
+}
+
+/// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
+#[inline(always)]
+fn place<T: Widths, I: Isa, const P: usize>(
+    job: &Job,
+    map: &Map<T>,
+    rows: &Rows,
+    at: usize,
+    tracks: &mut Tracks<T>,
+    points: &mut Points<T>,
+    to: usize,
+) {
+    let (waveform, expansion) = (job.waveform, job.expansion);
+    let (delay, frame) = (&expansion.block.delay, &expansion.frame);
+    let splat = wide::splat::<I, P>;
+
+    // Row, cell and the places between them.
+    let base = wide::load::<I, P>(&rows.delay[0][at..]);
+    let shift = coefficient::<I, P>(delay, &rows.delay, 0, at);
+    let tau = add(base, shift);
+    let mut x = mul(tau, splat(map.turns[0]));
+    let mut start = splat(0.0);
+    if map.is_moving {
+        let offset = mul(sub(tau, splat(frame.middle_delay)), splat(frame.stretch));
+        let rate = coefficient::<I, P>(delay, &rows.delay, 1, at);
+        let e = neg_mul_add(offset, rate, rate);
+        x = mul_add(e, splat(map.turns[1]), x);
+        let [scale, middle, first] = map.velocity;
+        let y = mul_add(sub(e, splat(middle)), splat(scale), splat(first));
+        let row = max(wide::round::<I, P>(y), splat(0.0));
+        let row = min(row, splat(map.last_row));
+        let z = wide::narrow::<T, I, P>(sub(row, y));
+        z.add(z).store(&mut points.zy[to..]);
+        store_small::<I, P>(row, &mut points.row[to..]);
+        start = mul(row, splat(map.stride));
+
+        wide::narrow::<T, I, P>(offset).store(&mut tracks.offset[at..]);
+        let carrier = splat(frame.carrier);
+        wide::narrow::<T, I, P>(mul(rate, carrier)).store(&mut tracks.rate[at..]);
+        for k in 0..tracks.bends.len() {
+            let bend = mul(coefficient::<I, P>(delay, &rows.delay, k + 2, at), carrier);
+            wide::narrow::<T, I, P>(bend).store(&mut tracks.bends[k][at..]);
+        }
+    }
+    let x = mul_add(wide::reduce::<I, P>(x), splat(map.cells[0]), splat(map.cells[1]));
+    let column = wide::round::<I, P>(x);
+    let z = wide::narrow::<T, I, P>(sub(column, x));
+    z.add(z).store(&mut points.zx[to..]);
+    store_small::<I, P>(mul_add(column, splat(2.0), start), &mut points.start[to..]);
+
+    // Constant phase, and the amplitudes.
+    let swept = mul(tau, neg_mul_add(tau, splat(map.swept[1]), splat(map.swept[0])));
+    let phase = mul_add(
+        shift,
+        splat(waveform.start_frequency),
+        wide::turns::<I, P>(waveform.start_frequency, base),
+    );
+    let [cos, sin] = wide::cos_sin::<T, I, P>(add(phase, swept));
+    cos.store(&mut tracks.phasor.0[at..]);
+    sin.store(&mut tracks.phasor.1[at..]);
+    let scale = splat(job.scale);
+    for part in 0..2 {
+        let (lanes, to) = ([&rows.re, &rows.im][part], &mut tracks.rows[part]);
+        for j in 0..to.len().min(lanes.len()) {
+            let lane = mul(wide::load::<I, P>(&lanes[j][at..]), scale);
+            wide::narrow::<T, I, P>(lane).store(&mut to[j][at..]);
+        }
+    }
+}
+
+/// Coefficients of the amplitudes.
+#[inline(always)]
+fn expand<T: Widths, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks: &mut Tracks<T>) {
+    for part in 0..2 {
+        for k in 0..tracks.amplitude[part].len() {
+            let weights = if k == 0 { &map.mean } else { &map.amplitudes[k - 1] };
+            for at in (0..len).step_by(8 * P) {
+                let rows = &tracks.rows[part];
+                let mut sum = <T::In<I>>::splat(T::zero());
+                if k == 0 {
+                    sum = <T::In<I>>::load(&rows[0][at..]);
+                }
+                for j in 0..weights.len() {
+                    let row = <T::In<I>>::load(&rows[j + 1][at..]);
+                    sum = <T::In<I>>::splat(weights[j]).mul_add(row, sum);
+                }
+                sum.store(&mut tracks.amplitude[part][k][at..]);
+            }
+        }
+    }
+}
+
+/// Amplitudes at an instant, from their coefficients.
+#[inline(always)]
+fn interpolated<T: Widths, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+    weighted::<T, I>(&probe.amplitude, &tracks.amplitude, at)
+}
+
+/// Amplitudes at an instant, from their rows.
+#[inline(always)]
+fn exact<T: Widths, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+    weighted::<T, I>(&probe.rows, &tracks.rows, at)
+}
+
+/// The first lane and weighted others, of both parts.
+#[inline(always)]
+fn weighted<T: Widths, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
+    let load = <T::In<I> as Vector>::load;
+    let (mut re, mut im) = (load(&lanes[0][0][at..]), load(&lanes[1][0][at..]));
+    for j in 0..weights.len() {
+        let weight = <T::In<I>>::splat(weights[j]);
+        re = weight.mul_add(load(&lanes[0][j + 1][at..]), re);
+        im = weight.mul_add(load(&lanes[1][j + 1][at..]), im);
+    }
+    [re, im]
+}
+
+/// `conj(a)` times the phasor of the constant phase.
+#[inline(always)]
+fn turned<T: Widths, I: Isa>(amplitude: [T::In<I>; 2], tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+    let load = <T::In<I> as Vector>::load;
+    conjugate_product([load(&tracks.phasor.0[at..]), load(&tracks.phasor.1[at..])], amplitude)
+}
+
+/// `p conj(a)`
+#[inline(always)]
+fn conjugate_product<V: Vector>([cos, sin]: [V; 2], [re, im]: [V; 2]) -> [V; 2] {
+    [im.mul_add(sin, re.mul(cos)), im.neg_mul_add(cos, re.mul(sin))]
+}
+
+/// Residual phases at an instant [turns].
+#[inline(always)]
+fn residual_turns<T: Widths, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> T::In<I> {
+    let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
+    let mut delta = splat(T::zero());
+    for k in 0..probe.polynomials.len() {
+        delta = splat(probe.polynomials[k]).mul_add(load(&tracks.bends[k][at..]), delta);
+    }
+    turns(
+        delta,
+        load(&tracks.offset[at..]),
+        load(&tracks.rate[at..]),
+        splat(probe.x),
+        splat(probe.sweep),
+        splat(map.bend),
+    )
+}
+
+/// Residuals with some phases [turns] and amplitudes, times the phasor of the constant phase.
+#[inline(always)]
+fn residual<T: Widths, I: Isa>(
+    phase: T::In<I>,
+    amplitude: [T::In<I>; 2],
+    tracks: &Tracks<T>,
+    at: usize,
+) -> [T::In<I>; 2] {
+    let [cos, sin] = wide::cos_sin_of::<T, I>(phase);
+    let [re, im] = turned::<T, I>(amplitude, tracks, at);
+    [im.neg_mul_add(sin, re.mul(cos)), im.mul_add(cos, re.mul(sin))]
+}
+
+/// Squared distance of the residuals from their interpolation, the mean over the checks.
+#[inline(always)]
+fn check<T: Widths, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
+    let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
+    let mut sum = splat(T::zero());
+    for number in 0..map.checks.len() {
+        let (probe, weights) = &map.checks[number];
+        for at in (0..len).step_by(8 * P) {
+            let (mut re, mut im);
+            let phase = residual_turns::<T, I>(map, probe, tracks, at);
+            if is_flat {
+                // To first order in what changes.
+                let phase = phase
+                    .sub(splat(map.common[number]))
+                    .mul(splat(T::of(std::f64::consts::TAU)));
+                let [a, b] = &tracks.strengths[0];
+                let (a, b) = (load(&a[at..]), load(&b[at..]));
+                (re, im) = (splat(T::zero()).sub(b.mul(phase)), a.mul(phase));
+                if !probe.rows.is_empty() {
+                    let [c, d] = turned::<T, I>(exact::<T, I>(probe, tracks, at), tracks, at);
+                    (re, im) = (re.add(c.sub(a)), im.add(d.sub(b)));
+                }
+            } else {
+                [re, im] = residual::<T, I>(phase, exact::<T, I>(probe, tracks, at), tracks, at);
+                for mode in 0..weights.len().min(tracks.strengths.len()) {
+                    let [a, b] = &tracks.strengths[mode];
+                    let (a, b) = (load(&a[at..]), load(&b[at..]));
+                    let (c, d) = (splat(weights[mode][0]), splat(weights[mode][1]));
+                    re = b.mul_add(d, a.neg_mul_add(c, re));
+                    im = b.neg_mul_add(c, a.neg_mul_add(d, im));
+                }
+            }
+            sum = re.mul_add(re, im.mul_add(im, sum));
+        }
+    }
+    let mut lanes = [T::zero(); 16];
+    sum.store(&mut lanes);
+    let mut total = 0.0;
+    for i in 0..8 * P {
+        total += lanes[i].wide();
+    }
+    total / map.checks.len().max(1) as f64
+}
+
+/// Whole numbers below 2^32; unlike a conversion this vectorises everywhere.
+#[inline(always)]
+fn store_small<I: Isa, const P: usize>(x: Wide<I, P>, to: &mut [u32]) {
+    let shifted = add(x, wide::splat::<I, P>(4_503_599_627_370_496.0)); // 2^52
+    let mut numbers = [0.0; 16];
+    wide::store(shifted, &mut numbers);
+    // One check of bounds, or the compiler stores number by number.
+    let to = &mut to[..8 * P];
+    for i in 0..8 * P {
+        to[i] = numbers[i].to_bits() as u32;
+    }
+}

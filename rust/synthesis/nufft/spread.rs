@@ -1,0 +1,462 @@
+//! Paths are spread on the grid, each over a patch of cells.
+
+use std::ops::Range;
+
+use super::coordinates::{Map, Points, Tracks};
+use super::{Job, Layout, Widths};
+use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
+use crate::numeric::wide;
+use crate::synthesis::block::{CHUNK, Rows};
+use crate::synthesis::nufft::kernel::{KaiserBessel, degree, tap_table};
+
+/// How far the residuals of paths are from their interpolation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Checked {
+    /// Sum over paths of squared distances, the mean over the checks.
+    pub sum: f64,
+    /// Chunk with the largest share, and that share.
+    pub worst: (usize, f64),
+}
+
+impl Checked {
+    /// With the sums of other chunks.
+    pub fn join(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            worst: if other.worst.1 > self.worst.1 {
+                other.worst
+            } else {
+                self.worst
+            },
+        }
+    }
+}
+
+/// Spread the paths of some chunks.
+pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
+    let is_sorted = is_sorted::<T>(job, layout);
+    // Sorting wants many paths; what is known of them shall stay in L1 if it does not.
+    let room_for_paths = if is_sorted { 1 << 17 } else { 1 << 14 };
+    let batch = (room_for_paths / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
+    let mut rows = Rows::of_class(job.series, job.selection.class);
+    let mut tracks = Tracks::new(job);
+    let mut points = Points::new(job.expansion.modes.num_sets(), batch * CHUNK);
+    let map = Map::new(job, layout);
+    let tables = Tables::new(job.width);
+    let mut room = Room::new(batch * CHUNK, job.width);
+    let mut checked = Checked::default();
+    for first in chunks.clone().step_by(batch) {
+        points.len = 0;
+        for index in first..chunks.end.min(first + batch) {
+            let sum = T::place(job, &map, index * CHUNK, &mut rows, &mut tracks, &mut points);
+            checked = checked.join(Checked {
+                sum,
+                worst: (index, sum),
+            });
+        }
+        room.order(&points, layout, is_sorted);
+        T::add_points(Patches {
+            level: job.level,
+            width: job.width,
+            layout,
+            points: &points,
+            tables: &tables,
+            room: &mut room,
+            grid,
+        });
+    }
+    checked
+}
+
+/// Grids of this many bytes stay in L1.
+const FAST_MEMORY: usize = 1 << 15;
+
+/// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
+const MIN_BYTES: usize = 56;
+
+/// Whether paths are sorted by cell: it pays where a path adds to many of them.
+fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {
+    layout.rows > 1
+        && layout.size() * size_of::<T>() > FAST_MEMORY
+        && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
+}
+
+/// The kernel's polynomials, `[power][number]`.
+struct Tables<T> {
+    /// Along range: for real and imaginary parts if they [fit](fits), else for all cells, in whole vectors.
+    range: Vec<T>,
+    /// Along velocity: for all cells.
+    velocity: Vec<T>,
+    /// Along range and along velocity, half a vector each, if they fit.
+    both: Vec<T>,
+}
+
+impl<T: Widths> Tables<T> {
+    fn new(width: usize) -> Self {
+        let kernel = KaiserBessel::new(width);
+        let fits = fits::<T>(width);
+        Self {
+            range: if fits {
+                tap_table(&kernel, T::LANES, |lane| lane / 2)
+            } else {
+                tap_table(&kernel, width.next_multiple_of(T::LANES), |lane| lane)
+            },
+            velocity: tap_table(&kernel, width, |lane| lane),
+            both: tap_table(&kernel, if fits { T::LANES } else { 0 }, |lane| lane % (T::LANES / 2)),
+        }
+    }
+}
+
+/// Whether the cells of a row, real and imaginary parts, fit into one vector.
+const fn fits<T: Widths>(width: usize) -> bool {
+    2 * width <= T::LANES
+}
+
+/// What is known of the paths of a batch in the order in which they are spread.
+pub struct Room<T> {
+    /// Numbers of the paths.
+    order: Vec<u16>,
+    /// Numbers of the paths by column alone.
+    by_column: Vec<u16>,
+    /// Places in the order by a key.
+    ends: Vec<usize>,
+    /// Where their patches start.
+    start: Vec<u32>,
+    /// Places between two cells and between two rows.
+    zx: Vec<T>,
+    /// See `zx`.
+    zy: Vec<T>,
+    /// Taps along range for real and imaginary parts, in whole vectors: (path, number).
+    range: Vec<T>,
+    /// Taps along velocity: (chunk, cell, path).
+    velocity: Vec<[T; CHUNK]>,
+}
+
+impl<T: Widths> Room<T> {
+    fn new(num_paths: usize, width: usize) -> Self {
+        let zero = || vec![T::zero(); num_paths];
+        Self {
+            order: vec![0; num_paths],
+            by_column: vec![0; num_paths],
+            ends: Vec::new(),
+            start: vec![0; num_paths],
+            zx: zero(),
+            zy: zero(),
+            range: vec![T::zero(); num_paths * (2 * width).next_multiple_of(T::LANES)],
+            velocity: vec![[T::zero(); CHUNK]; num_paths / CHUNK * width],
+        }
+    }
+
+    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and brings paths of one cell together, or
+    /// as they are if they are so by themselves.
+    fn order(&mut self, points: &Points<T>, layout: &Layout, is_sorted: bool) {
+        let len = points.len;
+        let (row, start) = (&points.row[..len], &points.start[..len]);
+        let repeats = start.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        if !is_sorted || 2 * repeats > len {
+            for (i, order) in self.order[..len].iter_mut().enumerate() {
+                *order = i as u16;
+            }
+            self.start[..len].copy_from_slice(start);
+            self.zx[..len].copy_from_slice(&points.zx[..len]);
+            self.zy[..len].copy_from_slice(&points.zy[..len]);
+            return;
+        }
+        // Two passes of counting: by column, then by row.
+        let column = |i: usize| (start[i] as usize - row[i] as usize * layout.stride) / 2;
+        count(&mut self.ends, layout.stride / 2, (0..len).map(column));
+        for i in 0..len {
+            let at = &mut self.ends[column(i)];
+            self.by_column[*at] = i as u16;
+            *at += 1;
+        }
+        count(&mut self.ends, layout.rows, row.iter().map(|row| *row as usize));
+        for i in &self.by_column[..len] {
+            let path = usize::from(*i);
+            let at = &mut self.ends[row[path] as usize];
+            self.order[*at] = *i;
+            self.start[*at] = start[path];
+            self.zx[*at] = points.zx[path];
+            self.zy[*at] = points.zy[path];
+            *at += 1;
+        }
+    }
+}
+
+/// Places of the first of every key in sorted order.
+fn count(ends: &mut Vec<usize>, num_keys: usize, keys: impl Iterator<Item = usize>) {
+    ends.clear();
+    ends.resize(num_keys + 1, 0);
+    for key in keys {
+        ends[key + 1] += 1;
+    }
+    for i in 0..num_keys {
+        ends[i + 1] += ends[i];
+    }
+}
+
+/// The points of a batch of paths, to be spread.
+pub struct Patches<'a, T> {
+    level: Level,
+    /// Cells of the kernel.
+    pub width: usize,
+    layout: &'a Layout,
+    points: &'a Points<T>,
+    tables: &'a Tables<T>,
+    room: &'a mut Room<T>,
+    grid: &'a mut [T],
+}
+
+impl<T: Widths> Patches<'_, T> {
+    /// Add them, with a kernel of `W` cells, `N` vectors per row. Paths that follow each other in one cell are merged in
+    /// registers if `MERGES`.
+    pub fn add<const W: usize, const N: usize, const MERGES: bool>(self) {
+        if self.layout.rows > 1 {
+            self.level.run(Spread::<T, W, W, N, MERGES>(self));
+        } else {
+            self.level.run(Spread::<T, W, 1, N, MERGES>(self));
+        }
+    }
+}
+
+/// Spreads points with a kernel of `W` cells over `R` rows.
+struct Spread<'a, T, const W: usize, const R: usize, const N: usize, const MERGES: bool>(Patches<'a, T>);
+
+impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bool> Kernel
+    for Spread<'_, T, W, R, N, MERGES>
+{
+    type Output = ();
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) {
+        let Patches {
+            layout,
+            points,
+            tables,
+            room,
+            grid,
+            ..
+        } = self.0;
+        let len = points.len;
+        let mut repeats = 0;
+        for i in 1..len {
+            repeats += usize::from(room.start[i] == room.start[i - 1]);
+        }
+        let is_merged = MERGES && 2 * repeats > len;
+        // One set of strengths needs the taps of a path once.
+        let is_single = points.strengths.len() == 1;
+        if R > 1 && (is_merged || !is_single || !fits::<T>(W)) {
+            room.evaluate_velocity::<I, W>(&tables.velocity, len);
+        }
+        if !is_single {
+            let polynomials = polynomials::<T, I, W>(&tables.range);
+            for i in 0..len {
+                let taps = range_taps::<T, I, W, N>(&polynomials, &tables.range, room.zx[i]);
+                wide::store(taps, &mut room.range[i * N * <T::In<I>>::LANES..]);
+            }
+        }
+        // One grid after the other: the rows at work stay in L1.
+        for mode in 0..points.strengths.len() {
+            let grid = &mut grid[mode * layout.size()..][..layout.size()];
+            for first in (0..len).step_by(CHUNK) {
+                let chunk = Chunk {
+                    len: CHUNK.min(len - first),
+                    stride: layout.stride,
+                    strengths: &points.strengths[mode],
+                    tables,
+                    order: &room.order[first..],
+                    start: &room.start[first..],
+                    zx: &room.zx[first..],
+                    zy: &room.zy[first..],
+                    range: &room.range[first * N * <T::In<I>>::LANES..],
+                    velocity: &room.velocity[first / CHUNK * W..],
+                };
+                if is_merged && is_single {
+                    chunk.merge::<I, W, R, N, true>(grid);
+                } else if is_merged {
+                    chunk.merge::<I, W, R, N, false>(grid);
+                } else if is_single {
+                    chunk.add::<I, W, R, N, true>(grid);
+                } else {
+                    chunk.add::<I, W, R, N, false>(grid);
+                }
+            }
+        }
+    }
+}
+
+/// Some paths in their order, and the strengths of all.
+struct Chunk<'a, T> {
+    len: usize,
+    stride: usize,
+    strengths: &'a [T],
+    tables: &'a Tables<T>,
+    order: &'a [u16],
+    start: &'a [u32],
+    zx: &'a [T],
+    zy: &'a [T],
+    range: &'a [T],
+    velocity: &'a [[T; CHUNK]],
+}
+
+impl<T: Widths> Chunk<'_, T> {
+    /// Add the patch of every path to the grid. `SINGLE`: taps along range are not known yet, nor those along velocity if both
+    /// fit into a vector.
+    #[inline(always)]
+    fn add<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
+        // Shuffles are free here, loads and stores are not.
+        let is_both = SINGLE && R > 1 && fits::<T>(W);
+        let table = if is_both { &self.tables.both } else { &self.tables.range };
+        let polynomials = polynomials::<T, I, W>(table);
+        let len = self.len.min(CHUNK);
+        let (order, start) = (&self.order[..len], &self.start[..len]);
+        let (zx, zy) = (&self.zx[..len], &self.zy[..len]);
+        let velocity = &self.velocity[..if R > 1 { R } else { 0 }];
+        for i in 0..len {
+            let strength = self.strength::<I>(order[i]);
+            let mut taps = [T::one(); R];
+            let mut values = [strength; N];
+            if is_both {
+                let tap = horner(&polynomials[..=degree(W)], <T::In<I>>::halves(zx[i], zy[i]));
+                values[0] = tap.pairs()[0].mul(strength);
+                let mut lanes = [T::zero(); 16];
+                tap.store(&mut lanes);
+                for j in 0..R {
+                    taps[j] = lanes[T::LANES / 2 + j];
+                }
+            } else {
+                let range = if SINGLE {
+                    range_taps::<T, I, W, N>(&polynomials, table, zx[i])
+                } else {
+                    wide::load_vectors(&self.range[i * N * <T::In<I>>::LANES..])
+                };
+                values = wide::mul(range, values);
+                for j in 0..velocity.len() {
+                    taps[j] = velocity[j][i];
+                }
+            }
+            if R > 1 {
+                add_rows::<_, R, N>(grid, start[i] as usize, self.stride, &taps, &values);
+            } else {
+                add_patch(grid, start[i] as usize, self.stride, &[values]);
+            }
+        }
+    }
+
+    /// The same; patches of paths that follow each other in one cell are added up in registers. Taps along velocity are known.
+    #[inline(always)]
+    fn merge<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
+        let table = &self.tables.range;
+        let polynomials = polynomials::<T, I, W>(table);
+        let len = self.len.min(CHUNK);
+        let (order, start, zx) = (&self.order[..len], &self.start[..len], &self.zx[..len]);
+        let velocity = &self.velocity[..if R > 1 { R } else { 0 }];
+        let mut i = 0;
+        while i < len {
+            let cell = start[i];
+            let mut patch = [[<T::In<I>>::splat(T::zero()); N]; R];
+            while i < len && start[i] == cell {
+                let range = if SINGLE {
+                    range_taps::<T, I, W, N>(&polynomials, table, zx[i])
+                } else {
+                    wide::load_vectors(&self.range[i * N * <T::In<I>>::LANES..])
+                };
+                let values = wide::mul(range, [self.strength::<I>(order[i]); N]);
+                for j in 0..R {
+                    let tap = <T::In<I>>::splat(if R == 1 { T::one() } else { velocity[j][i] });
+                    for n in 0..N {
+                        patch[j][n] = tap.mul_add(values[n], patch[j][n]);
+                    }
+                }
+                i += 1;
+            }
+            add_patch(grid, cell as usize, self.stride, &patch);
+        }
+    }
+
+    /// Real and imaginary part of the strength of a path, again and again.
+    #[inline(always)]
+    fn strength<I: Isa>(&self, path: u16) -> T::In<I> {
+        let at = 2 * usize::from(path);
+        let strength = &self.strengths[at..at + 2];
+        <T::In<I>>::alternate(strength[0], strength[1])
+    }
+}
+
+impl<T: Widths> Room<T> {
+    /// Taps along velocity of all paths.
+    #[inline(always)]
+    fn evaluate_velocity<I: Isa, const W: usize>(&mut self, table: &[T], len: usize) {
+        let lanes = <T::In<I> as Vector>::LANES;
+        let table = &table[..(degree(W) + 1) * W];
+        for first in (0..len).step_by(CHUNK) {
+            let zy = &self.zy[first..first + CHUNK];
+            let taps = &mut self.velocity[first / CHUNK * W..][..W];
+            for at in (0..CHUNK.min(len - first)).step_by(lanes) {
+                let z = <T::In<I>>::load(&zy[at..]);
+                for cell in 0..W {
+                    let mut tap = <T::In<I>>::splat(table[degree(W) * W + cell]);
+                    for power in (0..degree(W)).rev() {
+                        tap = tap.mul_add(z, <T::In<I>>::splat(table[power * W + cell]));
+                    }
+                    tap.store(&mut taps[cell][at..]);
+                }
+            }
+        }
+    }
+}
+
+/// Coefficients of the polynomials of one vector.
+type Polynomials<V> = [V; degree(8) + 1];
+
+/// Those of a table, if the cells of a row fit into one.
+#[inline(always)]
+fn polynomials<T: Widths, I: Isa, const W: usize>(table: &[T]) -> Polynomials<T::In<I>> {
+    let lanes = <T::In<I> as Vector>::LANES;
+    let mut polynomials = [<T::In<I>>::splat(T::zero()); degree(8) + 1];
+    if fits::<T>(W) {
+        for power in 0..=degree(W) {
+            polynomials[power] = <T::In<I>>::load(&table[power * lanes..]);
+        }
+    }
+    polynomials
+}
+
+/// Polynomials by Horner's rule.
+#[inline(always)]
+fn horner<V: Vector>(polynomials: &[V], z: V) -> V {
+    let mut sum = polynomials[polynomials.len() - 1];
+    for power in (0..polynomials.len() - 1).rev() {
+        sum = sum.mul_add(z, polynomials[power]);
+    }
+    sum
+}
+
+/// Taps along range of a path, for real and imaginary parts.
+#[inline(always)]
+fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
+    polynomials: &Polynomials<T::In<I>>,
+    table: &[T],
+    z: T,
+) -> [T::In<I>; N] {
+    let lanes = <T::In<I> as Vector>::LANES;
+    let z = <T::In<I>>::splat(z);
+    if fits::<T>(W) {
+        return [horner(&polynomials[..=degree(W)], z); N];
+    }
+    let mut taps = [z; N];
+    let stride = W.next_multiple_of(lanes);
+    let table = &table[..(degree(W) + 1) * stride];
+    for i in 0..N.div_ceil(2) {
+        let mut tap = <T::In<I>>::load(&table[degree(W) * stride + i * lanes..]);
+        for power in (0..degree(W)).rev() {
+            tap = tap.mul_add(z, <T::In<I>>::load(&table[power * stride + i * lanes..]));
+        }
+        let [low, high] = tap.pairs();
+        taps[2 * i] = low;
+        if 2 * i + 1 < N {
+            taps[2 * i + 1] = high;
+        }
+    }
+    taps
+}

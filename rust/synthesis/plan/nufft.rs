@@ -1,0 +1,483 @@
+//! How paths are laid out on range-velocity grids: kernel, blocks of chirps, rows, modes.
+
+use std::f64::consts::TAU;
+
+use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
+use crate::synthesis::block::{Block, Class};
+use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::cross_approximation::{self, Modes};
+use crate::synthesis::low_rank::residual_phase::{Frame, Path};
+use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
+use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
+use crate::synthesis::statistics::Interval;
+
+/// Errors of rounding, relative to l2(amplitudes).
+const SINGLE_ROUNDING: f64 = 3e-7;
+const DOUBLE_ROUNDING: f64 = 3e-14;
+/// Rounding of the sum of n numbers in a cell one after the other, relative to their l2 norm: so much times sqrt(n).
+/// Measured, in single precision.
+const SINGLE_SUM: f64 = 6e-8;
+/// Largest error of a kernel in blocks of one or two chirps, which are at the end of its range, over that in many.
+const FEW_CHIRPS: f64 = 1.5;
+/// Rounding of residual phases in single precision [rad per turn].
+const SINGLE_TURN: f64 = 5e-7;
+/// Paths are alike if their largest changes are within this factor.
+const ALIKE: f64 = 1.5;
+/// Bytes that stay in L2.
+const FAST_MEMORY: f64 = 2e6;
+/// Paths that are spread on one grid after the other.
+const BATCH: f64 = 2048.0;
+/// Time that it takes to plan for more blocks, and to look at all paths in them [s].
+const PLANNING: f64 = 5e-4;
+/// Delays and amplitudes are followed to this share of the error that is left.
+const LEAST_SHARE: f64 = 0.02;
+/// So many modes are few.
+const FEW_MODES: usize = 3;
+/// Largest grid of one block with all its modes [numbers].
+const MAX_GRID: usize = 1 << 23;
+
+impl Goal<'_> {
+    /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
+    pub(super) fn grid(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
+        let request = self.request;
+        let (waveform, series) = (request.waveform, request.series);
+        // Double precision where single precision is too coarse for the modes.
+        let single = if request.allows_single {
+            self.cheapest(true)
+        } else {
+            None
+        };
+        let (estimate, blocks, kernel, mut laid) = single.or_else(|| self.cheapest(false))?;
+        if estimate >= limit {
+            // What is at hand is cheaper: no need to look at the paths again.
+            return None;
+        }
+        if blocks.len() > 1 {
+            // Now with the ranges that the paths have in the blocks; modes of samples do not depend on them.
+            let mut known = laid.into_iter().peekable();
+            let expand = |(block, ranges): (&Block, Vec<Interval>)| {
+                let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
+                match known.next_if(is_known) {
+                    Some(laid) => self.fit(laid, &ranges, kernel),
+                    None => self.expand(block, &ranges, kernel),
+                }
+            };
+            laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
+        }
+        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
+        let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
+        let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
+        let count = blocks.len();
+        let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
+        // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
+        let num_grids = series.num_channels * count;
+        // Spectra are half as large, and wait for those of other channels.
+        let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
+        let numbers = expansions
+            .iter()
+            .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
+            .max()
+            .unwrap_or(0);
+        Some(Part {
+            class: self.class,
+            num_paths: self.group.num_paths,
+            step: Step::Grid {
+                is_single: kernel.is_single,
+                width: kernel.width,
+                expansions,
+            },
+            error: error * self.share,
+            interpolation: interpolation * self.share,
+            cost,
+            memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
+        })
+    }
+
+    /// The cheapest number of blocks, by samples of the paths.
+    fn cheapest(&self, allows_single: bool) -> Option<Estimate> {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        let num_chirps = waveform.chirp_times.len();
+        let counts: Vec<usize> = if self.class == Class::Still {
+            vec![1]
+        } else {
+            std::iter::successors(Some(1), |n| Some(2 * n))
+                .take_while(|n| *n <= num_chirps)
+                .collect()
+        };
+        let mut best: Option<Estimate> = None;
+        for count in counts {
+            let blocks = Block::split(waveform, series, count);
+            let sample: Vec<usize> = if count > 2 {
+                vec![0, count / 2, count - 1]
+            } else {
+                (0..count).collect()
+            };
+            let share = count as f64 / sample.len() as f64;
+            let lay = |kernel: Kernel| {
+                let of_block = |i: &usize| self.expand(&blocks[*i], &self.ranges(&blocks[*i]), kernel);
+                Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
+            };
+            let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
+                share * costs.sum::<f64>()
+            };
+            let kernels = self.kernels(num_chirps / count, allows_single);
+            let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
+            // One cell more may spare one mode of a few.
+            let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
+                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
+                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
+            };
+            if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
+                && is_few(narrow)
+                && let Some(wide) = lay(*wider)
+                && costs(wide.0, &wide.1, false) < costs(narrow.0, &narrow.1, false)
+            {
+                laid = Some(wide);
+            }
+            let Some((kernel, laid)) = laid else {
+                continue;
+            };
+            let (cost, next) = (costs(kernel, &laid, false), 2.0 * costs(kernel, &laid, true));
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, blocks, kernel, laid));
+            }
+            if best.as_ref().is_some_and(|(least, ..)| *least <= next + PLANNING) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// All kernels, the fastest first; `stress` multiplies the kernel's error, `most` numbers are added one after the
+    /// other.
+    pub(super) fn all_kernels(&self, stress: f64, most: f64) -> impl Iterator<Item = Kernel> + use<> {
+        let num_points = self.effective_paths;
+        let widths = SINGLE_WIDTHS
+            .map(|width| (true, width))
+            .into_iter()
+            .chain(DOUBLE_WIDTHS.map(|width| (false, width)));
+        let single = self.single_rounding(most);
+        widths.map(move |(is_single, width)| Kernel {
+            is_single,
+            width,
+            error: (stress * KaiserBessel::error(width, num_points)).hypot(if is_single {
+                single
+            } else {
+                DOUBLE_ROUNDING
+            }),
+        })
+    }
+
+    /// Rounding of sums in single precision, of which at most `most` numbers are added one after the other.
+    fn single_rounding(&self, most: f64) -> f64 {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        // Cells between the nearest and the farthest path.
+        let span = 2.0 * self.group.delay[0].half() * (waveform.slope / waveform.sample_rate).abs();
+        let cells = 1.0 + span.min(1.0) * (OVERSAMPLING * waveform.num_samples) as f64;
+        let paths = (self.group.num_paths as f64 / series.num_channels as f64).min(most);
+        // The paths of a cell that add up in phase are gain^2.
+        let equal = self.request.gain.powi(2).min(most);
+        SINGLE_ROUNDING
+            .hypot(SINGLE_SUM * (paths / cells).sqrt())
+            .hypot(SINGLE_EQUAL_SUM * equal)
+    }
+
+    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps, and the next one of the same
+    /// precision.
+    fn kernels(&self, num_chirps: usize, allows_single: bool) -> Vec<Kernel> {
+        let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
+        let fitting = self.all_kernels(stress, f64::INFINITY);
+        let mut kernels: Vec<Kernel> = fitting
+            .filter(|kernel| kernel.error <= 0.8 * self.tolerance && (allows_single || !kernel.is_single))
+            .take(2)
+            .collect();
+        if let [first, second] = kernels[..]
+            && first.is_single != second.is_single
+        {
+            kernels.pop();
+        }
+        kernels
+    }
+
+    /// Predicted time to spread all paths on the grids of some terms [s].
+    fn spread_cost(&self, kernel: Kernel, num_terms: usize) -> f64 {
+        let w = kernel.width as f64;
+        let (first, further) = if kernel.is_single {
+            (7.0 + 1.2 * w, 0.5 + 1.0 * w)
+        } else {
+            (8.0 + 2.2 * w, 2.0 * w)
+        };
+        1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
+    }
+
+    /// Predicted time of one block [s]; or of each of its halves, with about as many modes as they can be hoped to have:
+    /// delays bend a quarter as much.
+    fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
+        let divisor = if is_halved { 2 } else { 1 };
+        let mut num_modes = expansion.modes.num_sets();
+        if is_halved {
+            num_modes = num_modes.div_ceil(2).min(num_modes / 4 + 4);
+        }
+        let terms = num_modes as f64;
+        let channels = self.request.series.num_channels as f64;
+        let samples = self.request.waveform.num_samples as f64 / 128.0;
+        let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
+        let scale = if kernel.is_single { 1.0 } else { 2.0 };
+        let transform = if expansion.rows == 1 {
+            1e3
+        } else {
+            1e3 * (expansion.rows / divisor) as f64 * terms * slow * samples * scale
+        };
+        // Every block reads all rows of the series: those of amplitudes are twice as long.
+        let series = self.request.series;
+        let rows =
+            2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0) + 3.0 * (series.num_amplitude_terms() as f64 - 1.0);
+        let reading = rows * self.group.num_paths as f64;
+        // Grids that do not stay in L2 are fetched for every batch of paths.
+        let size = Layout::new(
+            self.request.waveform.num_samples,
+            kernel.width,
+            expansion.rows / divisor,
+        )
+        .size();
+        let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
+        let fetching = 0.02 * (bytes - FAST_MEMORY).max(0.0) * self.group.num_paths as f64 / BATCH;
+        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
+    }
+
+    /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
+    fn ranges(&self, block: &Block) -> Vec<Interval> {
+        if block.chirps.len() == self.request.waveform.chirp_times.len() {
+            return self.group.delay.clone();
+        }
+        let mut ranges = vec![Interval::EMPTY; self.group.delay.len()];
+        for sample in self.request.samples {
+            for (range, c) in ranges.iter_mut().zip(sample.delay(block)) {
+                *range = range.join(Interval { low: c, high: c });
+            }
+        }
+        for range in &mut ranges {
+            let more = 0.1 * range.half();
+            *range = Interval {
+                low: range.low - more,
+                high: range.high + more,
+            };
+        }
+        ranges
+    }
+
+    /// Whether delays and amplitudes of all paths change no more than those of the samples, as far as it counts.
+    fn look_alike(&self) -> bool {
+        let (waveform, series) = (self.request.waveform, self.request.series);
+        // Those that were learned later say nothing of the others.
+        let samples = &self.request.samples[..self.request.num_random];
+        if samples.len() >= self.group.num_paths {
+            return true;
+        }
+        let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
+        let fast = waveform.sample_time(waveform.num_samples - 1).abs();
+        let top = TAU * (waveform.start_frequency.abs() + waveform.slope.abs() * fast);
+        let least = 0.1 * self.tolerance;
+        let mut largest = vec![0.0_f64; self.group.delay.len()];
+        let mut power = vec![0.0; self.group.power.len()];
+        for sample in samples {
+            for (largest, c) in largest.iter_mut().zip(sample.delay(&frame)) {
+                *largest = largest.max(c.abs());
+            }
+            for (power, square) in power.iter_mut().zip(sample.powers(&frame)) {
+                *power += square;
+            }
+        }
+        // The rate counts by the beat frequency that it shifts, other degrees as they are.
+        let weight = |k: usize| if k == 1 { 1e-4 * top } else { top };
+        let delays = (1..largest.len()).all(|k| {
+            let all = self.group.delay[k].magnitude();
+            all <= ALIKE * largest[k] || weight(k) * all <= least
+        });
+        let share = |k: usize| (self.group.power[k].iter().sum::<f64>() / self.own.iter().sum::<f64>()).sqrt();
+        let total: f64 = power.iter().sum();
+        let amplitudes = (1..power.len()).all(|k| share(k) <= ALIKE * (power[k] / total).sqrt() || share(k) <= least);
+        let mean = self.own.iter().sum::<f64>() / self.group.num_paths as f64;
+        delays && amplitudes && ALIKE * ALIKE * total > mean * samples.len() as f64
+    }
+
+    /// How the paths are laid out in a block. None if the tolerance cannot be reached.
+    fn expand(&self, block: &Block, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
+        let waveform = self.request.waveform;
+        let middle_delay = delay[0].middle();
+        let carrier = waveform.start_frequency + waveform.slope * (waveform.middle_time() - middle_delay);
+        let frame = Frame::new(carrier, middle_delay, waveform.slope);
+        if self.class == Class::Still {
+            let expansion = Expansion {
+                block: block.clone(),
+                frame,
+                middle_rate: 0.0,
+                step: 1.0,
+                rows: 1,
+                num_degrees: 1,
+                num_amplitudes: 1,
+                modes: Modes::none(),
+            };
+            return Some(Laid {
+                expansion,
+                error: kernel.error,
+                interpolation: 0.0,
+            });
+        }
+
+        if frame.bend.is_nan() || frame.bend.abs() > 1.0 {
+            // No carrier to speak of.
+            return None;
+        }
+
+        let budget = self.budget(kernel);
+        let mut paths = self.room.take();
+        paths.resize_with(self.request.samples.len(), Path::default);
+        for (path, sample) in paths.iter_mut().zip(self.request.samples) {
+            sample.set_in_block(block, &frame, path);
+        }
+        let fluctuation = fluctuation(waveform);
+        let allowed = budget / self.request.caution / fluctuation;
+        let num_apart = if paths.len() < self.group.num_paths {
+            self.request.num_random
+        } else {
+            0
+        };
+        let level = self.request.level;
+        let found = cross_approximation::find(
+            waveform,
+            block,
+            &frame,
+            (&paths, num_apart),
+            *self.are_alike.get_or_init(|| self.look_alike()),
+            (
+                allowed,
+                if kernel.is_single {
+                    SINGLE_ROUNDING
+                } else {
+                    DOUBLE_ROUNDING
+                },
+            ),
+            level,
+        );
+        let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
+        self.room.replace(paths);
+        let (modes, left) = found?;
+        let rounding = if kernel.is_single {
+            SINGLE_TURN * modes.turns
+        } else {
+            0.0
+        };
+        // Checks have it as well.
+        let interpolation = (left * fluctuation).hypot(rounding);
+        let error = kernel.error.hypot(interpolation);
+        if error > self.tolerance {
+            return None;
+        }
+        let expansion = Expansion {
+            block: block.clone(),
+            frame,
+            middle_rate: 0.0,
+            step: 1.0,
+            rows: 1,
+            num_degrees: 2,
+            num_amplitudes,
+            modes,
+        };
+        let laid = Laid {
+            expansion,
+            error,
+            interpolation,
+        };
+        self.fit(laid, delay, kernel)
+    }
+
+    /// The same with the velocity axis and the degrees of delays in some ranges.
+    fn fit(&self, mut laid: Laid, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
+        let (waveform, expansion) = (self.request.waveform, &mut laid.expansion);
+        let axis = self.velocity_axis(&expansion.block, delay, &expansion.frame, kernel)?;
+        let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
+        if expansion.modes.num_sets().saturating_mul(size) > MAX_GRID {
+            return None;
+        }
+        (expansion.middle_rate, expansion.step, expansion.rows) = (axis.middle_rate, axis.step, axis.rows);
+        // Degrees that count: no path turns by more than a share of the budget in the others.
+        let top = (expansion.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let counts = |k: &usize| top * delay[*k].magnitude() > LEAST_SHARE * self.budget(kernel);
+        expansion.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        Some(laid)
+    }
+
+    /// Error that a kernel leaves to others.
+    ///
+    /// Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
+    fn budget(&self, kernel: Kernel) -> f64 {
+        let square = (MARGIN * self.tolerance).powi(2) - kernel.error.powi(2);
+        square.max(0.0).sqrt()
+    }
+
+    /// The velocity axis of a block. None if it is without measure.
+    fn velocity_axis(&self, block: &Block, delay: &[Interval], frame: &Frame, kernel: Kernel) -> Option<Axis> {
+        let unstretched = Interval {
+            low: 1.0 - frame.stretch * (delay[0].high - frame.middle_delay),
+            high: 1.0 - frame.stretch * (delay[0].low - frame.middle_delay),
+        };
+        let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
+        let rate = rate.scaled(block.half.recip());
+        let keystone = Expansion::max_keystone(self.request.waveform, block, frame.carrier);
+        let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
+        // One part in 10^9 for rounding.
+        let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
+        if !span.is_finite() || span > 1e7 {
+            return None;
+        }
+        let rows = (span.ceil() as usize + kernel.width + 2).next_multiple_of(2);
+        Some(Axis {
+            middle_rate: rate.middle(),
+            step,
+            rows,
+        })
+    }
+}
+
+/// Degrees of amplitudes that change by more than a share.
+fn num_amplitudes(paths: &[Path], least: f64) -> usize {
+    let num_terms = paths.first().map_or(1, Path::num_amplitudes);
+    let power = |k: usize| {
+        let squares = paths.iter().map(|path| path.re()[k].powi(2) + path.im()[k].powi(2));
+        squares.sum::<f64>()
+    };
+    let total: f64 = (0..num_terms).map(power).sum();
+    let counts = |k: &usize| power(*k) > least * least * total;
+    (1..num_terms).rev().find(counts).map_or(1, |k| k + 1)
+}
+
+/// The velocity axis of a grid.
+struct Axis {
+    /// Its middle [s/s].
+    middle_rate: f64,
+    /// From row to row [s/s].
+    step: f64,
+    rows: usize,
+}
+
+/// Time [s], blocks, their kernel and how the paths are laid out in some of them.
+type Estimate = (f64, Vec<Block>, Kernel, Vec<Laid>);
+
+/// How the paths are laid out in a block.
+struct Laid {
+    expansion: Expansion,
+    /// Predicted error.
+    error: f64,
+    /// What the interpolation of residuals and their rounding have in it.
+    interpolation: f64,
+}
+
+/// A kernel of the grid and its error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    pub(super) is_single: bool,
+    pub(super) width: usize,
+    pub(super) error: f64,
+}

@@ -1,0 +1,722 @@
+//! What a plan has to know of all paths: how many there are of each class, the ranges of their series, their power.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use crate::numeric::parallel;
+use crate::numeric::random::mix;
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
+use crate::numeric::wide;
+use crate::synthesis::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
+use crate::synthesis::delay::PathSeries;
+use crate::synthesis::low_rank::residual_phase::Sample;
+
+/// A closed range of numbers; empty if `low > high`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Smallest number.
+    pub low: f64,
+    /// Largest number.
+    pub high: f64,
+}
+
+impl Interval {
+    /// No number.
+    pub const EMPTY: Self = Self {
+        low: f64::INFINITY,
+        high: f64::NEG_INFINITY,
+    };
+    /// The number zero.
+    pub const ZERO: Self = Self { low: 0.0, high: 0.0 };
+
+    /// The smallest range that holds both.
+    pub fn join(self, other: Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
+    }
+
+    /// All sums.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            low: self.low + other.low,
+            high: self.high + other.high,
+        }
+    }
+
+    /// All products.
+    pub fn times(self, other: Self) -> Self {
+        let ends = [
+            self.low * other.low,
+            self.low * other.high,
+            self.high * other.low,
+            self.high * other.high,
+        ];
+        Self {
+            low: ends.into_iter().fold(f64::INFINITY, f64::min),
+            high: ends.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+
+    /// Multiplied by a number.
+    pub fn scaled(self, factor: f64) -> Self {
+        self.times(Self {
+            low: factor,
+            high: factor,
+        })
+    }
+
+    /// Half way between the ends.
+    pub fn middle(self) -> f64 {
+        0.5 * (self.low + self.high)
+    }
+
+    /// Half of the distance of the ends.
+    pub fn half(self) -> f64 {
+        0.5 * (self.high - self.low)
+    }
+
+    /// Largest absolute value.
+    pub fn magnitude(self) -> f64 {
+        self.low.abs().max(self.high.abs())
+    }
+}
+
+/// The paths of one class.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Paths, over all channels.
+    pub num_paths: usize,
+    /// Range of the coefficients of the delay over the frame [s], by degree.
+    pub delay: Vec<Interval>,
+    /// Power of the coefficients of the amplitude over the frame, (degree, channel).
+    pub power: Vec<Vec<f64>>,
+}
+
+impl Group {
+    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    pub fn own_power(&self) -> Vec<f64> {
+        let mut own = self.power[0].clone();
+        for change in &self.power[1..] {
+            for (own, change) in own.iter_mut().zip(change) {
+                *own += 0.5 * change;
+            }
+        }
+        own
+    }
+}
+
+/// All paths of a series.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    /// Those that never change.
+    pub still: Group,
+    /// All others.
+    pub moving: Group,
+    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    pub power: Vec<f64>,
+    /// Sum of the fourth powers of the first amplitudes, per channel.
+    pub fourth: Vec<f64>,
+    /// Largest real or imaginary part of the first amplitude of any path, and of the others' differences from it.
+    pub largest: f64,
+    /// False if any number may not be finite.
+    pub is_finite: bool,
+    /// A bit per path that moves, (channel, chunk).
+    pub masks: Vec<u128>,
+    /// Some of the paths whose residuals change most, of every part of the work.
+    pub extremes: Vec<Extreme>,
+}
+
+/// A path whose residual changes more than its neighbours'.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extreme {
+    /// Estimate of the square of that change.
+    pub change: f64,
+    /// Number of the path in its channel.
+    pub path: usize,
+    /// Number of the channel.
+    pub channel: usize,
+}
+
+/// Most of them.
+const NUM_EXTREMES: usize = 12;
+/// So many neighbours have one of them.
+const NEIGHBOURS: usize = 32;
+
+/// Chunks per part of the work: sums do not depend on the number of threads.
+const PART: usize = 64;
+
+impl Survey {
+    /// Look at all paths of a frame, which is one block, about a carrier [Hz].
+    pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
+        let look = |(channel, chunks): (usize, Range<usize>)| {
+            level.run(Look {
+                series,
+                frame,
+                carrier,
+                channel,
+                chunks,
+            })
+        };
+        let looks: Vec<Self> = parallel::map(is_parallel, parts(series), look);
+        let mut all = Self::empty(series);
+        for look in &looks {
+            all.join(look);
+        }
+        sort(&mut all.extremes);
+        all
+    }
+
+    /// Number of paths of equal strength that would have the same ratio of fourth to second moments, the least of all
+    /// channels; 1 if that cannot be said.
+    pub fn effective_paths(&self) -> f64 {
+        let channels = self.power.iter().zip(&self.fourth).filter(|(power, _)| **power > 0.0);
+        let ratios = channels.map(|(power, fourth)| {
+            let ratio = power * power / fourth;
+            if ratio.is_finite() { ratio } else { 1.0 }
+        });
+        ratios.fold(1e9, f64::min).max(1.0)
+    }
+
+    /// All paths as moving ones.
+    pub fn merge(&mut self) {
+        let still = std::mem::replace(&mut self.still, self.moving.clone());
+        let moving = &mut self.moving;
+        moving.num_paths += still.num_paths;
+        for (a, b) in moving.delay.iter_mut().zip(&still.delay) {
+            *a = a.join(*b);
+        }
+        for (a, b) in moving.power.iter_mut().flatten().zip(still.power.iter().flatten()) {
+            *a += b;
+        }
+        self.still.num_paths = 0;
+    }
+
+    /// The number of paths alone.
+    pub fn count(series: &PathSeries) -> Self {
+        let mut survey = Self::empty(series);
+        survey.moving.num_paths = series.num_channels * series.num_paths;
+        survey
+    }
+
+    fn empty(series: &PathSeries) -> Self {
+        let group = Group {
+            num_paths: 0,
+            delay: vec![Interval::EMPTY; series.num_delay_terms()],
+            power: vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()],
+        };
+        Self {
+            still: group.clone(),
+            moving: group,
+            power: vec![0.0; series.num_channels],
+            fourth: vec![0.0; series.num_channels],
+            largest: 0.0,
+            is_finite: true,
+            masks: Vec::new(),
+            extremes: Vec::new(),
+        }
+    }
+
+    fn join(&mut self, other: &Self) {
+        for (a, b) in [(&mut self.still, &other.still), (&mut self.moving, &other.moving)] {
+            a.num_paths += b.num_paths;
+            for (a, b) in a.delay.iter_mut().zip(&b.delay) {
+                *a = a.join(*b);
+            }
+            for (a, b) in a.power.iter_mut().flatten().zip(b.power.iter().flatten()) {
+                *a += b;
+            }
+        }
+        let sums = self.power.iter_mut().chain(&mut self.fourth);
+        for (a, b) in sums.zip(other.power.iter().chain(&other.fourth)) {
+            *a += b;
+        }
+        self.largest = self.largest.max(other.largest);
+        self.is_finite &= other.is_finite;
+        self.masks.extend(&other.masks);
+        self.extremes.extend(&other.extremes);
+    }
+}
+
+/// At most `most` of the selected paths, spread evenly over them.
+pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sample> {
+    let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let all = (0..series.num_channels).flat_map(|channel| (0..num_chunks).map(move |chunk| (channel, chunk)));
+    let count = |(channel, chunk)| selection.count(series, channel, chunk);
+    let total: usize = all.clone().map(count).sum();
+    let num_samples = most.min(total);
+    // One path in every `total / num_samples` of them, at a place that is as good as random.
+    let mut ranks = (0..num_samples).map(|i| {
+        let (low, high) = (i * total / num_samples, (i + 1) * total / num_samples);
+        low + (mix(i as u64) % (high - low).max(1) as u64) as usize
+    });
+    let mut samples = Vec::new();
+    let (mut before, mut next) = (0, ranks.next());
+    for (channel, chunk) in all {
+        let after = before + count((channel, chunk));
+        while let Some(rank) = next.filter(|rank| *rank < after) {
+            samples.push(sample(series, selection, (channel, chunk), rank - before));
+            next = ranks.next();
+        }
+        before = after;
+    }
+    samples
+}
+
+/// All selected paths of a chunk.
+pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chunk: usize) -> Vec<Sample> {
+    let count = selection.count(series, channel, chunk);
+    (0..count)
+        .map(|rank| sample(series, selection, (channel, chunk), rank))
+        .collect()
+}
+
+/// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
+pub fn extremes(series: &PathSeries, survey: &Survey) -> Vec<Sample> {
+    let mut chosen: Vec<&Extreme> = Vec::new();
+    for extreme in &survey.extremes {
+        if chosen.len() == NUM_EXTREMES {
+            break;
+        }
+        if chosen
+            .iter()
+            .all(|other| other.path / NEIGHBOURS != extreme.path / NEIGHBOURS)
+        {
+            chosen.push(extreme);
+        }
+    }
+    chosen
+        .iter()
+        .map(|extreme| Sample::new(series, extreme.channel * series.num_paths + extreme.path))
+        .collect()
+}
+
+/// The largest changes first.
+fn sort(extremes: &mut [Extreme]) {
+    extremes.sort_by(|a, b| b.change.total_cmp(&a.change));
+}
+
+/// All selected paths whose first amplitude has more than a share of the power of their channel.
+pub fn strongest(series: &PathSeries, selection: Selection, power: &[f64], share: f64) -> Vec<Sample> {
+    let first = series.amplitude[0];
+    let is_strong = |channel: usize, path: usize| {
+        power[channel] > 0.0 && first[channel * series.num_paths + path].norm_sqr() > share * power[channel]
+    };
+    let mut samples = Vec::new();
+    for channel in 0..series.num_channels {
+        for chunk in 0..series.num_paths.div_ceil(CHUNK) {
+            let paths = chunk * CHUNK..series.num_paths.min((chunk + 1) * CHUNK);
+            if !paths.clone().any(|path| is_strong(channel, path)) {
+                continue;
+            }
+            for rank in 0..selection.count(series, channel, chunk) {
+                let path = chunk * CHUNK + selection.place(series, channel, chunk, rank);
+                if is_strong(channel, path) {
+                    samples.push(Sample::new(series, channel * series.num_paths + path));
+                }
+            }
+        }
+    }
+    samples
+}
+
+fn sample(series: &PathSeries, selection: Selection, (channel, chunk): (usize, usize), rank: usize) -> Sample {
+    let place = selection.place(series, channel, chunk, rank);
+    Sample::new(series, channel * series.num_paths + chunk * CHUNK + place)
+}
+
+/// Ranges of the coefficients of the delays of the selected paths in some blocks [s], (block, degree).
+pub fn ranges(
+    series: &PathSeries,
+    selection: Selection,
+    blocks: &[Block],
+    level: Level,
+    is_parallel: bool,
+) -> Vec<Vec<Interval>> {
+    let look = |(channel, chunks): (usize, Range<usize>)| {
+        level.run(LookAtBlocks {
+            series,
+            selection,
+            blocks,
+            channel,
+            chunks,
+        })
+    };
+    let looks: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), look);
+    let mut all = vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()];
+    for look in looks {
+        for (all, ranges) in all.iter_mut().flatten().zip(look.into_iter().flatten()) {
+            *all = all.join(ranges);
+        }
+    }
+    all
+}
+
+/// Channels and chunks of the parts of the work.
+fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
+    let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let of_channel = |channel| {
+        (0..num_chunks)
+            .step_by(PART)
+            .map(move |first| (channel, first..num_chunks.min(first + PART)))
+    };
+    (0..series.num_channels).flat_map(of_channel).collect()
+}
+
+struct LookAtBlocks<'a> {
+    series: &'a PathSeries<'a>,
+    selection: Selection<'a>,
+    blocks: &'a [Block],
+    channel: usize,
+    chunks: Range<usize>,
+}
+
+impl Kernel for LookAtBlocks<'_> {
+    type Output = Vec<Vec<Interval>>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<Vec<Interval>> {
+        let num_delays = self.series.num_delay_terms();
+        let mut ranges = vec![Ends::<I::F64>::empty(); self.blocks.len() * num_delays];
+        let mut rows = Rows::of_delays(self.series);
+        for index in self.chunks {
+            rows.gather(self.series, self.channel, index * CHUNK, self.selection);
+            if rows.len == 0 {
+                continue;
+            }
+            for i in 0..ranges.len() {
+                let (block, k) = (&self.blocks[i / num_delays], i % num_delays);
+                ranges[i].take_in::<I>(block, &rows, k, None, None);
+            }
+        }
+        let mut intervals = Vec::new();
+        for block in ranges.chunks(num_delays) {
+            intervals.push(Ends::intervals::<I>(block));
+        }
+        intervals
+    }
+}
+
+struct Look<'a> {
+    series: &'a PathSeries<'a>,
+    frame: &'a Block,
+    carrier: f64,
+    channel: usize,
+    chunks: Range<usize>,
+}
+
+impl Kernel for Look<'_> {
+    type Output = Survey;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Survey {
+        let (series, channel, frame) = (self.series, self.channel, self.frame);
+        let mut survey = Survey::empty(series);
+        let mut rows = Rows::new(series);
+        let zero = wide::splat::<I, AT_ONCE>(0.0);
+        let (mut nothing, mut largest, mut fourth) = (zero, zero, zero);
+        let ends = vec![Ends::<I::F64>::empty(); series.num_delay_terms()];
+        let mut ranges = [ends.clone(), ends];
+        let sums = vec![zero; series.num_amplitude_terms()];
+        let mut powers = [sums.clone(), sums];
+        let mut counts = [0, 0];
+        let phase = (TAU * self.carrier).powi(2);
+        for index in self.chunks {
+            rows.gather(series, channel, index * CHUNK, Selection::ALL);
+            let mask = rows.moving();
+            survey.masks.push(mask);
+            nothing = wide::add(nothing, times_zero::<I>(frame, &rows));
+            for j in 0..rows.re.len() {
+                largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
+            }
+            fourth = add_fourth::<I>(&rows.re[0], &rows.im[0], fourth);
+            let num_moving = mask.count_ones() as usize;
+            let numbers = [rows.len - num_moving, num_moving];
+            let is_mixed = numbers[0] > 0 && numbers[1] > 0;
+            let (mut bends, mut changes) = ([0.0; CHUNK], [0.0; CHUNK]);
+            for (class, bits) in [!mask, mask].into_iter().enumerate() {
+                if numbers[class] == 0 {
+                    continue;
+                }
+                counts[class] += numbers[class];
+                let members = is_mixed.then(|| lanes_of(bits, [0.0, 1.0]));
+                let far = is_mixed.then(|| lanes_of(bits, [FAR, 0.0]));
+                // Those that stand still have one coefficient.
+                let most = if class == 0 { 1 } else { usize::MAX };
+                for k in 0..ranges[class].len().min(most) {
+                    let squares = (k >= 2).then_some(&mut bends);
+                    ranges[class][k].take_in::<I>(frame, &rows, k, far.as_ref(), squares);
+                }
+                for k in 0..powers[class].len().min(most) {
+                    let squares = (k >= 1).then_some(&mut changes);
+                    powers[class][k] = add_power::<I>(frame, &rows, k, members.as_ref(), powers[class][k], squares);
+                }
+            }
+            for first in (0..rows.len).step_by(NEIGHBOURS) {
+                let mut most = Extreme::default();
+                for place in first..rows.len.min(first + NEIGHBOURS) {
+                    let (re, im) = (rows.re[0][place], rows.im[0][place]);
+                    let change = phase * bends[place] * (re * re + im * im) + changes[place];
+                    if change > most.change {
+                        most = Extreme {
+                            change,
+                            path: index * CHUNK + place,
+                            channel,
+                        };
+                    }
+                }
+                if most.change > 0.0 {
+                    survey.extremes.push(most);
+                }
+            }
+        }
+        sort(&mut survey.extremes);
+        survey.extremes.truncate(NUM_EXTREMES);
+        survey.is_finite = sum_of::<I>(nothing) == 0.0;
+        survey.largest = -least_of::<I>(wide::sub(zero, largest));
+        survey.fourth[channel] = sum_of::<I>(fourth);
+        for (class, group) in [&mut survey.still, &mut survey.moving].into_iter().enumerate() {
+            group.num_paths = counts[class];
+            if counts[class] == 0 {
+                continue;
+            }
+            group.delay = Ends::intervals::<I>(&ranges[class]);
+            if class == 0 {
+                group.delay[1..].fill(Interval::ZERO);
+            }
+            for (degree, sums) in powers[class].iter().enumerate() {
+                let power = sum_of::<I>(*sums);
+                group.power[degree][channel] = power;
+                // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
+                survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
+            }
+        }
+        survey
+    }
+}
+
+/// One number where the bit is not set, another where it is.
+#[inline(always)]
+fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
+    let halves = [bits as u64, (bits >> 64) as u64];
+    let mut lanes = [0.0; CHUNK];
+    for i in 0..CHUNK {
+        let is_set = halves[i / 64] >> (i % 64) & 1 == 1;
+        lanes[i] = if is_set { numbers[1] } else { numbers[0] };
+    }
+    lanes
+}
+
+/// Vectors at once: what a loop over rows costs is shared by all of them.
+const AT_ONCE: usize = 4;
+type Wide<I> = wide::Wide<I, AT_ONCE>;
+
+/// Sum of all numbers.
+#[inline(always)]
+fn sum_of<I: Isa>(vectors: Wide<I>) -> f64 {
+    let mut numbers = [0.0; 8 * AT_ONCE];
+    wide::store(vectors, &mut numbers);
+    numbers.iter().sum()
+}
+
+/// The least number.
+#[inline(always)]
+fn least_of<I: Isa>(vectors: Wide<I>) -> f64 {
+    let mut numbers = [0.0; 8 * AT_ONCE];
+    wide::store(vectors, &mut numbers);
+    numbers.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// Coefficient k of the paths from `at` on.
+#[inline(always)]
+fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I> {
+    let value = coefficient::<I, AT_ONCE>(matrix, rows, k, at);
+    if k == 0 {
+        return wide::add(value, wide::load::<I, AT_ONCE>(&rows[0][at..]));
+    }
+    value
+}
+
+/// Zero if no number is infinite or NaN: then means over the frame are numbers; not so as well where these are beyond the
+/// largest.
+#[inline(always)]
+fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
+    let zero = wide::splat::<I, AT_ONCE>(0.0);
+    let mut sum = zero;
+    for (matrix, lanes) in [
+        (&frame.delay, &rows.delay),
+        (&frame.amplitude, &rows.re),
+        (&frame.amplitude, &rows.im),
+    ] {
+        for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+            // No number times zero is zero, if it is none.
+            sum = wide::mul_add(whole::<I>(matrix, lanes, 0, at), zero, sum);
+        }
+    }
+    sum
+}
+
+/// The larger absolute values.
+#[inline(always)]
+fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
+    let zero = wide::splat::<I, AT_ONCE>(0.0);
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        let value = wide::load::<I, AT_ONCE>(&lane[at..]);
+        largest = wide::max(wide::max(value, wide::sub(zero, value)), largest);
+    }
+    largest
+}
+
+/// Add the fourth powers of the magnitudes.
+#[inline(always)]
+fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        let (re, im) = (wide::load::<I, AT_ONCE>(&re[at..]), wide::load::<I, AT_ONCE>(&im[at..]));
+        let square = wide::mul_add(re, re, wide::mul(im, im));
+        sum = wide::mul_add(square, square, sum);
+    }
+    sum
+}
+
+/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last path
+/// has none. Adds them to `squares` as well, path by path.
+#[inline(always)]
+fn add_power<I: Isa>(
+    block: &Block,
+    rows: &Rows,
+    k: usize,
+    members: Option<&Lane>,
+    mut power: Wide<I>,
+    mut squares: Option<&mut Lane>,
+) -> Wide<I> {
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        for lanes in [&rows.re, &rows.im] {
+            let mut value = whole::<I>(&block.amplitude, lanes, k, at);
+            if let Some(members) = members {
+                value = wide::mul(value, wide::load::<I, AT_ONCE>(&members[at..]));
+            }
+            power = wide::mul_add(value, value, power);
+            if let Some(squares) = &mut squares {
+                add_squares::<I>(value, squares, at);
+            }
+        }
+    }
+    power
+}
+
+/// Add squares to the numbers from `at` on.
+#[inline(always)]
+fn add_squares<I: Isa>(value: Wide<I>, squares: &mut Lane, at: usize) {
+    let sum = wide::load::<I, AT_ONCE>(&squares[at..]);
+    wide::store(wide::mul_add(value, value, sum), &mut squares[at..]);
+}
+
+/// Beyond every delay.
+const FAR: f64 = 1e300;
+
+/// Ranges in the making, one per number of the vectors.
+#[derive(Clone, Copy)]
+struct Ends<V> {
+    low: [V; AT_ONCE],
+    high: [V; AT_ONCE],
+}
+
+impl<V: Vector<Scalar = f64>> Ends<V> {
+    /// No number.
+    #[inline(always)]
+    fn empty() -> Self {
+        Self {
+            low: [V::splat(f64::INFINITY); AT_ONCE],
+            high: [V::splat(f64::NEG_INFINITY); AT_ONCE],
+        }
+    }
+
+    /// Coefficient k of the delay of all paths, or of those that are not `far`. What follows the last path of a chunk is a copy
+    /// of it. Adds its squares to `squares`, path by path.
+    #[inline(always)]
+    fn take_in<I: Isa<F64 = V>>(
+        &mut self,
+        block: &Block,
+        rows: &Rows,
+        k: usize,
+        far: Option<&Lane>,
+        mut squares: Option<&mut Lane>,
+    ) {
+        let Self { mut low, mut high } = *self;
+        for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+            let value = whole::<I>(&block.delay, &rows.delay, k, at);
+            if let Some(squares) = &mut squares {
+                add_squares::<I>(value, squares, at);
+            }
+            let mut ends = [value; 2];
+            if let Some(far) = far {
+                let far = wide::load::<I, AT_ONCE>(&far[at..]);
+                ends = [wide::add(value, far), wide::sub(value, far)];
+            }
+            (low, high) = (wide::min(ends[0], low), wide::max(ends[1], high));
+        }
+        *self = Self { low, high };
+    }
+
+    #[inline(always)]
+    fn intervals<I: Isa<F64 = V>>(ranges: &[Self]) -> Vec<Interval> {
+        let mut intervals = Vec::new();
+        for i in 0..ranges.len() {
+            let opposite = wide::sub(wide::splat::<I, AT_ONCE>(0.0), ranges[i].high);
+            intervals.push(Interval {
+                low: least_of::<I>(ranges[i].low),
+                high: -least_of::<I>(opposite),
+            });
+        }
+        intervals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use num_complex::Complex64;
+
+    use super::*;
+    use crate::synthesis::chirp::Waveform;
+    use crate::synthesis::delay::Basis;
+
+    #[test]
+    fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
+        let waveform = Waveform {
+            start_frequency: 60e9,
+            slope: 1e13,
+            sample_rate: 2e6,
+            adc_delay: 3e-6,
+            num_samples: 64,
+            chirp_times: (0..10).map(|c| f64::from(c) * 1e-4).collect(),
+        };
+        let num_paths = 1000;
+        let (mut bend, mut amplitude) = (vec![0.0; 2 * num_paths], vec![Complex64::ONE; 2 * num_paths]);
+        // Both channels, the second more; a neighbour; as much, but faint; a strong one that bends less; the last.
+        (bend[100], bend[num_paths + 100], bend[101]) = (3e-8, 4e-8, 3.5e-8);
+        (bend[300], amplitude[300]) = (4e-8, Complex64::new(1e-3, 0.0));
+        (bend[500], amplitude[500]) = (2e-8, Complex64::new(0.0, 10.0));
+        bend[2 * num_paths - 1] = 1e-8;
+        let (delay, rate) = (vec![1e-8; 2 * num_paths], vec![0.0; 2 * num_paths]);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &bend],
+            amplitude: &[&amplitude],
+            num_channels: 2,
+            num_paths,
+        };
+        let frame = Block::new(&waveform, &series, 0..10);
+        for level in Level::available() {
+            let survey = Survey::new(&series, &frame, 60e9, level, false);
+            let bends: Vec<f64> = extremes(&series, &survey)
+                .iter()
+                .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])
+                .collect();
+            for (got, expected) in bends.iter().zip([2e-8, 4e-8, 1e-8, 4e-8]) {
+                assert!((got / expected - 1.0).abs() < 1e-9, "{bends:?}");
+            }
+            assert_eq!(bends.len(), 4, "{bends:?}");
+        }
+    }
+}
