@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from test_shapes import area_vectors, is_closed, volume
 
 import radarcore as rc
 from radarcore.models import gait, robots
 from radarcore.models.human import SEGMENTS, Human
-from test_shapes import area_vectors, is_closed, volume
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore import plot, shapes
+from radarcore import plot
 from radarcore.body import Body, PointTarget
+from radarcore.geometry import shapes
 from radarcore.motion import Linear, Pose
 from radarcore.radar import Radar
 from radarcore.receiver import Receiver

@@ -4,23 +4,25 @@ SI units and radians unless a name says otherwise; cubes are ``[frame, channel, 
 rate, receding positive; the sensor looks along +x, y is left and z up.
 """
 
-from radarcore import models, plot, sensor, shapes
+from radarcore import models, plot, sensor
 from radarcore._core import __version__
 from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
-from radarcore.camera import Camera
 from radarcore.cross_section import rcs
 from radarcore.deformation import Deformation
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
+from radarcore.geometry import shapes
+from radarcore.geometry.camera import Camera
+from radarcore.geometry.files import load_mesh, load_meshes
+from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.report import MeshReport, mesh_report
 from radarcore.library import materials
 from radarcore.material import Material
-from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
 from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
-from radarcore.quality import MeshReport, mesh_report
 from radarcore.radar import Radar, bgt60tr13c
 from radarcore.receiver import Receiver
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.deformation import Deformation, DeformationFunction, as_deformation
+from radarcore.geometry.mesh import Mesh
 from radarcore.library import materials
 from radarcore.material import Material
-from radarcore.mesh import Mesh
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion
 
 

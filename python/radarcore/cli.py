@@ -165,8 +165,8 @@ _MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
 
 
 def _mesh_info(options: argparse.Namespace) -> int:
-    from radarcore.mesh import load_mesh
-    from radarcore.quality import mesh_report
+    from radarcore.geometry.files import load_mesh
+    from radarcore.geometry.report import mesh_report
 
     report = mesh_report(load_mesh(options.source, scale=options.scale))
     if options.json:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.beat import check_threads
-from radarcore.mesh import Mesh
+from radarcore.geometry.mesh import Mesh
 from radarcore.simulate import check_max_bounces
 
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, quantisation, surfaces
 from radarcore.beat import METHODS, check_threads, check_tolerance
-from radarcore.camera import Camera
 from radarcore.follow import Course, Follow, receive, synthesise, warn_beyond_range
+from radarcore.geometry.camera import Camera
 from radarcore.quantisation import Quantisation
 from radarcore.radar import Radar
 from radarcore.recording import Frame, Truth

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.camera import Camera
+from radarcore.geometry.camera import Camera
 
 Values = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.body import Body
+from radarcore.geometry.mesh import Mesh
 from radarcore.material import Material
-from radarcore.mesh import Mesh
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
 from radarcore.models.recent import Recent
 from radarcore.motion import AnyMotion, Attached, Motion, Pose, as_motion, as_pose, poses_at

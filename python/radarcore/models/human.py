@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check, shapes
+from radarcore import check
 from radarcore.body import Body
+from radarcore.geometry import shapes
+from radarcore.geometry.mesh import Mesh
 from radarcore.library import materials
 from radarcore.material import Material
-from radarcore.mesh import Mesh
 from radarcore.models import gait, robots
 from radarcore.models.path import FloorPath
 from radarcore.models.recent import Recent

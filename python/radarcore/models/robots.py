@@ -12,7 +12,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.mesh import Mesh, load_mesh
+from radarcore.geometry.files import load_mesh
+from radarcore.geometry.mesh import Mesh
 from radarcore.models import urdf
 from radarcore.models.arm import JointAngles, RobotArm
 

@@ -12,8 +12,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import shapes
-from radarcore.mesh import Mesh, load_mesh
+from radarcore.geometry import shapes
+from radarcore.geometry.files import load_mesh
+from radarcore.geometry.mesh import Mesh
 from radarcore.models.arm import Joint
 from radarcore.motion import Pose
 

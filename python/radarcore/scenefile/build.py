@@ -11,12 +11,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from radarcore import shapes
 from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.body import Body, PointTarget
+from radarcore.geometry import shapes
+from radarcore.geometry.files import load_mesh, load_meshes
+from radarcore.geometry.mesh import Mesh
 from radarcore.library import materials, near_names
 from radarcore.material import Material
-from radarcore.mesh import Mesh, load_mesh, load_meshes
 from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radarcore import shapes
+from radarcore.geometry import shapes
 
 # A few roundings of f64 in every coordinate.
 ROUNDING = 1e-15

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.mesh import Mesh
+from radarcore.geometry.mesh import Mesh
 from radarcore.units import SPEED_OF_LIGHT
 
 _WANTED_SAGITTA = 1e-4

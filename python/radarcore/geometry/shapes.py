@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.mesh import Mesh
+from radarcore.geometry.mesh import Mesh
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
