@@ -20,9 +20,10 @@ from radarcore import cli
 from radarcore.codes import to_codes, to_samples
 from radarcore.infineon import is_recording
 from radarcore.process import range_profile
-from radarcore.radar import Radar, bgt60tr13c
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Recording, Truth
-from radarcore.waveform import Waveform
 
 FOLDER = "RadarIfxAvian_00"
 FULL_SCALE = {"cube_unit": "full scale"}

@@ -17,12 +17,12 @@ from radarcore import plot
 from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
 from radarcore.motion import Linear, Pose
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, Truth
 from radarcore.scene import Scene
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 from reference import beat_signal_reference
 
 figure_module = pytest.importorskip("matplotlib.figure")

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
+from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 from reference import beat_signal_reference
 
 UP, DOWN = 1.0, -1.0

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore.antenna import GaussianPattern
 from radarcore.codes import to_samples
-from radarcore.radar import Radar, bgt60tr13c
-from radarcore.receiver import Receiver
+from radarcore.radar.pattern import GaussianPattern
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.waveform import Waveform
 
 WAVEFORM = Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e6, num_samples=16, num_chirps=4)
 RADAR = Radar(

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from radarcore.beat import beat_signal
 from radarcore.process import range_doppler, range_profile
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Recording
 from radarcore.spectrogram import range_time, spectrogram
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 
 UP, DOWN = 1.0, -1.0
 

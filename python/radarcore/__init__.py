@@ -6,7 +6,6 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 
 from radarcore import models, plot, sensor
 from radarcore._core import __version__
-from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.cross_section import rcs
@@ -23,15 +22,17 @@ from radarcore.material import Material
 from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
 from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
-from radarcore.radar import Radar, bgt60tr13c
-from radarcore.receiver import Receiver
+from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, TabulatedPattern
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.sensor import open_sensor
 from radarcore.simulate import Paths, Simulator
 from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
-from radarcore.waveform import Waveform
 
 __all__ = [
     "Attached",

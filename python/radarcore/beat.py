@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
-from radarcore.waveform import Waveform
+from radarcore.radar.waveform import Waveform
 
 Number = TypeVar("Number", np.float64, np.complex128)
 

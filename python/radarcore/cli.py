@@ -17,7 +17,7 @@ from radarcore import __version__
 from radarcore.sensor import commands as sensor
 
 if TYPE_CHECKING:
-    from radarcore.radar import Radar
+    from radarcore.radar.radar import Radar
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -14,7 +14,7 @@ from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.follow import Course, Follow, receive, synthesise, warn_beyond_range
 from radarcore.geometry.camera import Camera
 from radarcore.quantisation import Quantisation
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Frame, Truth
 from radarcore.units import SPEED_OF_LIGHT
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.beat import sample_dtype
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 
 # Delays and amplitudes are each taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that
 # turn out of sight have a kink, which no number of times follows exactly, and twice as many little better.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 
 TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
 CUBE_TYPES = ("float32", "float64", "complex64", "complex128")

@@ -33,7 +33,8 @@ from radarcore import _core, check
 from radarcore.codes import NUM_CODES, to_codes, to_samples
 from radarcore.frame import FULL_SCALE, frame_shape
 from radarcore.npyfile import ArrayFile, naming, read_header
-from radarcore.radar import Radar, bgt60tr13c
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
 from radarcore.recordingfile import UNITS, Stored, exists, parsed_json, warn_of_missing
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")

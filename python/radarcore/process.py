@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 
 Window = str | tuple[Any, ...] | None
 """A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""

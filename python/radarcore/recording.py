@@ -28,7 +28,7 @@ from radarcore.frame import (
     frame_shape,
     kind_of,
 )
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recordingfile import RecordingWriter, Stored
 
 __all__ = ["Frame", "Recording", "RecordingWriter", "Truth"]

@@ -41,7 +41,7 @@ from radarcore.frame import (
     kind_of,
 )
 from radarcore.npyfile import ArrayFile, GrowingFile, naming, write_whole
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 
 FORMAT = "radarcore recording"
 VERSION = 1

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.radar.waveform import Waveform
 from radarcore.scene import Scene
-from radarcore.waveform import Waveform
 
 
 def turn_rates(

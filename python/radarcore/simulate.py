@@ -18,10 +18,10 @@ from radarcore.depth import DepthImage
 from radarcore.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
 from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
 from radarcore.places import Placement, Places
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
 from radarcore.scene import Scene
-from radarcore.waveform import Waveform
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""

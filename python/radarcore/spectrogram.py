@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from radarcore import check, process
 from radarcore.process import Window
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Recording
-from radarcore.waveform import Waveform
 
 _SEAMLESS = 1e-3
 """Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.sensor import Sensor, open_sensor
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard

@@ -14,8 +14,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.sensor import comlib
 from radarcore.sensor.board import Lost, RawFrame
 from radarcore.sensor.comlib import (
@@ -41,7 +42,6 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
-from radarcore.waveform import Waveform
 
 fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 

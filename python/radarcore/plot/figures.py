@@ -13,9 +13,9 @@ from radarcore.plot import above, canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name
 from radarcore.plot.frame import Image
+from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording
 from radarcore.scene import Scene
-from radarcore.waveform import Waveform
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from radarcore.plot import canvas
 from radarcore.plot.stream import LOWEST_DB, Detection, Stream
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Frame
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, process
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Frame
 
 LOWEST_DB = -10.0

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radarcore.motion import Motion
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Recording
 from radarcore.scene import Scene
 from radarcore.simulate import Simulator

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from radarcore.antenna import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh, load_meshes
@@ -22,8 +21,11 @@ from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
 from radarcore.motion import Attached, Linear, Motion, Pose, Trajectory
-from radarcore.radar import Radar, bgt60tr13c
-from radarcore.receiver import Receiver
+from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.scene import Scene
 from radarcore.scenefile import Simulation
 from radarcore.scenefile.clearance import check_antennas
@@ -47,7 +49,6 @@ from radarcore.scenefile.tables import (
     SensorTable,
 )
 from radarcore.simulate import frame_times
-from radarcore.waveform import Waveform
 
 _Read = TypeVar("_Read")
 AnyTable = BodyTable | PointTable | HumanTable | ArmTable

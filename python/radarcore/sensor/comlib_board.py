@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from radarcore import check
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.comlib import (
     Adc,
@@ -43,7 +44,6 @@ from radarcore.sensor.comlib import (
 from radarcore.sensor.comlib import Protocol as ProtocolCode
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
 from radarcore.sensor.transport import Stream
-from radarcore.waveform import Waveform
 
 _TIMEOUT = 1.0
 """For the answer to a request [s]."""

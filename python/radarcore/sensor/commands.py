@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check
-from radarcore.radar import Radar, bgt60tr13c
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
 from radarcore.recording import Frame, Recording
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.simulate import frame_times

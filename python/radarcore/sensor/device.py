@@ -16,7 +16,7 @@ from typing import Any
 from radarcore import check
 from radarcore.codes import to_samples
 from radarcore.frame import FULL_SCALE
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Frame, Recording, RecordingWriter
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame

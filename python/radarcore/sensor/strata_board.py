@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import codes
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.sensor import bgt60, strata
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError

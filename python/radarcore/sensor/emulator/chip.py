@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import codes
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.sensor import bgt60
 from radarcore.sensor.emulator.source import FrameSource
 

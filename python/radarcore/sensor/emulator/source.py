@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, codes
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.recording import Recording
 from radarcore.simulate import Simulator
 from radarcore.units import power_from_db

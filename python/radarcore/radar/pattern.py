@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
+from radarcore.radar.pattern_files import _COLUMNS, _row
 from radarcore.units import power_from_db
 
 _LARGEST_GAIN_DB = 1000.0
 """Gains of tables are within this [dB]."""
-
-_COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
-"""Columns of a file of a table."""
 
 
 class _OnCore:
@@ -148,7 +146,7 @@ class TabulatedPattern(_OnCore):
             When lines are no table; names the line where it can.
         """
         try:
-            return cls.from_degrees(*_read(Path(path)))
+            return cls.from_degrees(*read_table(Path(path)))
         except (ValueError, TypeError, csv.Error) as error:
             raise ValueError(f"{fspath(path)}: {error}") from None
 
@@ -234,7 +232,7 @@ def _gains(value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.float64]:
     return check.frozen(gains)
 
 
-def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file, skipinitialspace=True)
@@ -256,19 +254,3 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray
     gains = np.zeros(count.shape)
     gains[i, j] = gain
     return azimuths, elevations, gains
-
-
-def _row(entries: list[str], names: list[str], line: int) -> list[float]:
-    """The numbers of a line in the order of the columns."""
-    if len(entries) != len(names):
-        raise ValueError(f"line {line}: expected {len(names)} numbers, got {len(entries)}")
-    row = []
-    for column in _COLUMNS:
-        text = entries[names.index(column)].strip()
-        try:
-            row.append(float(text))
-        except ValueError:
-            raise ValueError(f"line {line}: {column}: expected a number, got {text!r}") from None
-        if not np.isfinite(row[-1]):
-            raise ValueError(f"line {line}: {column}: expected a finite number, got {text}")
-    return row

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 import radarcore as rc
-from radarcore.antenna import pattern_from_dict, pattern_to_dict
+from radarcore.radar.pattern import pattern_from_dict, pattern_to_dict
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=20e12, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=100e-6
