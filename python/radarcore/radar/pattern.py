@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
-from radarcore.radar.pattern_files import _COLUMNS, _row
+from radarcore.radar.pattern_files import read_table
 from radarcore.units import power_from_db
 
 _LARGEST_GAIN_DB = 1000.0
@@ -230,27 +230,3 @@ def _gains(value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.float64]:
         limits = f"{-_LARGEST_GAIN_DB:g} to {_LARGEST_GAIN_DB:g}"
         raise ValueError(f"gain_db: expected {limits} [dB], got {gains[i, j]:g} at index ({i}, {j})")
     return check.frozen(gains)
-
-
-def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = csv.reader(file, skipinitialspace=True)
-        names = [name.strip() for name in next(lines, [])]
-        if sorted(names) != sorted(_COLUMNS):
-            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {', '.join(names) or 'none'}")
-        rows = [_row(entries, names, lines.line_num) for entries in lines if any(map(str.strip, entries))]
-    if not rows:
-        raise ValueError("expected lines of numbers, got none")
-    azimuth, elevation, gain = np.array(rows).T
-    azimuths, i = np.unique(azimuth, return_inverse=True)
-    elevations, j = np.unique(elevation, return_inverse=True)
-    count = np.zeros((len(azimuths), len(elevations)), dtype=np.int64)
-    np.add.at(count, (i, j), 1)
-    if (count != 1).any():
-        first = np.argwhere(count != 1)[0]
-        pair = f"azimuth {azimuths[first[0]]:g} and elevation {elevations[first[1]]:g} degrees"
-        raise ValueError(f"expected one line for every azimuth and elevation, got {count[tuple(first)]} for {pair}")
-    gains = np.zeros(count.shape)
-    gains[i, j] = gain
-    return azimuths, elevations, gains
