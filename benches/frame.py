@@ -25,7 +25,7 @@ import radarcore as rc
 from page import PERFORMANCE, machine, milliseconds, table, write_section
 from radarcore import _core, simulate
 from radarcore.models import RADAR_AT_TOOL0, Human, JointTrajectory, RobotArm
-from radarcore.motion import Motion
+from radarcore.motion.protocol import Motion
 from radarcore.places import Places
 
 RATE = 40.0

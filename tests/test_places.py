@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.arm import RADAR_AT_TOOL0
-from radarcore.motion import Motion, poses_at
+from radarcore.motion.protocol import Motion, poses_at
 from radarcore.places import Places
 
 ROUNDING = 1e-12

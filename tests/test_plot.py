@@ -16,7 +16,8 @@ import pytest
 from radarcore import plot
 from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
-from radarcore.motion import Linear, Pose
+from radarcore.geometry.pose import Pose
+from radarcore.motion.linear import Linear
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform

@@ -9,7 +9,7 @@ import pytest
 
 import radarcore as rc
 from radarcore import retrace
-from radarcore.motion import relative_poses, relative_rates
+from radarcore.geometry.pose import relative_poses, relative_rates
 
 CONDUCTOR = rc.materials["perfect_conductor"]
 WAVEFORM = rc.Waveform.from_sweep(

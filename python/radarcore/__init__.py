@@ -9,17 +9,21 @@ from radarcore._core import __version__
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.body import Body, PointTarget
 from radarcore.cross_section import rcs
-from radarcore.deformation import Deformation
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
 from radarcore.geometry import shapes
 from radarcore.geometry.camera import Camera
 from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
 from radarcore.geometry.report import MeshReport, mesh_report
 from radarcore.library import materials
 from radarcore.material import Material
-from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
+from radarcore.motion.attached import Attached
+from radarcore.motion.deformation import Deformation
+from radarcore.motion.function import Function
+from radarcore.motion.linear import Linear
+from radarcore.motion.trajectory import Trajectory
 from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, TabulatedPattern

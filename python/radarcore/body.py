@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.deformation import Deformation, DeformationFunction, as_deformation
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
 from radarcore.library import materials
 from radarcore.material import Material
-from radarcore.motion import AnyMotion, Motion, Pose, as_motion
+from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.motion import Motion, is_static, poses_at, relative_poses, relative_rates
+from radarcore.geometry.pose import relative_poses, relative_rates
+from radarcore.motion.protocol import Motion, poses_at
+from radarcore.motion.static import is_static
 from radarcore.scene import Scene
 
 Matrix = NDArray[np.float64]

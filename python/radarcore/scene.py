@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.body import Body, PointTarget
-from radarcore.motion import is_static
+from radarcore.motion.static import is_static
 
 
 @dataclass(frozen=True)

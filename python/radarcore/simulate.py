@@ -16,7 +16,10 @@ from radarcore import _core, check, library, retrace
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
 from radarcore.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
-from radarcore.motion import AnyMotion, Motion, Pose, as_motion, is_static
+from radarcore.geometry.pose import Pose
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.motion.static import is_static
 from radarcore.places import Placement, Places
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform

@@ -14,10 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.body import Body
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose, as_pose
 from radarcore.material import Material
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
 from radarcore.models.recent import Recent
-from radarcore.motion import AnyMotion, Attached, Motion, Pose, as_motion, as_pose, poses_at
+from radarcore.motion.attached import Attached
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 
 __all__ = [
     "RADAR_AT_TOOL0",

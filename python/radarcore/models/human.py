@@ -19,12 +19,13 @@ from radarcore import check
 from radarcore.body import Body
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose, as_pose
 from radarcore.library import materials
 from radarcore.material import Material
 from radarcore.models import gait, robots
 from radarcore.models.path import FloorPath
 from radarcore.models.recent import Recent
-from radarcore.motion import Motion, Pose, as_pose
+from radarcore.motion.protocol import Motion
 
 _Floats = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from math import pi
 import numpy as np
 
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
 from radarcore.geometry.shapes import cylinder, sphere
 from radarcore.models.arm import Joint, merged_mesh
-from radarcore.motion import Pose
 
 # Joint: largest rate [rad/s], largest angle [rad], parent, child, xyz [m], pitch [rad], axis.
 # From ur_description/urdf/ur10_robot.urdf of example-robot-data 6.0.0 (ros-industrial, BSD).

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
 from radarcore.models.arm import Joint
-from radarcore.motion import Pose
 
 
 class Part(NamedTuple):

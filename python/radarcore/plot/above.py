@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.body import Body, PointTarget
-from radarcore.motion import AnyMotion, Motion, Pose, as_motion
+from radarcore.geometry.pose import Pose
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.scene import Scene

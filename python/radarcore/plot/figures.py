@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radarcore.motion import AnyMotion
+from radarcore.motion.protocol import AnyMotion
 from radarcore.plot import above, canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name

@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radarcore.motion import Motion
+from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording import Recording
 from radarcore.scene import Scene

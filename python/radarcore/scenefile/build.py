@@ -15,12 +15,16 @@ from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
 from radarcore.library import materials, near_names
 from radarcore.material import Material
 from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
-from radarcore.motion import Attached, Linear, Motion, Pose, Trajectory
+from radarcore.motion.attached import Attached
+from radarcore.motion.linear import Linear
+from radarcore.motion.protocol import Motion
+from radarcore.motion.trajectory import Trajectory
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar

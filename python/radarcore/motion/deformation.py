@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.motion import derivative
+from radarcore.motion.function import derivative
 
 Vertices = NDArray[np.float64]
 
