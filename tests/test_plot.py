@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from radarcore import plot
-from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
 from radarcore.geometry.pose import Pose
 from radarcore.motion.linear import Linear
@@ -22,7 +21,8 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, Truth
-from radarcore.scene import Scene
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.scene import Scene
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 

@@ -7,7 +7,6 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 from radarcore import models, plot, sensor
 from radarcore._core import __version__
 from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
-from radarcore.body import Body, PointTarget
 from radarcore.cross_section import rcs
 from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
@@ -17,14 +16,11 @@ from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.report import MeshReport, mesh_report
-from radarcore.library import materials
-from radarcore.material import Material
 from radarcore.motion.attached import Attached
 from radarcore.motion.deformation import Deformation
 from radarcore.motion.function import Function
 from radarcore.motion.linear import Linear
 from radarcore.motion.trajectory import Trajectory
-from radarcore.permittivity import ColeCole, ItuPermittivity
 from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.radar.presets import bgt60tr13c
@@ -32,7 +28,11 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.scene import Scene
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
+from radarcore.scene.permittivity import ColeCole, ItuPermittivity
+from radarcore.scene.scene import Scene
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.sensor import open_sensor
 from radarcore.simulate import Paths, Simulator

@@ -178,7 +178,7 @@ def _mesh_info(options: argparse.Namespace) -> int:
 
 def _scene_facts(path: Path) -> dict[str, Any]:
     """What a scene file holds, by name with unit."""
-    from radarcore.body import Body
+    from radarcore.scene.body import Body
     from radarcore.scenefile import load_scene
     from radarcore.simulate import frame_times
 

@@ -13,7 +13,7 @@ from radarcore import check
 from radarcore.geometry.pose import relative_poses, relative_rates
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.motion.static import is_static
-from radarcore.scene import Scene
+from radarcore.scene.scene import Scene
 
 Matrix = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.radar.waveform import Waveform
-from radarcore.scene import Scene
+from radarcore.scene.scene import Scene
 
 
 def turn_rates(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check, library, retrace
+from radarcore import _core, check, retrace
 from radarcore.beat import METHODS, check_threads, check_tolerance
 from radarcore.depth import DepthImage
 from radarcore.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
@@ -24,7 +24,8 @@ from radarcore.places import Placement, Places
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.scene import Scene
+from radarcore.scene import library
+from radarcore.scene.scene import Scene
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.body import Body
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
-from radarcore.material import Material
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
 from radarcore.models.recent import Recent
 from radarcore.motion.attached import Attached
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.scene.body import Body
+from radarcore.scene.material import Material
 
 __all__ = [
     "RADAR_AT_TOOL0",

@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.body import Body
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
-from radarcore.library import materials
-from radarcore.material import Material
 from radarcore.models import gait, robots
 from radarcore.models.path import FloorPath
 from radarcore.models.recent import Recent
 from radarcore.motion.protocol import Motion
+from radarcore.scene.body import Body
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
 
 _Floats = NDArray[np.float64]
 

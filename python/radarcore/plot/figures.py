@@ -15,7 +15,7 @@ from radarcore.plot.canvas import Name
 from radarcore.plot.frame import Image
 from radarcore.radar.waveform import Waveform
 from radarcore.recording import Frame, Recording
-from radarcore.scene import Scene
+from radarcore.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording import Recording
-from radarcore.scene import Scene
+from radarcore.scene.scene import Scene
 from radarcore.simulate import Simulator
 
 if TYPE_CHECKING:

@@ -11,13 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from radarcore.body import Body, PointTarget
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.library import materials, near_names
-from radarcore.material import Material
 from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
 from radarcore.models.human import Human
 from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
@@ -30,7 +27,10 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.scene import Scene
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.library import materials, near_names
+from radarcore.scene.material import Material
+from radarcore.scene.scene import Scene
 from radarcore.scenefile import Simulation
 from radarcore.scenefile.clearance import check_antennas
 from radarcore.scenefile.read import place, unknown

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.body import Body
 from radarcore.places import Places
+from radarcore.scene.body import Body
 from radarcore.scenefile import Simulation
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.body import Body, PointTarget
 from radarcore.motion.static import is_static
+from radarcore.scene.body import Body, PointTarget
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.library import materials
-from radarcore.material import Material
 from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
 
 
 @dataclass(frozen=True, eq=False)

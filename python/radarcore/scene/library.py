@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator, Mapping
 
-from radarcore.material import Material
-from radarcore.permittivity import ColeCole, ItuPermittivity, Permittivity
+from radarcore.scene.material import Material
+from radarcore.scene.permittivity import ColeCole, ItuPermittivity, Permittivity
 
 _ITU = "ITU-R P.2040-3, table 3"
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
-from radarcore.permittivity import Permittivity, as_permittivity, permittivity_at
+from radarcore.scene.permittivity import Permittivity, as_permittivity, permittivity_at
 from radarcore.units import SPEED_OF_LIGHT
 
 _REFERENCE_FREQUENCY = 60e9
