@@ -20,7 +20,8 @@ from radarcore.motion.linear import Linear
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Frame, Recording, Truth
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.scene import Scene
 from radarcore.units import SPEED_OF_LIGHT

@@ -14,7 +14,7 @@ from radarcore.process import range_doppler, range_profile
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 from radarcore.spectrogram import range_time, spectrogram
 from radarcore.units import SPEED_OF_LIGHT
 

@@ -27,7 +27,9 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Frame, Recording, RecordingWriter, Truth
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material

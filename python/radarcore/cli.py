@@ -198,7 +198,7 @@ def _scene_facts(path: Path) -> dict[str, Any]:
 
 def _recording_facts(path: Path) -> dict[str, Any]:
     """What a recording holds, by name with unit."""
-    from radarcore.recording import Recording
+    from radarcore.recording.recording import Recording
 
     recording = Recording.load(path)
     source = dict(recording.source)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from radarcore import check, plot
 from radarcore.models import robots
 from radarcore.process import strongest_peak
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 from radarcore.scenefile import load_scene
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}

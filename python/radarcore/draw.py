@@ -10,7 +10,8 @@ import numpy as np
 
 from radarcore import check, plot
 from radarcore.process import strongest_peak
-from radarcore.recording import Frame, Recording
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.simulate import frame_times
 

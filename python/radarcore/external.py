@@ -15,7 +15,7 @@ from radarcore.follow import Course, Follow, receive, synthesise, warn_beyond_ra
 from radarcore.geometry.camera import Camera
 from radarcore.quantisation import Quantisation
 from radarcore.radar.radar import Radar
-from radarcore.recording import Frame, Truth
+from radarcore.recording.frame import Frame, Truth
 from radarcore.units import SPEED_OF_LIGHT
 
 SAMPLINGS = ("footprint", "point")

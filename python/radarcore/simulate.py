@@ -23,7 +23,9 @@ from radarcore.motion.static import is_static
 from radarcore.places import Placement, Places
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Frame, Recording, RecordingWriter, Truth
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 

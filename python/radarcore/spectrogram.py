@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radarcore import check, process
 from radarcore.process import Window
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 
 _SEAMLESS = 1e-3
 """Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the

@@ -11,7 +11,7 @@ import pytest
 from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 
 import radarcore as rc
-from radarcore import codes
+from radarcore.recording.codes import to_samples
 from radarcore.sensor import (
     FramesLostWarning,
     SensorDisconnectedError,
@@ -45,7 +45,7 @@ def test_frames_are_those_that_the_board_measures(transport):
             assert sensor.num_lost == 0
             assert all(frame.radar is achieved for frame in frames)
             assert frames[3].cube.dtype == np.float32
-            np.testing.assert_array_equal(frames[3].cube, codes.to_samples(frames[3].raw))
+            np.testing.assert_array_equal(frames[3].cube, to_samples(frames[3].raw))
             # Time stamps are whole microseconds.
             expected = np.arange(20) * achieved.waveform.frame_interval
             np.testing.assert_allclose([frame.time for frame in frames], expected, atol=2e-6)

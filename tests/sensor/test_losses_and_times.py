@@ -10,12 +10,12 @@ import pytest
 from boards import Numbered, number_of, numbered, opened
 
 import radarcore as rc
-from radarcore import codes
 from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError, bgt60
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
+from radarcore.sensor.packing import pack_msb
 from radarcore.sensor.strata import Avian, Code, Component, DataPacket, Kind, Request
 from radarcore.sensor.strata_board import StrataBoard
 from radarcore.sensor.strata_stream import Damage
@@ -79,7 +79,7 @@ class Measuring:
         frames = range(first_sample // self.frame_size, -(-(first_sample + self.slice_size) // self.frame_size))
         samples = np.concatenate([numbered(self.shape, frame).transpose(1, 2, 0).reshape(-1) for frame in frames])
         begin = first_sample - frames[0] * self.frame_size
-        data = codes.pack_msb(samples[begin : begin + self.slice_size])
+        data = pack_msb(samples[begin : begin + self.slice_size])
         parts = np.array_split(np.frombuffer(data, np.uint8), self.packets_per_slice)
         counter = number * self.packets_per_slice if counter is None else counter
         within = (begin + self.slice_size) / self.frame_size - len(frames) + 1

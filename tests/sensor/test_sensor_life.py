@@ -133,7 +133,7 @@ def test_error_in_the_middle_of_recording_ends_measuring_although_somebody_keeps
     controller = Controller(Numbered())
     with opened(controller) as sensor:
         sensor.configure(SMALL)
-        monkeypatch.setattr(rc.recording.RecordingWriter, "append", _full_disk)
+        monkeypatch.setattr(rc.RecordingWriter, "append", _full_disk)
         with pytest.raises(OSError, match="disk") as kept:
             sensor.record(tmp_path / "rec", progress=False)
         assert kept.value.__traceback__ is not None

@@ -14,7 +14,8 @@ from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name
 from radarcore.plot.frame import Image
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Frame, Recording
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
 
 if TYPE_CHECKING:

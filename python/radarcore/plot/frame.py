@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radarcore import check, process
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.recording import Frame
+from radarcore.recording.frame import Frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

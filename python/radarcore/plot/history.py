@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 from radarcore.spectrogram import range_time as power_of_ranges
 from radarcore.spectrogram import spectrogram as power_of_velocities
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from radarcore.plot import canvas
 from radarcore.plot.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
-from radarcore.recording import Frame
+from radarcore.recording.frame import Frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

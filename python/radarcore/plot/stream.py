@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check, process
 from radarcore.radar.radar import Radar
-from radarcore.recording import Frame
+from radarcore.recording.frame import Frame
 
 LOWEST_DB = -10.0
 """Level below which nothing is told apart, silence among it."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
 from radarcore.simulate import Simulator
 

@@ -16,7 +16,8 @@ from typing import Any
 from radarcore import check
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.recording import Frame, Recording
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.simulate import frame_times
 

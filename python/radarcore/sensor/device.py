@@ -14,10 +14,11 @@ from types import TracebackType
 from typing import Any
 
 from radarcore import check
-from radarcore.codes import to_samples
-from radarcore.frame import FULL_SCALE
 from radarcore.radar.radar import Radar
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import FULL_SCALE, Frame
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
 from radarcore.sensor.comlib_board import ComLibBoard

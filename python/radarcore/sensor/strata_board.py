@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from radarcore import codes
 from radarcore.radar.radar import Radar
 from radarcore.sensor import bgt60, strata
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
 from radarcore.sensor.link import Link
+from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import (
     Avian,
     Code,
@@ -194,7 +194,7 @@ class StrataBoard:
         self._parts.append(item)
         if len(self._parts) * self._slice_size < num_samples:
             return found
-        samples = np.concatenate([codes.unpack_msb(part.data) for part in self._parts])
+        samples = np.concatenate([unpack_msb(part.data) for part in self._parts])
         self._parts = []
         self._num_restarts = 0
         shape = (settings.num_chirps, settings.num_samples, settings.rx_mask.bit_count())

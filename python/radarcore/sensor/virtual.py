@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 
 from radarcore import check
-from radarcore.recording import Recording
+from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator

@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, codes
+from radarcore import check
 from radarcore.radar.radar import Radar
-from radarcore.recording import Recording
+from radarcore.recording.codes import FULL_SCALE_VOLT, NUM_CODES
+from radarcore.recording.recording import Recording
 from radarcore.simulate import Simulator
 from radarcore.units import power_from_db
 
@@ -126,7 +127,7 @@ class Simulated:
         gain = np.sqrt(power_from_db(_CONVERSION_GAIN_DB + if_gain_db))
         # Samples are the real part of an amplitude whose square is the power; a tone has half its peak's square.
         volt = gain * np.sqrt(2.0 * _IMPEDANCE) * samples
-        return _codes(volt * (_MIDDLE / codes.FULL_SCALE_VOLT))
+        return _codes(volt * (_MIDDLE / FULL_SCALE_VOLT))
 
     def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
         """Real samples [sqrt(W)]."""
@@ -142,5 +143,5 @@ def _shape(radar: Radar) -> tuple[int, int, int]:
 
 def _codes(deviation: NDArray[np.floating]) -> NDArray[np.uint16]:
     """Codes from deviations from the middle; clipped at both ends."""
-    levels: NDArray[np.uint16] = np.clip(np.rint(_MIDDLE + deviation), 0, codes.NUM_CODES - 1).astype(np.uint16)
+    levels: NDArray[np.uint16] = np.clip(np.rint(_MIDDLE + deviation), 0, NUM_CODES - 1).astype(np.uint16)
     return levels

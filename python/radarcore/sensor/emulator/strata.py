@@ -7,13 +7,13 @@ import time
 from collections import deque
 from dataclasses import dataclass, field, replace
 
-from radarcore import codes
 from radarcore.sensor import strata
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import Stall, Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.errors import RequestError
+from radarcore.sensor.packing import pack_msb
 from radarcore.sensor.strata import (
     Avian,
     Code,
@@ -250,7 +250,7 @@ class Controller:
                 taken = self.chip.take(self._slice_size)
                 if taken is None:
                     break
-                self._add(codes.pack_msb(taken[0]), taken[1])
+                self._add(pack_msb(taken[0]), taken[1])
             self.arrived.notify_all()
 
     def _add(self, payload: bytes, when: float) -> None:

@@ -15,38 +15,24 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import warnings
 import zipfile
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.frame import (
-    CUBE_TYPES,
-    FULL_SCALE,
-    TRUTH_FIELDS,
-    Frame,
-    Kind,
-    Truth,
-    check_alike,
-    check_radar,
-    frame_shape,
-    kind_of,
-)
-from radarcore.npyfile import ArrayFile, GrowingFile, naming, write_whole
 from radarcore.radar.radar import Radar
+from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
+from radarcore.recording.npy import ArrayFile, naming
 
 FORMAT = "radarcore recording"
 VERSION = 1
 UNITS = {"cube": "sqrt(W)", "time": "s", "range": "m", "velocity": "m/s", "azimuth": "rad", "elevation": "rad"}
-_TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
+TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,122 +47,11 @@ class Stored:
     lost: NDArray[np.int32] | None = None
 
 
-class RecordingWriter:
-    """Writes a recording's directory frame by frame, readable at any moment as far as it got.
-
-    The directory and ``meta.json`` are made at once, so an unwritable place fails before any frame is computed.
-
-    Parameters
-    ----------
-    path : path
-        Directory to make (no suffix), with missing parents; an empty one may exist.
-    radar : Radar
-    num_frames : int, optional
-        Planned number of frames; a reader of fewer is warned. More are refused.
-    source : dict, optional
-        Where the frames come from: anything JSON can hold. Where it has no ``cube_unit``, frames with the codes of
-        an ADC make it full scale.
-    overwrite : bool
-        Replace a recording that is already there.
-
-    Raises
-    ------
-    FileExistsError
-        When `path` exists and is not a recording to be overwritten.
-    OSError
-        When the place cannot be written to.
-    """
-
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        radar: Radar,
-        *,
-        num_frames: int | None = None,
-        source: dict[str, Any] | None = None,
-        overwrite: bool = False,
-    ) -> None:
-        self.path = Path(path)
-        self.radar = radar
-        self.num_frames = None if num_frames is None else check.count("num_frames", num_frames, 0)
-        self.source = dict(source or {})
-        self._kind: Kind | None = None
-        self._files: dict[str, GrowingFile] = {}
-        self._written = 0
-        self._closed = False
-
-        check_radar(radar)
-        if format_of(self.path) != "directory":
-            raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
-        meta = _meta_text(radar, self.source, self.num_frames, None)
-        _make_room(self.path, overwrite)
-        write_whole(self.path / "meta.json", meta.encode())
-
-    def append(self, frame: Frame) -> None:
-        """Write one frame of the same radar, bodies and dtype as the first.
-
-        Raises
-        ------
-        OSError
-            When it cannot be written (disk full); the frames before it stay readable.
-        """
-        if self._closed:
-            raise ValueError(f"{self.path}: expected an open recording, got one that is closed")
-        if self._written == self.num_frames:
-            raise ValueError(f"{self.path}: expected num_frames = {self.num_frames} frames, got one more")
-        check_alike("frame", frame, self.radar, self._kind)
-        num_lost = frame.lost_before
-        try:
-            if self._kind is None:
-                if frame.raw is not None:
-                    self.source.setdefault("cube_unit", FULL_SCALE)
-                self.open_as(kind_of(frame.cube, frame.truth))
-            if num_lost is not None and "lost" not in self._files:
-                none_yet = np.zeros(self._written, np.int32)
-                self._files["lost"] = GrowingFile(self.path / "lost.npy", none_yet.dtype, (), none_yet)
-            arrays = {"time": np.asarray(frame.time), **truth_arrays(frame.truth)}
-            if "lost" in self._files:
-                arrays["lost"] = np.asarray(num_lost or 0)
-            for name, values in (arrays | {"cube": frame.cube}).items():
-                self._files[name].append(values)
-            self._written += 1
-        except BaseException:  # a full disk, Ctrl-C: keep the whole frames
-            self.close()
-            raise
-
-    def open_as(self, kind: Kind) -> None:
-        """Make the array files, the cube last: where it is missing, no frame has been written."""
-        dtype, names = kind
-        write_whole(self.path / "meta.json", _meta_text(self.radar, self.source, self.num_frames, kind).encode())
-        self._files["time"] = GrowingFile(self.path / "time.npy", np.dtype(np.float64), ())
-        for name in () if names is None else _TRUTH_FILES:
-            self._files[name] = GrowingFile(self.path / f"{name}.npy", np.dtype(np.float64), (len(names or ()),))
-        self._files["cube"] = GrowingFile(self.path / "cube.npy", dtype, frame_shape(self.radar))
-        self._kind = kind
-
-    def close(self) -> None:
-        """Put the number of frames in the headers; drops what an interruption left of an unfinished frame."""
-        if self._closed:
-            return
-        self._closed = True
-        with ExitStack() as stack:  # every file is closed, even where one fails
-            for file in self._files.values():
-                stack.callback(file.close, self._written)
-
-    def __enter__(self) -> RecordingWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
-
-
 def save_npz(path: Path, stored: Stored, overwrite: bool) -> None:
     """Write one .npz file, whole or not at all."""
     if path.is_dir() or (path.exists() and not overwrite):
         raise exists(path, "a directory" if path.is_dir() else "a file; overwrite=True replaces it")
-    meta = _meta_text(stored.radar, stored.source, len(stored.cube), kind_of(stored.cube, stored.truth))
+    meta = meta_text(stored.radar, stored.source, len(stored.cube), kind_of(stored.cube, stored.truth))
     arrays: dict[str, Any] = {"meta": meta, "cube": stored.cube, "time": stored.time, **truth_arrays(stored.truth)}
     if stored.lost is not None:
         arrays["lost"] = stored.lost
@@ -198,7 +73,7 @@ def load_directory(path: Path, mmap: bool) -> Stored:
         raise ValueError(f"{path}: expected a recording, got a directory without meta.json")
     meta = _Meta.parse(meta_path.read_bytes(), str(meta_path))
     rows: dict[str, tuple[int, ...]] = {"time": ()}
-    rows |= dict.fromkeys(() if meta.names is None else _TRUTH_FILES, (len(meta.names or ()),))
+    rows |= dict.fromkeys(() if meta.names is None else TRUTH_FILES, (len(meta.names or ()),))
     rows |= {"lost": ()} if (path / "lost.npy").is_file() else {}
     rows["cube"] = frame_shape(meta.radar)
     dtypes = dict.fromkeys(rows, ("float64",)) | {"lost": ("int32",), "cube": CUBE_TYPES}
@@ -235,7 +110,7 @@ def load_npz(path: Path) -> Stored:
     if missing := set(names) - arrays.keys():
         raise ValueError(f"{path}: expected a recording with {', '.join(names)}, got one without {sorted(missing)[0]}")
     meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
-    if meta.names is not None and (missing := set(_TRUTH_FILES) - arrays.keys()):
+    if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
         raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")
     truth = _truth_of(meta.names, arrays, 0)
     return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
@@ -286,7 +161,7 @@ def _truth_of(names: tuple[str, ...] | None, arrays: dict[str, NDArray[Any]], nu
     if names is None:
         return None
     empty = np.zeros((num_frames, len(names)))
-    return Truth(names, *(arrays.get(name, empty) for name in _TRUTH_FILES))
+    return Truth(names, *(arrays.get(name, empty) for name in TRUTH_FILES))
 
 
 @dataclass(frozen=True)
@@ -322,7 +197,8 @@ class _Meta:
             raise ValueError(f"{where}: {error}") from error
 
 
-def _meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:
+def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:
+    """Text of meta.json."""
     values = {
         "format": FORMAT,
         "version": VERSION,
@@ -336,21 +212,3 @@ def _meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kin
         return json.dumps(values, indent=2, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
         raise type(error)(f"source: expected what JSON can hold, got {source!r} ({error})") from error
-
-
-def _make_room(path: Path, overwrite: bool) -> None:
-    """An empty directory at `path`, or one with other people's files only where a recording was."""
-    if path.exists() and not path.is_dir():
-        raise exists(path, "a file, not a directory")
-    if path.is_dir() and any(path.iterdir()):
-        try:
-            is_recording = json.loads((path / "meta.json").read_bytes()).get("format") == FORMAT
-        except (OSError, ValueError, AttributeError):
-            is_recording = False
-        if not is_recording:
-            raise exists(path, "a directory that is not empty and no recording")
-        if not overwrite:
-            raise exists(path, "a recording; overwrite=True replaces it")
-        for name in ("cube", "time", "lost", *_TRUTH_FILES):
-            (path / f"{name}.npy").unlink(missing_ok=True)
-    path.mkdir(parents=True, exist_ok=True)

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check, infineon, recordingfile
-from radarcore.codes import to_codes
-from radarcore.frame import (
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.recording import infineon
+from radarcore.recording.codes import to_codes
+from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
     Frame,
@@ -28,10 +30,8 @@ from radarcore.frame import (
     frame_shape,
     kind_of,
 )
-from radarcore.radar.radar import Radar
-from radarcore.recordingfile import RecordingWriter, Stored
-
-__all__ = ["Frame", "Recording", "RecordingWriter", "Truth"]
+from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
+from radarcore.recording.writer import RecordingWriter
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +186,13 @@ class Recording:
         """
         path = Path(path)
         by_name = None if format is None else check.choice("format", format, ("npz", "infineon"))
-        kind = by_name or recordingfile.format_of(path)
+        kind = by_name or format_of(path)
         stored = Stored(self.cube, self.time, self.radar, self.truth, self.source, self.lost)
         if kind == "infineon":
             infineon.save(path, stored, overwrite)
             return
         if kind == "npz":
-            recordingfile.save_npz(path, stored, overwrite)
+            save_npz(path, stored, overwrite)
             return
         with RecordingWriter(path, self.radar, num_frames=len(self), source=self.source, overwrite=overwrite) as writer:
             writer.open_as(kind_of(self.cube, self.truth))  # also where there are no frames
@@ -224,9 +224,9 @@ class Recording:
         if infineon.is_recording(path):
             stored = infineon.load(path)
         elif path.is_dir():
-            stored = recordingfile.load_directory(path, mmap)
+            stored = load_directory(path, mmap)
         elif path.exists():
-            stored = recordingfile.load_npz(path)
+            stored = load_npz(path)
         else:
             raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
         try:

@@ -1,4 +1,4 @@
-"""12-bit codes of the ADC: their two packings on the wire, their scale, and the chip's test pattern."""
+"""12-bit codes on the wire: their two packings, and the chip's test pattern."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-
-NUM_CODES = 4096
-"""Codes of a 12-bit ADC: from 0 to 4095."""
-
-FULL_SCALE_VOLT = 1.21
-"""Voltage of a sample of 1 at the ADC's input [V]; -1 is as much below zero."""
+from radarcore.recording.codes import NUM_CODES, checked_codes
 
 
 def unpack_msb(data: bytes) -> NDArray[np.uint16]:
@@ -60,7 +55,7 @@ def pack_msb(codes: ArrayLike) -> bytes:
     ValueError
         For an odd number of codes, or one that needs more than 12 bits.
     """
-    values = _checked(codes).reshape(-1)
+    values = checked_codes(codes).reshape(-1)
     if values.size % 2:
         raise ValueError(f"codes: expected an even number of them, got {values.size}")
     first, second = values[0::2], values[1::2]
@@ -120,7 +115,7 @@ def pack_lsb(codes: ArrayLike) -> bytes:
     ValueError
         For a code that needs more than 12 bits.
     """
-    values = _checked(codes).reshape(-1)
+    values = checked_codes(codes).reshape(-1)
     padded = values if values.size % 2 == 0 else np.append(values, np.uint16(0))
     first, second = padded[0::2], padded[1::2]
     triples = np.empty((len(first), 3), np.uint8)
@@ -128,56 +123,6 @@ def pack_lsb(codes: ArrayLike) -> bytes:
     triples[:, 1] = first >> 8 | (second & 0x0F) << 4
     triples[:, 2] = second >> 4
     return triples.tobytes()[: (3 * values.size + 1) // 2]
-
-
-def to_samples(codes: ArrayLike) -> NDArray[np.float32]:
-    """Samples from -1 to 1: ``2 code / 4095 - 1``, every step in float32 (Strata, scaling).
-
-    Parameters
-    ----------
-    codes : array_like of integers
-        From 0 to 4095.
-
-    Returns
-    -------
-    samples : float32, the shape of `codes`
-        Parts of the ADC's full scale, `FULL_SCALE_VOLT`.
-    """
-    samples: NDArray[np.float32] = np.multiply(_checked(codes), 2, dtype=np.float32)
-    samples /= np.float32(NUM_CODES - 1)
-    samples -= np.float32(1.0)
-    return samples
-
-
-def to_codes(samples: ArrayLike) -> NDArray[np.uint16]:
-    """Codes nearest to samples; gives back the codes that `to_samples` had.
-
-    Parameters
-    ----------
-    samples : array_like of real numbers
-        Parts of full scale; below -1 and above 1 the ADC clips.
-
-    Returns
-    -------
-    codes : uint16, the shape of `samples`
-
-    Raises
-    ------
-    ValueError
-        For NaN.
-    """
-    given = np.asarray(samples)
-    if given.dtype.kind not in "fiu":
-        raise TypeError(f"samples: expected real numbers, got {given.dtype}")
-    values = given.astype(np.float64)
-    if np.isnan(values).any():
-        raise ValueError("samples: expected numbers, got NaN")
-    half = (NUM_CODES - 1) / 2.0
-    np.clip(values, -1.0, 1.0, out=values)
-    values += 1.0
-    values *= half
-    codes: NDArray[np.uint16] = np.rint(values).astype(np.uint16)
-    return codes
 
 
 def test_pattern(num_samples: int) -> NDArray[np.uint16]:
@@ -209,16 +154,3 @@ def _period() -> NDArray[np.uint16]:
         feedback = (state ^ state >> 1 ^ state >> 2 ^ state >> 8) & 1
         state = state >> 1 | feedback << 11
     return codes
-
-
-def _checked(codes: ArrayLike) -> NDArray[np.uint16]:
-    """The codes as uint16, none above 4095."""
-    values = np.asarray(codes)
-    if values.size == 0:
-        return np.empty(values.shape, np.uint16)
-    if values.dtype.kind not in "iu":
-        raise TypeError(f"codes: expected integers, got {values.dtype}")
-    low, high = int(values.min()), int(values.max())
-    if low < 0 or high >= NUM_CODES:
-        raise ValueError(f"codes: expected 0 to {NUM_CODES - 1}, got {low if low < 0 else high}")
-    return values.astype(np.uint16, copy=False)

@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore.codes import to_samples
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Frame, Recording, RecordingWriter, Truth
+from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
 
 WAVEFORM = Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e6, num_samples=16, num_chirps=4)
 RADAR = Radar(

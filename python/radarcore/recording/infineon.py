@@ -30,12 +30,12 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import _core, check
-from radarcore.codes import NUM_CODES, to_codes, to_samples
-from radarcore.frame import FULL_SCALE, frame_shape
-from radarcore.npyfile import ArrayFile, naming, read_header
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.recordingfile import UNITS, Stored, exists, parsed_json, warn_of_missing
+from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
+from radarcore.recording.frame import FULL_SCALE, frame_shape
+from radarcore.recording.native import UNITS, Stored, exists, parsed_json, warn_of_missing
+from radarcore.recording.npy import ArrayFile, naming, read_header
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"

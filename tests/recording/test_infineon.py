@@ -17,13 +17,14 @@ import numpy as np
 import pytest
 
 from radarcore import cli
-from radarcore.codes import to_codes, to_samples
-from radarcore.infineon import is_recording
 from radarcore.process import range_profile
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording import Recording, Truth
+from radarcore.recording.codes import to_codes, to_samples
+from radarcore.recording.frame import Truth
+from radarcore.recording.infineon import is_recording
+from radarcore.recording.recording import Recording
 
 FOLDER = "RadarIfxAvian_00"
 FULL_SCALE = {"cube_unit": "full scale"}
@@ -580,7 +581,7 @@ def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def real() -> Path:
-    beside = Path(__file__).resolve().parents[2] / "shared" / "recordings"
+    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
     if not path.is_dir():
         pytest.skip(f"no recording of a real sensor at {path} (RADARCORE_RECORDINGS names the folder it is in)")
