@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.beat import beat_signal
 from radarcore.process import range_doppler, range_profile
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.recording import Recording
+from radarcore.simulate.synthesis import beat_signal
 from radarcore.spectrogram import range_time, spectrogram
 from radarcore.units import SPEED_OF_LIGHT
 

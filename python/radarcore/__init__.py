@@ -6,9 +6,6 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 
 from radarcore import models, plot, sensor
 from radarcore._core import __version__
-from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
-from radarcore.cross_section import rcs
-from radarcore.depth import DepthImage
 from radarcore.external import frame_from_depth
 from radarcore.geometry import shapes
 from radarcore.geometry.camera import Camera
@@ -37,7 +34,10 @@ from radarcore.scene.permittivity import ColeCole, ItuPermittivity
 from radarcore.scene.scene import Scene
 from radarcore.scenefile import Simulation, load_scene
 from radarcore.sensor import open_sensor
-from radarcore.simulate import Paths, Simulator
+from radarcore.simulate.cross_section import rcs
+from radarcore.simulate.depth_image import DepthImage
+from radarcore.simulate.simulator import Paths, Simulator
+from radarcore.simulate.synthesis import Plan, PlanPart, beat_signal, plan_beat_signal
 from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 
 __all__ = [

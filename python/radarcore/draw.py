@@ -13,7 +13,7 @@ from radarcore.process import strongest_peak
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation, load_scene
-from radarcore.simulate import frame_times
+from radarcore.simulate.simulator import frame_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

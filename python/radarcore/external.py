@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, quantisation, surfaces
-from radarcore.beat import METHODS, check_threads, check_tolerance
-from radarcore.follow import Course, Follow, receive, synthesise, warn_beyond_range
 from radarcore.geometry.camera import Camera
 from radarcore.quantisation import Quantisation
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
+from radarcore.simulate.follow import Course, Follow, receive, synthesise, warn_beyond_range
+from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 from radarcore.units import SPEED_OF_LIGHT
 
 SAMPLINGS = ("footprint", "point")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import radarcore as rc
-from radarcore.places import Places
+from radarcore.simulate.places import Places
 
 C = 299_792_458.0  # [m/s]
 EPS = np.finfo(float).eps

@@ -15,7 +15,7 @@ from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
-from radarcore.simulate import Simulator
+from radarcore.simulate.simulator import Simulator
 
 if TYPE_CHECKING:
     from radarcore.scenefile.tables import RunTable

@@ -52,7 +52,7 @@ from radarcore.scenefile.tables import (
     SceneTable,
     SensorTable,
 )
-from radarcore.simulate import frame_times
+from radarcore.simulate.simulator import frame_times
 
 _Read = TypeVar("_Read")
 AnyTable = BodyTable | PointTable | HumanTable | ArmTable

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.places import Places
 from radarcore.scene.body import Body
 from radarcore.scenefile import Simulation
+from radarcore.simulate.places import Places
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0

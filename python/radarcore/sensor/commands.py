@@ -19,7 +19,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation, load_scene
-from radarcore.simulate import frame_times
+from radarcore.simulate.simulator import frame_times
 
 
 def add_parser(commands: Any) -> None:

@@ -13,7 +13,7 @@ from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import StreamPeripheral
 from radarcore.sensor.emulator.source import FrameSource, Playback, Simulated
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
-from radarcore.simulate import Simulator
+from radarcore.simulate.simulator import Simulator
 
 PROTOCOLS = ("strata", "comlib")
 

@@ -12,7 +12,7 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import FULL_SCALE_VOLT, NUM_CODES
 from radarcore.recording.recording import Recording
-from radarcore.simulate import Simulator
+from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
 
 _IMPEDANCE = 50.0

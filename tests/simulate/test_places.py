@@ -14,7 +14,7 @@ import radarcore as rc
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.arm import RADAR_AT_TOOL0
 from radarcore.motion.protocol import Motion, poses_at
-from radarcore.places import Places
+from radarcore.simulate.places import Places
 
 ROUNDING = 1e-12
 """Of places a few metres away, after chains of ten products [m]."""

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.beat import sample_dtype
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
+from radarcore.simulate.synthesis import sample_dtype
 from radarcore.units import SPEED_OF_LIGHT
 
 # Delays and amplitudes are each taken at as many Chebyshev times as the tolerance needs; amplitudes of surfaces that

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
-from radarcore.beat import check_threads
 from radarcore.geometry.mesh import Mesh
-from radarcore.simulate import check_max_bounces
+from radarcore.simulate.simulator import check_max_bounces
+from radarcore.simulate.synthesis import check_threads
 
 
 def rcs(

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import kstest
+from test_closed_forms import lambertian_disc
 
 import radarcore as rc
-from test_closed_forms import lambertian_disc
 
 SAMPLINGS: dict[str, dict[str, Any]] = {
     "footprint": {"sampling": "footprint", "resolution": 64},

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore import retrace
 from radarcore.geometry.pose import relative_poses, relative_rates
+from radarcore.simulate import retrace
 
 CONDUCTOR = rc.materials["perfect_conductor"]
 WAVEFORM = rc.Waveform.from_sweep(

@@ -12,15 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check, retrace
-from radarcore.beat import METHODS, check_threads, check_tolerance
-from radarcore.depth import DepthImage
-from radarcore.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
+from radarcore import _core, check
 from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.motion.static import is_static
-from radarcore.places import Placement, Places
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
@@ -28,6 +24,11 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
+from radarcore.simulate import retrace
+from radarcore.simulate.depth_image import DepthImage
+from radarcore.simulate.follow import Course, Synthesis, first_times, receive, synthesise, warn_beyond_range
+from radarcore.simulate.places import Placement, Places
+from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 
 _MAX_FRAMES = 10_000_000
 """More frames than a recording can be meant to have: a day at 100 Hz."""

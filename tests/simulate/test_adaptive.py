@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_closed_forms import CONDUCTOR, body, disc_on_axis, sphere
 
 import radarcore as rc
-from test_closed_forms import CONDUCTOR, body, disc_on_axis, sphere
 
 C = 299_792_458.0
 BAND = np.linspace(57e9, 64e9, 15)
