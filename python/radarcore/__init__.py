@@ -6,7 +6,7 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 
 from radarcore import models, plot, sensor
 from radarcore._core import __version__
-from radarcore.external import frame_from_depth
+from radarcore.depth.frame import frame_from_depth
 from radarcore.geometry import shapes
 from radarcore.geometry.camera import Camera
 from radarcore.geometry.files import load_mesh, load_meshes

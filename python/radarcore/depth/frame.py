@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check, quantisation, surfaces
+from radarcore import _core, check
+from radarcore.depth import quantisation, surfaces
+from radarcore.depth.quantisation import Quantisation
 from radarcore.geometry.camera import Camera
-from radarcore.quantisation import Quantisation
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
 from radarcore.simulate.follow import Course, Follow, receive, synthesise, warn_beyond_range

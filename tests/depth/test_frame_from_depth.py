@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore import surfaces
+from radarcore.depth import surfaces
 
 WAVEFORM = rc.Waveform.from_sweep(
     start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=128, num_chirps=32, chirp_interval=400e-6
