@@ -18,7 +18,9 @@ from radarcore.motion.deformation import Deformation
 from radarcore.motion.function import Function
 from radarcore.motion.linear import Linear
 from radarcore.motion.trajectory import Trajectory
-from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
+from radarcore.processing.peaks import Peak, strongest_peak
+from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.processing.time_frequency import RangeTime, Spectrogram, range_time, spectrogram
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, TabulatedPattern
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
@@ -38,7 +40,6 @@ from radarcore.simulate.cross_section import rcs
 from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.simulator import Paths, Simulator
 from radarcore.simulate.synthesis import Plan, PlanPart, beat_signal, plan_beat_signal
-from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
 
 __all__ = [
     "Attached",

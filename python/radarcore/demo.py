@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from radarcore import check, plot
 from radarcore.models import robots
-from radarcore.process import strongest_peak
+from radarcore.processing.peaks import strongest_peak
 from radarcore.recording.recording import Recording
 from radarcore.scenefile import load_scene
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radarcore import check, plot
-from radarcore.process import strongest_peak
+from radarcore.processing.peaks import strongest_peak
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile import Simulation, load_scene

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from radarcore import cli
-from radarcore.process import range_profile
+from radarcore.processing.spectra import range_profile
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform

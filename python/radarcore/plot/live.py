@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.plot import canvas
-from radarcore.plot.stream import LOWEST_DB, Detection, Stream
+from radarcore.processing.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 

@@ -1,4 +1,4 @@
-"""Range and Doppler transforms of the beat signal, and the strongest peak with sub-bin accuracy."""
+"""The strongest peak of a frame with sub-bin accuracy."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.processing.inputs import checked_samples, require_uniform_chirps
+from radarcore.processing.spectra import range_doppler
+from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
-
-Window = str | tuple[Any, ...] | None
-"""A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
 
 _PADDING = 4
 """Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
@@ -40,97 +40,6 @@ class Peak:
     power: float
     range_index: int
     velocity_index: int
-
-
-def range_profile(
-    cube: ArrayLike, waveform: Waveform, *, window: Window = "hann", num_bins: int | None = None
-) -> NDArray[Any]:
-    """Transform fast time to range.
-
-    Not normalised: a tone of amplitude a in the middle of a bin gives a times the sum of the window (half of it
-    from real samples). Ranges increase from 0; those of a down-chirp too. The phase over slow time is that of
-    the beat signal, so that a receding target has a positive Doppler frequency whatever the sign of the slope.
-    NaN passes through, as in NumPy's transforms.
-
-    Parameters
-    ----------
-    cube : (..., sample) float32, float64, complex64 or complex128
-        Beat signal, real or I/Q.
-    waveform : Waveform
-    window : str, tuple or None
-        Window over fast time, as `scipy.signal.get_window` names it (periodic).
-    num_bins : int, optional
-        Length n of the transform, zero-padded; default: `num_samples`.
-
-    Returns
-    -------
-    profile : (..., range) complex64 or complex128
-        ``n // 2 + 1`` bins from real samples, n from I/Q, in the precision of `cube`; bin k lies at
-        ``waveform.range_axis(n)[k]`` [m].
-
-    Raises
-    ------
-    ValueError, TypeError
-        For shapes that do not fit the waveform; for integers (raw ADC counts) and other dtypes.
-    """
-    samples = _samples(cube, "(..., sample)", num_samples=waveform.num_samples)
-    n = _length("num_bins", num_bins, "num_samples", waveform.num_samples)
-    windowed = samples * window_weights("window", window, waveform.num_samples).astype(samples.real.dtype)
-    down = waveform.slope < 0.0
-    if np.iscomplexobj(samples):
-        # The beat frequency has the sign of the slope: bin k of a down-chirp is the transform at -k.
-        return np.fft.ifft(windowed, n, norm="forward") if down else np.fft.fft(windowed, n)
-    # A real signal's transform at -k is the conjugate of that at k.
-    half = np.fft.rfft(windowed, n)
-    return half.conj() if down else half
-
-
-def range_doppler(
-    cube: ArrayLike,
-    waveform: Waveform,
-    *,
-    window: Window = "hann",
-    doppler_window: Window = "hann",
-    num_range_bins: int | None = None,
-    num_velocity_bins: int | None = None,
-) -> NDArray[Any]:
-    """Transform fast time to range and slow time to velocity.
-
-    Not normalised. Zero velocity is in the middle, receding is positive. NaN passes through, as in NumPy's
-    transforms. Beat frequency and Doppler frequency add, so a moving target lies ``velocity * f / slope`` (f the
-    centre frequency) beyond its range at the middle of the frame; `strongest_peak` takes that off.
-
-    Parameters
-    ----------
-    cube : (..., chirp, sample) float32, float64, complex64 or complex128
-        Beat signal, real or I/Q.
-    waveform : Waveform
-        Its chirps must follow each other at equal intervals.
-    window, doppler_window : str, tuple or None
-        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
-    num_range_bins, num_velocity_bins : int, optional
-        Lengths n of the transforms, zero-padded; default: `num_samples`, `num_chirps`.
-
-    Returns
-    -------
-    spectrum : (..., doppler, range) complex64 or complex128
-        At ``waveform.velocity_axis(num_velocity_bins)`` [m/s] and the first of
-        ``waveform.range_axis(num_range_bins)`` [m]: ``n // 2 + 1`` from real samples, n from I/Q.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For shapes that do not fit the waveform, and for chirps at unequal intervals; for integers (raw ADC
-        counts) and other dtypes.
-    """
-    samples = _samples(cube, "(..., chirp, sample)", num_chirps=waveform.num_chirps, num_samples=waveform.num_samples)
-    require_uniform_chirps(waveform)
-    n = _length("num_velocity_bins", num_velocity_bins, "num_chirps", waveform.num_chirps)
-    _length("num_range_bins", num_range_bins, "num_samples", waveform.num_samples)
-    profile = range_profile(samples, waveform, window=window, num_bins=num_range_bins)
-    profile *= window_weights("doppler_window", doppler_window, waveform.num_chirps).astype(profile.real.dtype)[:, None]
-    spectrum: NDArray[Any] = np.fft.fftshift(np.fft.fft(profile, n, axis=-2), axes=-2)
-    return spectrum
 
 
 def strongest_peak(
@@ -179,7 +88,7 @@ def strongest_peak(
         As `range_doppler`; for NaN or infinite samples; for limits in the wrong order.
     """
     # Check all arguments before any work.
-    samples = _samples(
+    samples = checked_samples(
         cube,
         "(channel, chirp, sample)",
         num_dimensions=3,
@@ -268,63 +177,6 @@ def strongest_peak(
         range_index=range_index % num_samples if np.iscomplexobj(samples) else min(range_index, num_samples // 2),
         velocity_index=velocity_index % num_chirps,
     )
-
-
-def _samples(cube: ArrayLike, axes: str, num_dimensions: int | None = None, **lengths: int) -> NDArray[Any]:
-    """The cube as an array of a floating dtype whose last axes have the given lengths."""
-    samples = np.asarray(cube)
-    native = samples.dtype.newbyteorder("=")
-    if native not in (np.float32, np.float64, np.complex64, np.complex128):
-        advice = " (raw ADC counts: scale them first, e.g. counts.astype('float32') / 4095)"
-        raise TypeError(
-            "cube: expected float32, float64, complex64 or complex128, "
-            f"got {samples.dtype}{advice if samples.dtype.kind in 'iu' else ''}"
-        )
-    wrong_dimensions = samples.ndim != num_dimensions if num_dimensions else samples.ndim < len(lengths)
-    if wrong_dimensions or samples.shape[samples.ndim - len(lengths) :] != tuple(lengths.values()):
-        expected = ", ".join(f"{name} = {length}" for name, length in lengths.items())
-        raise ValueError(f"cube: expected shape {axes} with {expected}, got {samples.shape}")
-    return samples.astype(native, copy=False)
-
-
-def _length(name: str, value: int | None, minimum_name: str, minimum: int) -> int:
-    """Length of a transform: zero-padding, never cutting."""
-    if value is None:
-        return minimum
-    if (length := check.count(name, value)) < minimum:
-        raise ValueError(f"{name}: expected at least {minimum} ({minimum_name}), got {length}")
-    return length
-
-
-def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """Periodic window, (length,)."""
-    if window is None:
-        return np.ones(length)
-    from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
-
-    expected = "expected a window of scipy.signal.get_window or None"
-    if not isinstance(window, str | tuple):
-        raise TypeError(f"{name}: {expected}, got {window!r}")
-    try:
-        weights = np.asarray(get_window(window, length), dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
-    return weights
-
-
-def window_centre(weights: NDArray[np.float64]) -> float:
-    """Index about which a window is symmetric (the middle of a periodic one lies half a step late)."""
-    return float(np.average(np.arange(len(weights)), weights=weights))
-
-
-def require_uniform_chirps(waveform: Waveform) -> None:
-    """Refuse chirps at unequal intervals with a ValueError."""
-    if not waveform.has_uniform_chirps:
-        gaps = np.diff(waveform.chirp_times)
-        raise ValueError(
-            "waveform: expected chirps at equal intervals, because the Doppler transform takes them as evenly "
-            f"spaced, got chirp_times with intervals of {gaps.min():g} to {gaps.max():g} s"
-        )
 
 
 def _limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:

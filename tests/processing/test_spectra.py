@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
+from radarcore.processing.peaks import Peak, strongest_peak
+from radarcore.processing.spectra import range_doppler, range_profile
 from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference

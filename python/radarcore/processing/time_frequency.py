@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, process
-from radarcore.process import Window
+from radarcore import check
+from radarcore.processing.inputs import require_uniform_chirps
+from radarcore.processing.spectra import range_profile
+from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.recording import Recording
 
@@ -109,7 +111,7 @@ def spectrogram(
     """
     # Check all arguments before any work.
     wf = _waveform(recording)
-    process.require_uniform_chirps(wf)
+    require_uniform_chirps(wf)
     length = wf.num_chirps if window_length is None else check.count("window_length", window_length)
     shared = check.non_negative("overlap", overlap)
     if shared >= 1.0:
@@ -118,8 +120,8 @@ def spectrogram(
     num_bins = length if num_velocity_bins is None else check.count("num_velocity_bins", num_velocity_bins)
     if num_bins < length:
         raise ValueError(f"num_velocity_bins: expected at least {length} (window_length), got {num_bins}")
-    weights = process.window_weights("doppler_window", doppler_window, length)
-    fast_weights = process.window_weights("window", window, wf.num_samples)
+    weights = window_weights("doppler_window", doppler_window, length)
+    fast_weights = window_weights("window", window, wf.num_samples)
     gate = _gate(recording, min_range, max_range)
     is_seamless = _is_seamless(recording)
     if len(recording) > 0 and length > (longest := wf.num_chirps * _longest_run(is_seamless)):
@@ -128,8 +130,8 @@ def spectrogram(
         )
 
     # Slide the window along each run of chirps: a frame's chirps join what is left of the run before them.
-    to_middle = process.window_centre(weights) * wf.chirp_interval + (
-        wf.chirp_times[0] + wf.adc_delay + process.window_centre(fast_weights) / wf.sample_rate
+    to_middle = window_centre(weights) * wf.chirp_interval + (
+        wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
     )
     times, powers = [np.empty(0)], [np.empty((0, num_bins))]
     left: NDArray[Any] | None = None
@@ -202,7 +204,7 @@ def _profiles(
         channels = slice(index, index + 1)
 
     def profile(frame: NDArray[Any]) -> NDArray[Any]:
-        return process.range_profile(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
+        return range_profile(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
 
     mean: NDArray[Any] | float = 0.0
     if remove_static:

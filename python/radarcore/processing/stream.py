@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, process
+from radarcore import check
+from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 
@@ -175,9 +177,9 @@ class Stream:
         wf = self.radar.waveform
         samples = self._moving(cube)
         if self.velocities is None:
-            spectrum = process.range_profile(samples, wf, num_bins=self._num_ranges)
+            spectrum = range_profile(samples, wf, num_bins=self._num_ranges)
         else:
-            spectrum = process.range_doppler(
+            spectrum = range_doppler(
                 samples, wf, num_range_bins=self._num_ranges, num_velocity_bins=len(self.velocities)
             )
         power = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=0)
@@ -261,7 +263,7 @@ def _num_cells(length: int, most: int) -> int:
 
 def _window_gain(length: int) -> float:
     """Power of a tone in the middle of its bin over the sum of its squares."""
-    weights = process.window_weights("window", "hann", length)
+    weights = window_weights("window", "hann", length)
     return float(weights.sum() ** 2 / length)
 
 

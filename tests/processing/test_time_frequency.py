@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.process import range_doppler, range_profile
+from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.processing.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.recording import Recording
 from radarcore.simulate.synthesis import beat_signal
-from radarcore.spectrogram import range_time, spectrogram
 from radarcore.units import SPEED_OF_LIGHT
 
 UP, DOWN = 1.0, -1.0
