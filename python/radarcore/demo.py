@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, plot
-from radarcore.models import robots
+from radarcore.models.robots import data
 from radarcore.processing.peaks import strongest_peak
 from radarcore.recording.recording import Recording
 from radarcore.scenefile import load_scene
@@ -154,7 +154,7 @@ def run(
     if ray_budget is not None:
         check.count("ray_budget", ray_budget)
     if with_robots is None:
-        with_robots = robots.is_available()
+        with_robots = data.is_available()
     directory.mkdir(parents=True, exist_ok=True)
     file = directory / "scene.toml"
     file.write_text(scene_text(with_robots), encoding="utf-8")

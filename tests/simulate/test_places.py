@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.models import Human, JointTrajectory, RobotArm
-from radarcore.models.arm import RADAR_AT_TOOL0
+from radarcore.models.robots.arm import RADAR_AT_TOOL0
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.simulate.places import Places
 

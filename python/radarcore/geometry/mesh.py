@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
+from radarcore.geometry.pose import Pose
 
 _LONG_BUILD = 1_000_000
 """Triangles that are built in less than a second."""
@@ -129,6 +130,15 @@ def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None]
             bar.update(round(share * num_triangles) - bar.n)
 
         yield report
+
+
+def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
+    """One mesh of several, each at its place."""
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh, _ in parts)])
+    return Mesh(
+        np.vstack([pose.apply(mesh.vertices) for mesh, pose in parts]),
+        np.vstack([mesh.triangles.astype(np.int64) + start for (mesh, _), start in zip(parts, first, strict=False)]),
+    )
 
 
 def _restore_mesh(

@@ -15,9 +15,11 @@ from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.models.arm import RADAR_AT_TOOL0, JointAngles, RobotArm
-from radarcore.models.human import Human
-from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
+from radarcore.models.people.human import Human
+from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
+from radarcore.models.robots.joint import JointAngles
+from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.line import cartesian_line
 from radarcore.motion.attached import Attached
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion

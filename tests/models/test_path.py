@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radarcore.models.path import FloorPath
+from radarcore.models.people.path import FloorPath
 
 WINDING = [[0, 0], [3, 0], [3, 3], [1, 5], [-4, 5], [-5, 4.9]]
 

@@ -3,122 +3,30 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
-from typing import Literal, Protocol, cast
+from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.pose import Pose, as_pose
-from radarcore.models.joint_trajectory import JointTrajectory, cartesian_line
+from radarcore.geometry.mesh import Mesh, merged_mesh
+from radarcore.geometry.pose import Matrix, Pose, as_pose
 from radarcore.models.recent import Recent
+from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
+from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.motion.attached import Attached
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 
-__all__ = [
-    "RADAR_AT_TOOL0",
-    "Joint",
-    "JointMotion",
-    "JointTrajectory",
-    "MovingArm",
-    "RobotArm",
-    "cartesian_line",
-]
-
-Matrix = NDArray[np.float64]
-JointAngles = Mapping[str, float] | Sequence[float] | Matrix
-"""One angle [rad] (prismatic: [m]) per moving joint, in order; or by name, those left out being zero."""
-
 RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Where a radar looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
 
 Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """What joins a link to its parent.
-
-    Parameters
-    ----------
-    name, parent, child : str
-        Names of the joint and of the two links.
-    origin : Pose
-        The joint in the parent's coordinates; the child's coordinates coincide with it at angle zero.
-    axis : (3,) array_like, optional
-        Direction of the axis in the child's coordinates, of any length; None for a fixed joint.
-    kind : "revolute", "prismatic" or "fixed"
-        Turns about the axis, slides along it, or neither.
-    limits : (float, float), optional
-        Smallest and largest angle [rad], or displacement [m].
-    max_velocity : float, optional
-        Largest rate [rad/s or m/s].
-    """
-
-    name: str
-    parent: str
-    child: str
-    origin: Pose
-    axis: Matrix | None
-    kind: Literal["revolute", "prismatic", "fixed"]
-    limits: tuple[float, float] | None
-    max_velocity: float | None
-
-    def __init__(
-        self,
-        name: str,
-        parent: str,
-        child: str,
-        origin: Pose | None = None,
-        axis: ArrayLike | None = None,
-        kind: Literal["revolute", "prismatic", "fixed"] = "revolute",
-        limits: tuple[float, float] | None = None,
-        max_velocity: float | None = None,
-    ) -> None:
-        put = object.__setattr__
-        put(self, "name", name)
-        put(self, "parent", parent)
-        put(self, "child", child)
-        put(self, "origin", Pose() if origin is None else origin)
-        put(self, "kind", check.choice("kind", kind, ("revolute", "prismatic", "fixed")))
-        if (axis is None) != (kind == "fixed"):
-            raise ValueError(
-                f"axis: expected {'None for a fixed' if kind == 'fixed' else f'a direction for a {kind}'} joint, "
-                f"got {axis!r} for {name!r}"
-            )
-        if axis is not None:
-            direction = check.array("axis", axis, (3,))
-            if not (length := np.linalg.norm(direction)) > 0.0:
-                raise ValueError(f"axis: expected a direction, got zero for {name!r}")
-            axis = check.frozen(direction / length)
-        put(self, "axis", axis)
-        put(self, "limits", None if limits is None else (float(limits[0]), float(limits[1])))
-        put(self, "max_velocity", None if max_velocity is None else float(max_velocity))
-
-    @property
-    def unit(self) -> str:
-        """Of its angle: "rad", or "m" when it slides."""
-        return "m" if self.kind == "prismatic" else "rad"
-
-
-class JointMotion(Protocol):
-    """Joint angles as a function of time, with their rates in closed form."""
-
-    def angles(self, time: float) -> Matrix:
-        """Joint angles at a time [s], (num_joints,) [rad or m]."""
-        ...
-
-    def rates(self, time: float) -> Matrix:
-        """Their time derivatives, (num_joints,)."""
-        ...
 
 
 class RobotArm:
@@ -202,7 +110,7 @@ class RobotArm:
         -----
         Joints that mimic others are joints of their own here, with a warning.
         """
-        from radarcore.models import urdf
+        from radarcore.models.robots import urdf
 
         model = urdf.read(path, geometry=meshes, package_directories=package_directories)
         shapes = {
@@ -214,14 +122,14 @@ class RobotArm:
     @classmethod
     def ur10(cls) -> RobotArm:
         """A UR10 made of cylinders: kinematics of the real arm, sizes of its housings; base_link to tool0."""
-        from radarcore.models import ur10
+        from radarcore.models.robots import ur10
 
         return cls(ur10.joints(), ur10.shapes(), name="ur10")
 
     @classmethod
     def ur10_meshes(cls) -> RobotArm:
         """A UR10 with its seven real collision meshes (``pip install radarcore[robots]``)."""
-        from radarcore.models import ur10
+        from radarcore.models.robots import ur10
 
         return cls(ur10.joints(), ur10.collision_meshes(), name="ur10")
 
@@ -467,15 +375,6 @@ class _JointFunction:
 
 # Step of the finite differences of a function of time [s].
 _STEP = 5e-4
-
-
-def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
-    """One mesh of several, each at its place."""
-    first = np.cumsum([0, *(len(mesh.vertices) for mesh, _ in parts)])
-    return Mesh(
-        np.vstack([pose.apply(mesh.vertices) for mesh, pose in parts]),
-        np.vstack([mesh.triangles.astype(np.int64) + start for (mesh, _), start in zip(parts, first, strict=False)]),
-    )
 
 
 def _from_the_root(joints: tuple[Joint, ...], links: Mapping[str, Mesh | None]) -> list[Joint]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radarcore.models import gait
+from radarcore.models.people import gait
 
 SPEEDS = (0.05, 0.3, 0.5, 0.8, 1.0, 1.3, 1.5, 2.3, 3.0)
 FUNCTIONS = (gait.limb_angles, gait.trunk_angles, gait.root_translation)

@@ -19,9 +19,11 @@ from radarcore import check
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
-from radarcore.models import gait, robots
-from radarcore.models.path import FloorPath
+from radarcore.models.people import gait
+from radarcore.models.people.path import FloorPath
 from radarcore.models.recent import Recent
+from radarcore.models.robots.data import through_obj
+from radarcore.models.robots.links import human_joints, human_links
 from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body
 from radarcore.scene.library import materials
@@ -44,8 +46,8 @@ class Human:
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
-    `radarcore.models.gait`), which depends on speed and height alone. The person stays upright, faces where the path
-    leads and walks on straight before its first and after its last waypoint: in and out of a scene.
+    `radarcore.models.people.gait`), which depends on speed and height alone. The person stays upright, faces where the
+    path leads and walks on straight before its first and after its last waypoint: in and out of a scene.
 
     The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
     at running speeds by more. The lowest point of a cycle touches the floor z = 0. Nor does it lean into turns.
@@ -60,7 +62,7 @@ class Human:
     path : (n, 2) array_like
         Waypoints on the floor, x and y [m], at least two; corners between them are cut as `turn_radius` says.
     turn_radius : float
-        Smallest radius of the turns of the path [m], see `radarcore.models.path.FloorPath`.
+        Smallest radius of the turns of the path [m], see `radarcore.models.people.path.FloorPath`.
     start_time : float
         Time at which the pelvis is at the first waypoint [s].
     phase : float
@@ -149,9 +151,7 @@ class Human:
         scale = self.height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
         local = {segment: (scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()}
         figure = _Figure(self, _real_skeleton(rest, scale), _lowest_of(local["right_foot"][0]))
-        return figure.bodies(
-            {segment: robots.through_obj(*arrays) for segment, arrays in local.items()}, material, name
-        )
+        return figure.bodies({segment: through_obj(*arrays) for segment, arrays in local.items()}, material, name)
 
     def __repr__(self) -> str:
         return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"
@@ -432,10 +432,10 @@ def _real_segment(link: str) -> str:
 @cache
 def _real_man() -> tuple[dict[str, _Floats], dict[str, tuple[_Floats, NDArray[np.int64]]]]:
     """Origins (3,) and meshes of the segments of the real man, standing upright on the floor [m]."""
-    origins = robots.human_joints()
+    origins = human_joints()
     rest: dict[str, _Floats] = {}
     meshes: dict[str, list[tuple[_Floats, NDArray[np.int64]]]] = {segment: [] for segment in SEGMENTS}
-    for link in robots.human_links():
+    for link in human_links():
         segment = _real_segment(link.name)
         rest.setdefault(segment, origins[link.name.split("/")[0]])
         before = sum(len(vertices) for vertices, _ in meshes[segment])

@@ -6,10 +6,10 @@ from math import pi
 
 import numpy as np
 
-from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh import Mesh, merged_mesh
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.shapes import cylinder, sphere
-from radarcore.models.arm import Joint, merged_mesh
+from radarcore.models.robots.joint import Joint
 
 # Joint: largest rate [rad/s], largest angle [rad], parent, child, xyz [m], pitch [rad], axis.
 # From ur_description/urdf/ur10_robot.urdf of example-robot-data 6.0.0 (ros-industrial, BSD).
@@ -95,9 +95,9 @@ def shapes() -> dict[str, Mesh | None]:
 
 def collision_meshes() -> dict[str, Mesh | None]:
     """The seven meshes of example-robot-data by link, taken through OBJ, which radarcore reads itself."""
-    from radarcore.models import robots
+    from radarcore.models.robots import data, urdf
 
     meshes: dict[str, Mesh | None] = dict.fromkeys(_CYLINDERS)
-    for link in robots.ur10_links(np.zeros(6)):
-        meshes[link.name.split("/")[0]] = robots.through_obj(link.vertices, link.triangles)
+    for mesh in data.meshes_of(urdf.read(data.data_file(data.UR10), geometry="collision")):
+        meshes[mesh.link] = data.through_obj(mesh.vertices, mesh.triangles)
     return meshes

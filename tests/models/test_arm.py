@@ -11,7 +11,11 @@ import pytest
 
 import radarcore as rc
 from radarcore.models import robots
-from radarcore.models.arm import RADAR_AT_TOOL0, Joint, JointTrajectory, RobotArm, cartesian_line
+from radarcore.models.robots import data
+from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
+from radarcore.models.robots.joint import Joint
+from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.line import cartesian_line
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -43,7 +47,7 @@ def ur10_meshes():
 
 @pytest.fixture
 def ur10_urdf():
-    return robots._data_file("urdf/ur10_robot.urdf")
+    return data.data_file(data.UR10)
 
 
 def matrix(pose):
@@ -291,7 +295,7 @@ def test_missing_extra_names_what_to_install(monkeypatch):
 
 @needs_robots
 def test_missing_trimesh_names_what_to_install(monkeypatch):
-    robots._read_mesh.cache_clear()
+    data._read_mesh.cache_clear()
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(ImportError, match=r"pip install radarcore\[robots\]"):
         RobotArm.ur10_meshes()

@@ -16,7 +16,7 @@ from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.models.arm import Joint
+from radarcore.models.robots.joint import Joint
 
 
 class Part(NamedTuple):
