@@ -34,7 +34,8 @@ from radarcore.scene.library import materials
 from radarcore.scene.material import Material
 from radarcore.scene.permittivity import ColeCole, ItuPermittivity
 from radarcore.scene.scene import Scene
-from radarcore.scenefile import Simulation, load_scene
+from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.simulation import Simulation
 from radarcore.sensor import open_sensor
 from radarcore.simulate.cross_section import rcs
 from radarcore.simulate.depth_image import DepthImage

@@ -115,7 +115,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from radarcore.scenefile import load_scene
+    from radarcore.scenefile.load import load_scene
 
     simulation = load_scene(options.scene)
     began = time.perf_counter()
@@ -179,7 +179,7 @@ def _mesh_info(options: argparse.Namespace) -> int:
 def _scene_facts(path: Path) -> dict[str, Any]:
     """What a scene file holds, by name with unit."""
     from radarcore.scene.body import Body
-    from radarcore.scenefile import load_scene
+    from radarcore.scenefile.load import load_scene
     from radarcore.simulate.simulator import frame_times
 
     simulation = load_scene(path)

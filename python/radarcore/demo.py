@@ -20,7 +20,7 @@ from radarcore import check, plot
 from radarcore.models.robots import data
 from radarcore.processing.peaks import strongest_peak
 from radarcore.recording.recording import Recording
-from radarcore.scenefile import load_scene
+from radarcore.scenefile.load import load_scene
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
 """What is compared, and the body whose truth counts."""

@@ -12,7 +12,8 @@ from radarcore import check, plot
 from radarcore.processing.peaks import strongest_peak
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
-from radarcore.scenefile import Simulation, load_scene
+from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.simulator import frame_times
 
 if TYPE_CHECKING:

@@ -4,18 +4,10 @@ import numpy as np
 import pytest
 
 from radarcore.geometry import shapes
+from solids import area_vectors, corners, directed_edges, is_closed, volume
 
 # A few roundings of f64 in every coordinate.
 ROUNDING = 1e-15
-
-
-def corners(mesh):
-    return tuple(mesh.vertices[index] for index in mesh.triangles.T)
-
-
-def area_vectors(mesh):
-    a, b, c = corners(mesh)
-    return 0.5 * np.cross(b - a, c - a)
 
 
 def normals(mesh):
@@ -25,20 +17,6 @@ def normals(mesh):
 
 def area(mesh):
     return np.linalg.norm(area_vectors(mesh), axis=1).sum()
-
-
-def volume(mesh):
-    return np.sum(corners(mesh)[0] * area_vectors(mesh)) / 3.0
-
-
-def directed_edges(mesh):
-    return mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-
-
-def is_closed(mesh):
-    """Every edge belongs to exactly two faces that run through it in opposite directions."""
-    edges = {tuple(edge) for edge in directed_edges(mesh).tolist()}
-    return len(edges) == 3 * len(mesh.triangles) and all((b, a) in edges for a, b in edges)
 
 
 def samples_on_facets(mesh, n=8):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from test_shapes import area_vectors, is_closed, volume
 
 import radarcore as rc
 from radarcore.models import robots
 from radarcore.models.people import gait
 from radarcore.models.people.human import SEGMENTS, Human
+from solids import area_vectors, is_closed, volume
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"

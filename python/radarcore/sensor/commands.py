@@ -18,7 +18,8 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
-from radarcore.scenefile import Simulation, load_scene
+from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.simulator import frame_times
 
 

@@ -15,7 +15,7 @@ from radarcore.models import robots
 from radarcore.scenefile import schema, tables
 from radarcore.scenefile.read import kind_of, tables_in
 
-EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.toml"))
+EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.toml"))
 
 RADAR = """
 [radar]

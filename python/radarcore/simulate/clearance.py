@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.motion.protocol import Motion
+from radarcore.radar.radar import Radar
 from radarcore.scene.body import Body
-from radarcore.scenefile import Simulation
+from radarcore.scene.scene import Scene
 from radarcore.simulate.places import Places
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
@@ -15,14 +17,13 @@ _ROOM = 2.0
 _CLEARANCE = 1e-3
 
 
-def check_antennas(simulation: Simulation) -> None:
-    """Refuse a surface or a point at an antenna when the run begins.
+def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> None:
+    """Refuse a surface or a point at an antenna when the run begins, at a time [s].
 
     Nor may the antennas be inside a body, unless it is large enough to be a room around them.
     """
-    scene = simulation.scene
-    antennas = np.concatenate([simulation.radar.tx, simulation.radar.rx])
-    place = Places(scene, simulation.radar_motion, np.zeros(3)).at(np.array([simulation.run.start]))
+    antennas = np.concatenate([radar.tx, radar.rx])
+    place = Places(scene, motion, np.zeros(3)).at(np.array([time]))
     for pose, number in zip(place.poses[0], scene._mesh_numbers, strict=True):
         body = scene.bodies[number]
         assert isinstance(body, Body)  # the scene says so
