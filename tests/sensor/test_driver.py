@@ -28,7 +28,7 @@ from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
-from radarcore.sensor.strata import Version
+from radarcore.sensor.strata.packets import Version
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame

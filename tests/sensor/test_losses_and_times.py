@@ -16,9 +16,9 @@ from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
 from radarcore.sensor.packing import pack_msb
-from radarcore.sensor.strata import Avian, Code, Component, DataPacket, Kind, Request
-from radarcore.sensor.strata_board import StrataBoard
-from radarcore.sensor.strata_stream import Damage
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.strata.byte_stream import Damage
+from radarcore.sensor.strata.packets import Avian, Code, Component, DataPacket, Kind, Request
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
@@ -251,7 +251,9 @@ def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause
 )
 def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, text, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr("radarcore.sensor.strata_board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time))
+    monkeypatch.setattr(
+        "radarcore.sensor.strata.packets.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time)
+    )
     given = Measuring(SMALL)
     (whole,) = given.packets(1)
     given.read(given.packets(0))

@@ -13,7 +13,7 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.sensor.comlib import (
+from radarcore.sensor.comlib.messages import (
     MAX_PAYLOAD,
     Adc,
     AdcSettings,
@@ -38,7 +38,7 @@ from radarcore.sensor.comlib import (
     encode_endpoints,
     encode_number,
 )
-from radarcore.sensor.comlib import Protocol as ProtocolCode
+from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 

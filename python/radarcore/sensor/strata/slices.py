@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from radarcore import check
-from radarcore.sensor.strata import DataPacket
+from radarcore.sensor.strata.packets import DataPacket
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import time
 from contextlib import suppress
 from typing import Protocol
 
-from radarcore.sensor import strata
 from radarcore.sensor.errors import (
     ProtocolError,
     RequestError,
@@ -16,8 +15,9 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
-from radarcore.sensor.strata import Code, DataPacket, Info, Kind, Request, Response, Status
-from radarcore.sensor.strata_stream import Damage, HostParser
+from radarcore.sensor.strata import packets as strata
+from radarcore.sensor.strata.byte_stream import Damage, HostParser
+from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Request, Response, Status
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
 _REQUEST_TIMEOUT = 1.0

@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 from typing import ClassVar, Generic, TypeVar
 
 from radarcore.sensor.errors import ProtocolError
-from radarcore.sensor.strata import MAX_PACKET, DataPacket, Kind, Request, Response, Status, crc, decode_data
+from radarcore.sensor.strata.packets import MAX_PACKET, DataPacket, Kind, Request, Response, Status, crc, decode_data
 
 Packet = TypeVar("Packet")
 

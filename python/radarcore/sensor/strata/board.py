@@ -10,23 +10,15 @@ from typing import Any
 import numpy as np
 
 from radarcore.radar.radar import Radar
-from radarcore.sensor import bgt60, strata
+from radarcore.sensor import bgt60
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
-from radarcore.sensor.link import Link
 from radarcore.sensor.packing import unpack_msb
-from radarcore.sensor.strata import (
-    Avian,
-    Code,
-    Component,
-    Data,
-    Info,
-    Request,
-    Status,
-    Version,
-)
-from radarcore.sensor.strata_slices import Slice, SliceAssembler, SliceLost, StreamError
-from radarcore.sensor.strata_stream import Damage
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.byte_stream import Damage
+from radarcore.sensor.strata.link import Link
+from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
+from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
@@ -101,10 +93,10 @@ class StrataBoard:
         return BoardInfo(
             port=self._link.name,
             protocol="strata",
-            name=strata.decode_board_info(name)[2] or "Strata board",
+            name=packets.decode_board_info(name)[2] or "Strata board",
             chip=chip,
             firmware=version.firmware,
-            serial_number=strata.uuid_text(uuid) if any(uuid) else "",
+            serial_number=packets.uuid_text(uuid) if any(uuid) else "",
         )
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
@@ -132,7 +124,7 @@ class StrataBoard:
         # A FIFO that has overflown before would end the data at once.
         self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
         self._is_running = True
-        self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, strata.data_configuration(self._slice_size)))
+        self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(self._slice_size)))
         self._link.ask(Request.write(Code.DATA, Data.START, 0))
         while self._link.packets(0.0):
             pass  # of an earlier measurement: this one has not begun
@@ -159,7 +151,7 @@ class StrataBoard:
                     self._missing = self._missing or item.reason
                 elif isinstance(item, StreamError):
                     code = item.error
-                    text = code if isinstance(code, str) else strata.status_text(code)
+                    text = code if isinstance(code, str) else packets.status_text(code)
                     found.append(self._restart(f"the board stopped: {text}"))
                     return found
                 elif len(item.data) != self._slice_size * 3 // 2:
@@ -324,8 +316,8 @@ class StrataBoard:
         return self._settings
 
     def _read_register(self, address: int) -> int:
-        values = strata.decode_values(
-            self._on_chip(Request.transfer(*_EXECUTE, strata.encode_commands([address << 25])))
+        values = packets.decode_values(
+            self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands([address << 25])))
         )
         if len(values) != 1:
             raise ProtocolError(f"{self._link.name}: expected one register, got {len(values)}")
@@ -333,7 +325,7 @@ class StrataBoard:
 
     def _execute(self, words: Iterable[int]) -> None:
         """Send words to the chip."""
-        self._on_chip(Request.write(*_EXECUTE, strata.encode_commands(words)))
+        self._on_chip(Request.write(*_EXECUTE, packets.encode_commands(words)))
 
     def _on_chip(self, request: Request) -> bytes:
         """The answer; asked again where the first one only tells that the FIFO has overflown before."""

@@ -14,7 +14,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
-from radarcore.sensor.comlib import (
+from radarcore.sensor.comlib.messages import (
     Adc,
     AdcSettings,
     Base,
@@ -41,7 +41,7 @@ from radarcore.sensor.comlib import (
     encode_number,
     status_text,
 )
-from radarcore.sensor.comlib import Protocol as ProtocolCode
+from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
 from radarcore.sensor.transport import Stream
 
