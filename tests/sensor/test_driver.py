@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 
 import radarcore as rc
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 from radarcore.recording.codes import to_samples
 from radarcore.sensor import (
     FramesLostWarning,

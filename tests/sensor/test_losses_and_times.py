@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from boards import Numbered, number_of, numbered, opened
 
 import radarcore as rc
+from boards import Numbered, number_of, numbered, opened
 from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError, bgt60
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.emulator.chip import Chip
@@ -252,7 +252,7 @@ def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause
 def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, text, monkeypatch):
     now = [100.0]
     monkeypatch.setattr(
-        "radarcore.sensor.strata.packets.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time)
+        "radarcore.sensor.strata.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time)
     )
     given = Measuring(SMALL)
     (whole,) = given.packets(1)

@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from boards import Numbered
-from test_virtual_sensor import SWING
 
 import radarcore as rc
+from boards import SWING, Numbered
 from radarcore import cli
 from radarcore.sensor import transport, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort

@@ -10,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 
 import radarcore as rc
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort

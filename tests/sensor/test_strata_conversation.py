@@ -4,9 +4,9 @@ import threading
 import time
 
 import pytest
-from boards import Numbered, opened
 
 import radarcore as rc
+from boards import Numbered, opened
 from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError, bgt60
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import Noise

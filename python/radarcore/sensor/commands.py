@@ -266,7 +266,7 @@ def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:
 
 def _serve(options: argparse.Namespace) -> int:
     from radarcore.sensor.emulator.pty import PtyPort
-    from radarcore.sensor.virtual import virtual_board
+    from radarcore.virtual.board import virtual_board
 
     if options.source.suffix == ".toml":
         served: Any = load_scene(options.source)

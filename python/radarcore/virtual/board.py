@@ -11,9 +11,10 @@ from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import StreamPeripheral
-from radarcore.sensor.emulator.source import FrameSource, Playback, Simulated
+from radarcore.sensor.emulator.source import FrameSource, Playback
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.simulate.simulator import Simulator
+from radarcore.virtual.source import Simulated
 
 PROTOCOLS = ("strata", "comlib")
 

@@ -9,41 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from boards import CLI, python
 
 import radarcore as rc
+from boards import CLI, SWING, python
 from radarcore.cli import main
 from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
-from radarcore.sensor.emulator.source import Noise, Playback, Simulated
-
-SWING = """
-[radar]
-preset = "bgt60tr13c"
-
-[run]
-stop = 60.0
-resolution = 48
-field_of_view_deg = [20.0, 20.0]
-
-[[body]]
-name = "plate"
-shape = { kind = "plate", width = 0.2, height = 0.2 }
-material = "metal"
-
-[body.motion]
-kind = "trajectory"
-times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
-poses = [
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-]
-"""
+from radarcore.sensor.emulator.source import Noise, Playback
+from radarcore.virtual.source import Simulated
 
 # Another radar than the scene file's: what the client sets is what is simulated.
 CLIENT = rc.bgt60tr13c(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from radarcore import check
 from radarcore.plot import canvas
-from radarcore.plot.live import SIZE, LiveView
+from radarcore.plot.live.view import SIZE, LiveView
 from radarcore.recording.frame import Frame
 
 if TYPE_CHECKING:

@@ -422,8 +422,8 @@ def test_error_of_the_source_is_raised_after_the_last_picture(tmp_path: Path) ->
 
 def play(frames: Any, *, paced: bool = False, hold: bool = False) -> tuple[int, plot.LiveView | None]:
     """What a window does, on a canvas without one: its event loop, callbacks and blitting are real."""
-    from radarcore.plot.live import _figure
-    from radarcore.plot.window import _play
+    from radarcore.plot.live.view import _figure
+    from radarcore.plot.live.window import _play
 
     figure, made = _figure(), []
 

@@ -88,3 +88,32 @@ def opened(controller: Controller, transport: str = "cdc", **options: Any) -> It
     options.setdefault("queue_size", 10_000)
     with plugged(controller, transport) as (where, _), open_sensor(**where, **options) as sensor:
         yield sensor
+
+
+SWING = """
+[radar]
+preset = "bgt60tr13c"
+
+[run]
+stop = 60.0
+resolution = 48
+field_of_view_deg = [20.0, 20.0]
+
+[[body]]
+name = "plate"
+shape = { kind = "plate", width = 0.2, height = 0.2 }
+material = "metal"
+
+[body.motion]
+kind = "trajectory"
+times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+poses = [
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+]
+"""
