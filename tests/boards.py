@@ -20,7 +20,7 @@ from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
 TRANSPORTS = ("cdc", "vendor", "pty")
 
 
-CLI = "import sys\nfrom radarcore.cli import main\nsys.exit(main())"
+CLI = "import sys\nfrom radarcore.cli.main import main\nsys.exit(main())"
 """Program that is the command `radarcore`."""
 
 

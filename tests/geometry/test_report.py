@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore import cli
+from radarcore.cli.main import main
 
 C = 299_792_458.0
 
@@ -217,12 +217,12 @@ def test_info_of_a_mesh_file_is_its_report(tmp_path: Path, capsys: pytest.Captur
     lines = [f"v {x} {y} {z}" for x, y, z in box.vertices]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in box.triangles]
     path.write_text("\n".join(lines), encoding="utf-8")
-    assert cli.main(["info", str(path), "--scale", "1e-3"]) == 0
+    assert main(["info", str(path), "--scale", "1e-3"]) == 0
     assert capsys.readouterr().out.strip() == str(rc.mesh_report(rc.load_mesh(path, scale=1e-3)))
-    assert cli.main(["info", str(path), "--scale", "1e-3", "--json"]) == 0
+    assert main(["info", str(path), "--scale", "1e-3", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["mesh"], found["triangles"], found["open edges"]) == (str(path), 12, 0)
     assert found["area [m^2]"] == pytest.approx(0.22, rel=1e-9)
     assert found["verdicts"] == ["All facets are flat: the radar sees them as they are."]
-    assert cli.main(["info", str(tmp_path / "none.obj")]) == 1
+    assert main(["info", str(tmp_path / "none.obj")]) == 1
     assert "none.obj" in capsys.readouterr().err

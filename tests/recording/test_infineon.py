@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore import cli
+from radarcore.cli.main import main
 from radarcore.processing.spectra import range_profile
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
@@ -561,11 +561,11 @@ def test_place_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def test_commands_take_such_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder(tmp_path / "rec")
-    assert cli.main(["info", str(path)]) == 0
+    assert main(["info", str(path)]) == 0
     assert "5, 3, 4, 16" in capsys.readouterr().out
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     for kind in ("overview", "range-time"):
-        assert cli.main(["plot", str(path / FOLDER), "-o", str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert main(["plot", str(path / FOLDER), "-o", str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
         assert (tmp_path / f"{kind}.png").stat().st_size > 10_000
 
 

@@ -251,9 +251,7 @@ def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause
 )
 def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, text, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(
-        "radarcore.sensor.strata.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time)
-    )
+    monkeypatch.setattr("radarcore.sensor.strata.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time))
     given = Measuring(SMALL)
     (whole,) = given.packets(1)
     given.read(given.packets(0))

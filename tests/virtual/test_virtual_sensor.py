@@ -12,7 +12,7 @@ import pytest
 
 import radarcore as rc
 from boards import CLI, SWING, python
-from radarcore.cli import main
+from radarcore.cli.main import main
 from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise, Playback

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore import cli, draw
+from radarcore.cli import plot
+from radarcore.cli.main import main
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 COMMAND = [sys.executable, "-m", "radarcore"]
 
 SCENE = """
@@ -68,7 +69,7 @@ def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(scene
 
 
 def test_simulate_prints_json(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--json"]) == 0
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["frames"] == 3
     assert summary["cube_shape"] == [3, 3, 8, 64]
@@ -78,11 +79,11 @@ def test_simulate_prints_json(scene: Path, tmp_path: Path, capsys: pytest.Captur
 
 def test_simulate_replaces_a_recording_only_when_told_to(scene: Path, tmp_path: Path) -> None:
     arguments = ["simulate", str(scene), "-o", str(tmp_path / "recording")]
-    assert cli.main(arguments) == 0
+    assert main(arguments) == 0
     before = (tmp_path / "recording" / "cube.npy").stat().st_mtime_ns
-    assert cli.main(arguments) == 1
+    assert main(arguments) == 1
     assert (tmp_path / "recording" / "cube.npy").stat().st_mtime_ns == before
-    assert cli.main([*arguments, "--overwrite"]) == 0
+    assert main([*arguments, "--overwrite"]) == 0
 
 
 @pytest.mark.parametrize(
@@ -120,9 +121,9 @@ def test_missing_mesh_and_missing_scene_are_one_line(tmp_path: Path, scene: Path
 
 
 def test_bad_options_write_nothing(tmp_path: Path, scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--threads", "0"]) == 1
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--threads", "0"]) == 1
     assert capsys.readouterr().err.startswith("radarcore: threads: expected at least 1")
-    assert cli.main(["simulate", str(scene), "-o", str(tmp_path / "recording.npz")]) == 1
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording.npz")]) == 1
     assert list(tmp_path.iterdir()) == [scene]
 
 
@@ -155,25 +156,25 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
 # --- plot
 
 
-@pytest.mark.parametrize("kind", draw.KINDS)
+@pytest.mark.parametrize("kind", plot.KINDS)
 def test_every_picture_of_a_scene(scene: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     picture = tmp_path / "new" / f"{kind}.png"
-    assert cli.main(["plot", str(scene), "-o", str(picture), "--kind", kind]) == 0
+    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("kind", ["overview", *draw.OF_FRAMES, *draw.OF_RECORDINGS])
+@pytest.mark.parametrize("kind", ["overview", *plot.OF_FRAMES, *plot.OF_RECORDINGS])
 def test_every_picture_of_a_recording(recording: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     picture = tmp_path / f"{kind}.png"
-    assert cli.main(["plot", str(recording), "-o", str(picture), "--kind", kind, "--frame", "-1"]) == 0
+    assert main(["plot", str(recording), "-o", str(picture), "--kind", kind, "--frame", "-1"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_help_names_every_picture() -> None:
     text = " ".join(run("plot", "--help").stdout.split())
-    assert all(kind in text for kind in draw.KINDS)
+    assert all(kind in text for kind in plot.KINDS)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +195,7 @@ def test_plot_says_what_is_wrong(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     monkeypatch.chdir(tmp_path)
-    assert cli.main(["plot", str(recording), "-o", "picture.png", *arguments]) == 1
+    assert main(["plot", str(recording), "-o", "picture.png", *arguments]) == 1
     captured = capsys.readouterr()
     assert message in captured.err
     assert len(captured.err.splitlines()) == 1
@@ -209,7 +210,7 @@ def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
 ) -> None:
     facts = []
     for source in (scene, recording):
-        assert cli.main(["info", str(source), "--json"]) == 0
+        assert main(["info", str(source), "--json"]) == 0
         facts.append(json.loads(capsys.readouterr().out))
     of_scene, of_recording = facts
     assert of_scene["bodies"] == of_recording["bodies"] == ["ball"]
@@ -231,9 +232,9 @@ def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:
 
 
 def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["info", str(tmp_path)]) == 1
+    assert main(["info", str(tmp_path)]) == 1
     assert "expected a recording" in capsys.readouterr().err
-    assert cli.main(["info", str(tmp_path / "none")]) == 1
+    assert main(["info", str(tmp_path / "none")]) == 1
     assert "no such recording" in capsys.readouterr().err
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radarcore import __version__
-from radarcore.sensor import commands as sensor
+from radarcore.cli import sensor
 
 if TYPE_CHECKING:
     from radarcore.radar.radar import Radar
@@ -100,9 +100,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from radarcore import demo
+    from radarcore.cli.demo import experiment
 
-    result = demo.run(
+    result = experiment.run(
         options.output,
         duration=options.duration,
         ray_budget=options.ray_budget,
@@ -140,7 +140,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from radarcore import draw
+    from radarcore.cli import plot as draw
 
     draw.draw(options.source, options.output, kind=options.kind, frame=options.frame)
     print(options.output)

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore import cli, demo
+from radarcore.cli.demo import experiment
+from radarcore.cli.main import main
+from radarcore.comparison import targets
 from radarcore.models import robots
 
 needs_robots = pytest.mark.skipif(
@@ -25,7 +27,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     lines: list[str] = []
-    result = demo.run(tmp_path, duration=0.25, with_robots=False, say=lines.append)
+    result = experiment.run(tmp_path, duration=0.25, with_robots=False, say=lines.append)
     cylinder, person = result["targets"]
     assert (cylinder["name"], person["name"]) == ("cylinder", "person")
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 10
@@ -41,19 +43,19 @@ def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: 
 
 
 def test_cylinder_is_tracked_while_the_arm_moves_and_the_person_is_near(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
+    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
     simulation = rc.load_scene(tmp_path / "scene.toml")
     recording = simulation.simulator().record(2.0, 2.1, 40.0, progress=False)
     assert recording.truth is not None
     np.testing.assert_allclose(recording.truth.select(["cylinder"]).velocity, -0.25, atol=1e-3)
-    found = demo.track(recording, "cylinder")
-    c = demo.compare(recording, "cylinder", "cylinder", found)
+    found = targets.track(recording, "cylinder")
+    c = targets.compare(recording, "cylinder", "cylinder", found)
     assert c.num_frames == c.num_range_within == c.num_velocity_within == 4
     assert np.abs(found.velocity + 0.25).max() < 0.1  # of the arm's motion itself, not only of the gate
 
 
 def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cylinder(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
+    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
     simulation = rc.load_scene(tmp_path / "scene.toml")
     rate = simulation.radar_motion.rate_at(2.5)
     np.testing.assert_allclose(rate[:, 3], [0.25, 0.0, 0.0], atol=1e-4)  # the line's own bound
@@ -62,7 +64,7 @@ def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cyl
 
 @needs_robots
 def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path) -> None:
-    result = demo.run(tmp_path, duration=0.05, with_robots=True, say=lambda _: None)
+    result = experiment.run(tmp_path, duration=0.05, with_robots=True, say=lambda _: None)
     assert result["frames"] == 2
     assert result["triangles"] > 100_000  # 5862 of the arm, 109 000 of the man
     cylinder = result["targets"][0]
@@ -107,6 +109,6 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pyte
         return original(self, time)
 
     monkeypatch.setattr(rc.Simulator, "frame", interrupted)
-    assert cli.main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
+    assert main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
     with pytest.warns(UserWarning, match="2 of 200 planned frames"):
         assert len(rc.Recording.load(tmp_path / "recording")) == 2

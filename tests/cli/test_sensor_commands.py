@@ -7,7 +7,7 @@ import pytest
 
 import radarcore as rc
 from boards import SWING, Numbered
-from radarcore import cli
+from radarcore.cli.main import main
 from radarcore.sensor import transport, virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
 
@@ -29,17 +29,17 @@ def scene(tmp_path):
 
 
 def test_info_says_what_the_board_is(port, capsys):
-    assert cli.main(["sensor", "info", port]) == 0
+    assert main(["sensor", "info", port]) == 0
     text = capsys.readouterr().out
     for part in (port, "strata", "BGT60TR13C", "2.6.0", "24.9"):
         assert part in text
-    assert cli.main(["sensor", "info", port, "--json"]) == 0
+    assert main(["sensor", "info", port, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["chip"] == "BGT60TR13C"
 
 
 def test_list_without_boards_says_so(capsys, monkeypatch):
     monkeypatch.setattr(transport, "find_ports", lambda **_: [])
-    assert cli.main(["sensor", "list"]) == 1
+    assert main(["sensor", "list"]) == 1
     assert "no radar board answers" in capsys.readouterr().err
 
 
@@ -47,16 +47,16 @@ def test_list_names_boards_and_what_else_was_asked(port, capsys, monkeypatch):
     found = transport.Port("serial", port, 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
     gone = transport.Port("serial", "/dev/none", 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
     monkeypatch.setattr(transport, "find_ports", lambda **_: [gone, found])
-    assert cli.main(["sensor", "list"]) == 0
+    assert main(["sensor", "list"]) == 0
     assert capsys.readouterr().out.startswith(f"{port}: Radar Baseboard MCU7 (MCU A), BGT60TR13C, firmware 2.6.0")
-    assert cli.main(["sensor", "list", "--json"]) == 0
+    assert main(["sensor", "list", "--json"]) == 0
     assert [entry["port"] for entry in json.loads(capsys.readouterr().out)] == [port]
 
 
 def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path, scene):
     output = tmp_path / "rec"
     arguments = ["--rate", "20", "--chirps", "8", "--samples", "32", "--gain", "40", "--power", "9", "--frames", "7"]
-    assert cli.main(["sensor", "record", port, "-o", str(output), *arguments]) == 0
+    assert main(["sensor", "record", port, "-o", str(output), *arguments]) == 0
     text = capsys.readouterr().out
     assert "BGT60TR13C, firmware 2.6.0" in text
     assert "frame interval      50 ms asked, 50.0" in text  # the nearest that the chip's timers can do
@@ -67,10 +67,10 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     assert (settings["if_gain_dB"], settings["tx_power_level"]) == (40, 9)
 
     # Not twice, unless wanted; the radar of a scene file.
-    assert cli.main(["sensor", "record", port, "-o", str(output), "--frames", "2"]) == 1
+    assert main(["sensor", "record", port, "-o", str(output), "--frames", "2"]) == 1
     assert "--overwrite" in capsys.readouterr().err
     again = ["--frames", "2", "--overwrite", "--radar", str(scene), "--chirps", "4"]
-    assert cli.main(["sensor", "record", port, "-o", str(output), *again]) == 0
+    assert main(["sensor", "record", port, "-o", str(output), *again]) == 0
     assert rc.Recording.load(output).cube.shape == (2, 3, 4, 64)
 
 
@@ -78,10 +78,10 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
 def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tmp_path, scene):
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     rec = tmp_path / "rec"
-    assert cli.main(["sensor", "record", port, "-o", str(rec), "--chirps", "8", "--frames", "5"]) == 0
+    assert main(["sensor", "record", port, "-o", str(rec), "--chirps", "8", "--frames", "5"]) == 0
     for name, source in (("port", port), ("rec", rec), ("scene", scene)):
         output = tmp_path / name
-        assert cli.main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
+        assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
         assert str(output) in capsys.readouterr().out
         pictures = list(output.glob("*.png"))
         assert pictures
@@ -90,11 +90,11 @@ def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tm
 
 def test_report_is_json(capsys, tmp_path):
     pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
-    assert cli.main(["sensor", "report"]) == 0
+    assert main(["sensor", "report"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert {"radarcore", "system", "ports", "usb"} <= report.keys()
     path = tmp_path / "report.json"
-    assert cli.main(["sensor", "report", "-o", str(path)]) == 0
+    assert main(["sensor", "report", "-o", str(path)]) == 0
     assert json.loads(path.read_text())["radarcore"] == rc.__version__
     assert str(path) in capsys.readouterr().out
 
@@ -117,7 +117,7 @@ def test_report_is_json(capsys, tmp_path):
 )
 def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert cli.main(["sensor", *(port if word == "PORT" else word for word in arguments)]) == 1
+    assert main(["sensor", *(port if word == "PORT" else word for word in arguments)]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert message in lines[0]
@@ -125,8 +125,8 @@ def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, mo
 
 
 def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, scene):
-    assert cli.main(["simulate", str(scene), "-o", str(tmp_path / "rec")]) == 0
-    assert cli.main(["sensor", "serve", str(tmp_path / "rec")]) == 1
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "rec")]) == 0
+    assert main(["sensor", "serve", str(tmp_path / "rec")]) == 1
     assert "expected at least one frame with codes of an ADC" in capsys.readouterr().err
 
 
@@ -136,5 +136,5 @@ def test_cube_of_a_view_may_be_any(tmp_path):
     waveform = rc.bgt60tr13c().waveform.replace(num_chirps=1)
     cube = np.random.default_rng(0).normal(size=(3, 1, 1, 64)).astype(np.complex64)
     rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
-    assert cli.main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
+    assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
     assert list((tmp_path / "out").glob("*.png"))
