@@ -133,7 +133,7 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
     # What is started in the background of a shell ignores interrupts unless it says otherwise.
     program = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        "from radarcore import cli; sys.exit(cli.main())"
+        "from radarcore.cli.main import main; sys.exit(main())"
     )
     command = [sys.executable, "-c", program, "simulate", str(scene), "-o", str(output)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
