@@ -23,10 +23,11 @@ import numpy as np
 
 import radarcore as rc
 from page import PERFORMANCE, machine, milliseconds, table, write_section
-from radarcore import _core, simulate
+from radarcore import _core
 from radarcore.models import RADAR_AT_TOOL0, Human, JointTrajectory, RobotArm
-from radarcore.motion import Motion
-from radarcore.places import Places
+from radarcore.motion.protocol import Motion
+from radarcore.simulate import simulator as simulate
+from radarcore.simulate.places import Places
 
 RATE = 40.0
 

@@ -11,10 +11,11 @@ import time
 import numpy as np
 
 import radarcore as rc
-from radarcore.sensor import bgt60, open_sensor, strata
+from radarcore.sensor import bgt60, open_sensor
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
-from radarcore.sensor.strata import Avian, Code, Component, Data, Request
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Request
 
 FRAMES = {  # chirps, samples
     "3 x 8 x 64": (8, 64),
@@ -65,11 +66,11 @@ def board_alone(radar: rc.Radar, num_frames: int) -> float:
     slice_size = bgt60.choose_slice_size(settings)
     words = bgt60.start_words(bgt60.registers(settings, slice_size))
     for request in (
-        Request.write(Code.DATA, Data.CONFIGURE, 0, strata.data_configuration(slice_size)),
+        Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(slice_size)),
         Request.write(Code.DATA, Data.START, 0),
-        Request.write(Code.COMPONENT, Component.AVIAN, Avian.EXECUTE, strata.encode_commands(words)),
+        Request.write(Code.COMPONENT, Component.AVIAN, Avian.EXECUTE, packets.encode_commands(words)),
     ):
-        board.receive(strata.encode_request(request))
+        board.receive(packets.encode_request(request))
     num_bytes = num_frames * settings.frame_size * 3 // 2
     board.send(512, 1.0)
     began = time.perf_counter()

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
-from radarcore.waveform import Waveform
 
 
 def beat_signal_reference(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import radarcore as rc
-from radarcore import cli
+from radarcore.cli.main import main
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 
@@ -45,7 +45,7 @@ def test_readme_scene_file_and_its_commands_run(tmp_path: Path, monkeypatch: pyt
     (commands,) = re.findall(r"```sh\n(radarcore .*?)```", text, flags=re.DOTALL)
     for line in commands.splitlines():
         _, *arguments = line.partition("#")[0].split()
-        assert cli.main(arguments) == 0
+        assert main(arguments) == 0
     assert rc.Recording.load("recording").cube.shape == (2, 3, 64, 64)
     assert Path("depth.png").is_file()
     assert Path("spectrogram.png").is_file()

@@ -29,8 +29,8 @@ from proof.measure import (
     sweep,
 )
 from radarcore.models import robots
-from radarcore.models.arm import RobotArm
-from radarcore.models.human import Human
+from radarcore.models.people.human import Human
+from radarcore.models.robots.arm import RobotArm
 
 INSTALL_HINT = "the extra `robots` is not installed, real meshes are left out: pip install radarcore[robots]"
 

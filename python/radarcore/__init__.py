@@ -4,32 +4,43 @@ SI units and radians unless a name says otherwise; cubes are ``[frame, channel, 
 rate, receding positive; the sensor looks along +x, y is left and z up.
 """
 
-from radarcore import models, plot, sensor, shapes
+from radarcore import models, plot, sensor
 from radarcore._core import __version__
-from radarcore.antenna import GaussianPattern, IsotropicPattern, TabulatedPattern
-from radarcore.beat import Plan, PlanPart, beat_signal, plan_beat_signal
-from radarcore.body import Body, PointTarget
-from radarcore.camera import Camera
-from radarcore.cross_section import rcs
-from radarcore.deformation import Deformation
-from radarcore.depth import DepthImage
-from radarcore.external import frame_from_depth
-from radarcore.library import materials
-from radarcore.material import Material
-from radarcore.mesh import Mesh, load_mesh, load_meshes
-from radarcore.motion import Attached, Function, Linear, Pose, Trajectory
-from radarcore.permittivity import ColeCole, ItuPermittivity
-from radarcore.process import Peak, range_doppler, range_profile, strongest_peak
-from radarcore.quality import MeshReport, mesh_report
-from radarcore.radar import Radar, bgt60tr13c
-from radarcore.receiver import Receiver
-from radarcore.recording import Frame, Recording, RecordingWriter, Truth
-from radarcore.scene import Scene
-from radarcore.scenefile import Simulation, load_scene
+from radarcore.depth.frame import frame_from_depth
+from radarcore.geometry import shapes
+from radarcore.geometry.camera import Camera
+from radarcore.geometry.files import load_mesh, load_meshes
+from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
+from radarcore.geometry.report import MeshReport, mesh_report
+from radarcore.motion.attached import Attached
+from radarcore.motion.deformation import Deformation
+from radarcore.motion.function import Function
+from radarcore.motion.linear import Linear
+from radarcore.motion.trajectory import Trajectory
+from radarcore.processing.peaks import Peak, strongest_peak
+from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.processing.time_frequency import RangeTime, Spectrogram, range_time, spectrogram
+from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, TabulatedPattern
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
+from radarcore.scene.permittivity import ColeCole, ItuPermittivity
+from radarcore.scene.scene import Scene
+from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.simulation import Simulation
 from radarcore.sensor import open_sensor
-from radarcore.simulate import Paths, Simulator
-from radarcore.spectrogram import RangeTime, Spectrogram, range_time, spectrogram
-from radarcore.waveform import Waveform
+from radarcore.simulate.cross_section import rcs
+from radarcore.simulate.depth_image import DepthImage
+from radarcore.simulate.simulator import Paths, Simulator
+from radarcore.simulate.synthesis import Plan, PlanPart, beat_signal, plan_beat_signal
 
 __all__ = [
     "Attached",

@@ -2,6 +2,6 @@
 
 import sys
 
-from radarcore.cli import main
+from radarcore.cli.main import main
 
 sys.exit(main())

@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 
 import radarcore as rc
-from radarcore import codes
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged
+from radarcore.recording.codes import to_samples
 from radarcore.sensor import (
     FramesLostWarning,
     SensorDisconnectedError,
@@ -28,7 +28,7 @@ from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
-from radarcore.sensor.strata import Version
+from radarcore.sensor.strata.packets import Version
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
@@ -45,7 +45,7 @@ def test_frames_are_those_that_the_board_measures(transport):
             assert sensor.num_lost == 0
             assert all(frame.radar is achieved for frame in frames)
             assert frames[3].cube.dtype == np.float32
-            np.testing.assert_array_equal(frames[3].cube, codes.to_samples(frames[3].raw))
+            np.testing.assert_array_equal(frames[3].cube, to_samples(frames[3].raw))
             # Time stamps are whole microseconds.
             expected = np.arange(20) * achieved.waveform.frame_interval
             np.testing.assert_allclose([frame.time for frame in frames], expected, atol=2e-6)

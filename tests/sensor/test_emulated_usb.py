@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 import usb.core
 import usb.util
-from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
 
 from radarcore.sensor.emulator.usb import EmulatedBus, EmulatedDevice, cdc_device, vendor_device
 from radarcore.sensor.errors import (
@@ -34,6 +33,7 @@ from radarcore.sensor.transport import (
     open_stream,
     open_vendor_port,
 )
+from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
 
 
 def bus_with(*devices: EmulatedDevice) -> EmulatedBus:

@@ -7,18 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from boards import Numbered, number_of, numbered, opened
 
 import radarcore as rc
-from radarcore import codes
+from boards import Numbered, number_of, numbered, opened
 from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError, bgt60
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
-from radarcore.sensor.strata import Avian, Code, Component, DataPacket, Kind, Request
-from radarcore.sensor.strata_board import StrataBoard
-from radarcore.sensor.strata_stream import Damage
+from radarcore.sensor.packing import pack_msb
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.strata.byte_stream import Damage
+from radarcore.sensor.strata.packets import Avian, Code, Component, DataPacket, Kind, Request
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
@@ -79,7 +79,7 @@ class Measuring:
         frames = range(first_sample // self.frame_size, -(-(first_sample + self.slice_size) // self.frame_size))
         samples = np.concatenate([numbered(self.shape, frame).transpose(1, 2, 0).reshape(-1) for frame in frames])
         begin = first_sample - frames[0] * self.frame_size
-        data = codes.pack_msb(samples[begin : begin + self.slice_size])
+        data = pack_msb(samples[begin : begin + self.slice_size])
         parts = np.array_split(np.frombuffer(data, np.uint8), self.packets_per_slice)
         counter = number * self.packets_per_slice if counter is None else counter
         within = (begin + self.slice_size) / self.frame_size - len(frames) + 1
@@ -251,7 +251,7 @@ def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause
 )
 def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, text, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr("radarcore.sensor.strata_board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time))
+    monkeypatch.setattr("radarcore.sensor.strata.board.time", SimpleNamespace(monotonic=lambda: now[0], time=time.time))
     given = Measuring(SMALL)
     (whole,) = given.packets(1)
     given.read(given.packets(0))

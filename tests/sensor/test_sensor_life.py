@@ -10,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 
 import radarcore as rc
+from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
@@ -133,7 +133,7 @@ def test_error_in_the_middle_of_recording_ends_measuring_although_somebody_keeps
     controller = Controller(Numbered())
     with opened(controller) as sensor:
         sensor.configure(SMALL)
-        monkeypatch.setattr(rc.recording.RecordingWriter, "append", _full_disk)
+        monkeypatch.setattr(rc.RecordingWriter, "append", _full_disk)
         with pytest.raises(OSError, match="disk") as kept:
             sensor.record(tmp_path / "rec", progress=False)
         assert kept.value.__traceback__ is not None

@@ -4,23 +4,17 @@ import threading
 import time
 
 import pytest
-from boards import Numbered, opened
 
 import radarcore as rc
-from radarcore.sensor import (
-    ProtocolError,
-    RequestError,
-    SensorDisconnectedError,
-    SensorTimeoutError,
-    bgt60,
-    strata,
-)
+from boards import Numbered, opened
+from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError, bgt60
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
-from radarcore.sensor.link import StreamLink
-from radarcore.sensor.strata import Code, Component, DataPacket, Info, Kind, Request
-from radarcore.sensor.strata_board import StrataBoard
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.strata.link import StreamLink
+from radarcore.sensor.strata.packets import Code, Component, DataPacket, Info, Kind, Request
 
 # Request, value, index : payload, as in "Life cycle, message by message" (Strata).
 PROBE = [
@@ -97,7 +91,7 @@ def test_board_that_has_no_uuid_and_no_name_is_opened(status, monkeypatch):
 
     def lacking(self, request):
         is_lacking = request.request == Code.BOARD_INFO and request.value != Info.VERSION
-        return strata.Response(request.kind, status, b"") if is_lacking else handle(self, request)
+        return packets.Response(request.kind, status, b"") if is_lacking else handle(self, request)
 
     monkeypatch.setattr(Controller, "handle", lacking)
     with opened(Controller(Noise())) as sensor:
@@ -122,15 +116,15 @@ def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
         time.sleep(0.01)
 
     def execute(word):
-        return controller.handle(Request.transfer(*AT_CHIP, strata.encode_commands([word])))
+        return controller.handle(Request.transfer(*AT_CHIP, packets.encode_commands([word])))
 
     assert execute(bgt60.FSTAT << 25).status == 0x05
-    (answer,) = strata.decode_values(execute(bgt60.FSTAT << 25).payload)
+    (answer,) = packets.decode_values(execute(bgt60.FSTAT << 25).payload)
     assert answer >> 24 & 0x08
     assert answer & 1 << 23
     assert len(controller.packets) == 0, "nobody has asked for data"
     execute(bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | bgt60.FSM_RESET | bgt60.FIFO_RESET))
-    (answer,) = strata.decode_values(execute(bgt60.FSTAT << 25).payload)
+    (answer,) = packets.decode_values(execute(bgt60.FSTAT << 25).payload)
     assert not answer >> 24 & 0x08
     assert answer & 0xFFFFFF == 1 << 20, "empty"
     controller.close()
@@ -202,7 +196,7 @@ def test_refusal_is_not_asked_again_but_damage_on_the_way_is(link, monkeypatch):
     handle, statuses = Controller.handle, [0x84, 0x80]
 
     def damaged(self, request):
-        return strata.Response(Kind.WRITE, statuses.pop(), b"") if statuses else handle(self, request)
+        return packets.Response(Kind.WRITE, statuses.pop(), b"") if statuses else handle(self, request)
 
     monkeypatch.setattr(Controller, "handle", damaged)
     assert len(link.ask(VERSION)) == 16
@@ -220,7 +214,7 @@ def test_unplugged_board_is_told_again_and_again():
     stream = Delayed()
     link = StreamLink(stream)
     packet = DataPacket(b"abc", 0)
-    stream.board._out += strata.encode_data(packet)
+    stream.board._out += packets.encode_data(packet)
     stream.board._is_gone = True  # what was sent before still comes
     deadline = time.monotonic() + 10.0
     found = []
@@ -239,8 +233,8 @@ def test_unplugged_board_is_told_again_and_again():
 def test_answers_of_another_length_or_kind_are_no_answers(monkeypatch, link):
     handle = Controller.handle
     for answer, message in (
-        (strata.Response(Kind.READ, 0, b"short"), "expected 16 bytes as answer"),
-        (strata.Response(Kind.WRITE, 0, b""), "expected an answer of kind 0xC0, got 0x40"),
+        (packets.Response(Kind.READ, 0, b"short"), "expected 16 bytes as answer"),
+        (packets.Response(Kind.WRITE, 0, b""), "expected an answer of kind 0xC0, got 0x40"),
     ):
         monkeypatch.setattr(Controller, "handle", lambda self, request, answer=answer: answer)
         with pytest.raises(ProtocolError, match=message):
@@ -254,7 +248,7 @@ def test_register_that_comes_with_others_is_refused(monkeypatch, link):
     def twice(self, request):
         response = handle(self, request)
         is_register = request.kind == Kind.TRANSFER and request.index == AT_CHIP[2]
-        return strata.Response(Kind.TRANSFER, 0, 2 * response.payload) if is_register else response
+        return packets.Response(Kind.TRANSFER, 0, 2 * response.payload) if is_register else response
 
     monkeypatch.setattr(Controller, "handle", twice)
     with pytest.raises(ProtocolError, match="expected one register, got 2"):

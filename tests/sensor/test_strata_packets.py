@@ -13,9 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radarcore.sensor import strata
 from radarcore.sensor.errors import ProtocolError, RequestError
-from radarcore.sensor.strata import (
+from radarcore.sensor.strata import packets as strata
+from radarcore.sensor.strata.byte_stream import BoardParser, Damage, HostParser
+from radarcore.sensor.strata.packets import (
     Avian,
     Code,
     Component,
@@ -27,8 +28,7 @@ from radarcore.sensor.strata import (
     Response,
     Status,
 )
-from radarcore.sensor.strata_slices import Slice, SliceAssembler, SliceLost, StreamError
-from radarcore.sensor.strata_stream import BoardParser, Damage, HostParser
+from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
 # The same examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
 fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])

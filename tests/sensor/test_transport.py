@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_boards import HANG, Call, Loopback, Unplugged, read_all
 
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
@@ -24,6 +23,7 @@ from radarcore.sensor.errors import (
     SensorTimeoutError,
 )
 from radarcore.sensor.transport import Capture, Port, Replay, SerialStream, UsbStream, open_stream, serialport
+from small_boards import HANG, Call, Loopback, Unplugged, read_all
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.camera import Camera
+from radarcore.geometry.camera import Camera
 
 Matrix = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from radarcore.plot.canvas import require
 from radarcore.plot.figures import experiment, overview
 from radarcore.plot.frame import Image, chirp, depth_image, range_doppler_map, range_profile, reflectance_image
 from radarcore.plot.history import range_time, spectrogram, tracks
-from radarcore.plot.live import LiveView
-from radarcore.plot.window import view
+from radarcore.plot.live.view import LiveView
+from radarcore.plot.live.window import view
 
 __all__ = [
     "Image",

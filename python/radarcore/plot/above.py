@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.body import Body, PointTarget
-from radarcore.motion import AnyMotion, Motion, Pose, as_motion
+from radarcore.geometry.pose import Pose
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.scene import Scene
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.recording import Frame, Recording
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radarcore.motion import AnyMotion
+from radarcore.motion.protocol import AnyMotion
 from radarcore.plot import above, canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name
 from radarcore.plot.frame import Image
-from radarcore.recording import Frame, Recording
-from radarcore.scene import Scene
-from radarcore.waveform import Waveform
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+from radarcore.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, process
+from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.recording import Frame
+from radarcore.processing import spectra
+from radarcore.recording.frame import Frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,7 +110,7 @@ def range_profile(
     last = canvas.last_range(frame, max_range)
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
-    profile = process.range_profile(_channels(frame, channel), wf, num_bins=n)
+    profile = spectra.range_profile(_channels(frame, channel), wf, num_bins=n)
     power = (np.abs(profile) ** 2).sum(axis=(0, 1))
     floor = canvas.floor_db(dynamic_range_db, power)
     level = canvas.relative_db(power, floor)
@@ -161,7 +162,7 @@ def draw_map(
     last = canvas.last_range(frame, max_range)
     wf = frame.radar.waveform
     num_range, num_velocity = canvas.padded(wf.num_samples), canvas.padded(wf.num_chirps)
-    spectrum = process.range_doppler(
+    spectrum = spectra.range_doppler(
         _channels(frame, channel), wf, num_range_bins=num_range, num_velocity_bins=num_velocity
     )
     power = (np.abs(spectrum) ** 2).sum(axis=0).T  # (range, doppler)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.recording import Recording
-from radarcore.spectrogram import range_time as power_of_ranges
-from radarcore.spectrogram import spectrogram as power_of_velocities
+from radarcore.processing.time_frequency import range_time as power_of_ranges
+from radarcore.processing.time_frequency import spectrogram as power_of_velocities
+from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,7 +87,7 @@ def spectrogram(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     channel, window_length, overlap, min_range, max_range, remove_static
-        As in `radarcore.spectrogram`.
+        As in `radarcore.processing.time_frequency`.
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional

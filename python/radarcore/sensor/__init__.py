@@ -14,7 +14,7 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.virtual import VirtualBoard, virtual_board
+from radarcore.virtual.board import VirtualBoard, virtual_board
 
 __all__ = [
     "BoardInfo",

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from radarcore import check
-from radarcore.radar import Radar, bgt60tr13c
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
 
 CLOCK = 80e6
 """Frequency of the chip's clock [Hz]."""

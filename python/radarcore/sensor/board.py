@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 
 
 @dataclass(frozen=True)

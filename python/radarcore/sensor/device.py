@@ -14,13 +14,14 @@ from types import TracebackType
 from typing import Any
 
 from radarcore import check
-from radarcore.codes import to_samples
-from radarcore.frame import FULL_SCALE
-from radarcore.radar import Radar
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore.radar.radar import Radar
+from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import FULL_SCALE, Frame
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
-from radarcore.sensor.comlib_board import ComLibBoard
+from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import (
     FramesLostWarning,
     ProtocolError,
@@ -28,8 +29,8 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.link import Link, StreamLink, VendorLink
-from radarcore.sensor.strata_board import StrataBoard
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")

@@ -15,10 +15,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import codes
-from radarcore.radar import Radar
+from radarcore.radar.radar import Radar
 from radarcore.sensor import bgt60
 from radarcore.sensor.emulator.source import FrameSource
+from radarcore.sensor.packing import test_pattern
 
 FIFO_SAMPLES = 16384
 
@@ -244,7 +244,7 @@ class Chip:
                 return
             if is_test and settings.rx_mask & 1:
                 cube = cube.copy()
-                cube[0] = codes.test_pattern(cube[0].size).reshape(cube[0].shape)
+                cube[0] = test_pattern(cube[0].size).reshape(cube[0].shape)
             samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
             active = settings.num_chirps * settings.chirp_time
             for first in range(0, len(samples), piece):

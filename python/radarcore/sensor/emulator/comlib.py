@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from radarcore import check
-from radarcore.radar import Radar
-from radarcore.receiver import Receiver
-from radarcore.sensor.comlib import (
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.sensor.comlib.messages import (
     MAX_PAYLOAD,
     Adc,
     AdcSettings,
@@ -37,10 +38,9 @@ from radarcore.sensor.comlib import (
     encode_endpoints,
     encode_number,
 )
-from radarcore.sensor.comlib import Protocol as ProtocolCode
+from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
-from radarcore.waveform import Waveform
 
 _BASE, _FMCW, _ADC = 1, 2, 3
 """Numbers of the endpoints."""

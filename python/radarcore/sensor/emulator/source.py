@@ -1,26 +1,18 @@
-"""Where the samples of an emulated sensor come from: noise, a recording, a simulated scene."""
+"""Where the samples of an emulated sensor come from: noise, or a recording."""
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, codes
-from radarcore.radar import Radar
-from radarcore.recording import Recording
-from radarcore.simulate import Simulator
-from radarcore.units import power_from_db
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.recording.codes import NUM_CODES
+from radarcore.recording.recording import Recording
 
-_IMPEDANCE = 50.0
-"""Of the receiver's input [ohm]."""
-
-_CONVERSION_GAIN_DB = 14.0
-"""From the power at the receiver's input to volts before the baseband [dB], typical value of the data sheet."""
-
-_MIDDLE = 2047.5
+MIDDLE = 2047.5
 """Code without a signal: half of full scale."""
 
 
@@ -66,7 +58,7 @@ class Noise:
         """Noise of its own for every index."""
         del time, if_gain_db
         rng = np.random.default_rng((self.seed, index))
-        return _codes(self.deviation * rng.standard_normal(_shape(radar), np.float32))
+        return codes_of(self.deviation * rng.standard_normal(shape_of(radar), np.float32))
 
 
 class Playback:
@@ -87,60 +79,18 @@ class Playback:
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The recorded frame; a sensor that is set otherwise is refused."""
         del time, if_gain_db  # as recorded
-        if (expected := self.raw.shape[1:]) != (got := _shape(radar)):
+        if (expected := self.raw.shape[1:]) != (got := shape_of(radar)):
             raise ValueError(f"radar: expected {expected} [rx, chirp, sample] as recorded, got {got}")
         codes: NDArray[np.uint16] = self.raw[index % len(self.raw)]
         return codes
 
 
-class Simulated:
-    """Frames of a simulated scene through the gains of the data sheet; the next frame is simulated ahead.
-
-    The echo's power at the receiver's input goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain
-    behind it and an ADC of 12 bits that spans 1.21 V to either side. Filters, leakage and the offsets of a real
-    receiver are left out.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Scene and settings; the radar is what the sensor is set to.
-    start : float
-        Time of the scene when the sensor starts to measure [s].
-    """
-
-    def __init__(self, simulator: Simulator, *, start: float = 0.0) -> None:
-        self.start = check.number("start", start, "s")
-        self._simulator = simulator
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="radarcore-simulate")
-        self._ahead: tuple[Radar, int, Future[NDArray[np.float64]]] | None = None
-
-    def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
-        """The frame that starts `time` after `start`."""
-        ahead, self._ahead = self._ahead, None
-        if ahead is not None and ahead[:2] == (radar, index):
-            samples = ahead[2].result()
-        else:
-            samples = self._pool.submit(self._samples, radar, time).result()
-        following = self._pool.submit(self._samples, radar, time + radar.waveform.frame_interval)
-        self._ahead = (radar, index + 1, following)
-        gain = np.sqrt(power_from_db(_CONVERSION_GAIN_DB + if_gain_db))
-        # Samples are the real part of an amplitude whose square is the power; a tone has half its peak's square.
-        volt = gain * np.sqrt(2.0 * _IMPEDANCE) * samples
-        return _codes(volt * (_MIDDLE / codes.FULL_SCALE_VOLT))
-
-    def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
-        """Real samples [sqrt(W)]."""
-        if self._simulator.radar != radar:
-            self._simulator = self._simulator.with_radar(radar)
-        samples: NDArray[np.float64] = self._simulator.frame(self.start + time).cube
-        return samples
-
-
-def _shape(radar: Radar) -> tuple[int, int, int]:
+def shape_of(radar: Radar) -> tuple[int, int, int]:
+    """Shape of a frame: (rx, chirp, sample)."""
     return radar.num_channels, radar.waveform.num_chirps, radar.waveform.num_samples
 
 
-def _codes(deviation: NDArray[np.floating]) -> NDArray[np.uint16]:
+def codes_of(deviation: NDArray[np.floating]) -> NDArray[np.uint16]:
     """Codes from deviations from the middle; clipped at both ends."""
-    levels: NDArray[np.uint16] = np.clip(np.rint(_MIDDLE + deviation), 0, codes.NUM_CODES - 1).astype(np.uint16)
+    levels: NDArray[np.uint16] = np.clip(np.rint(MIDDLE + deviation), 0, NUM_CODES - 1).astype(np.uint16)
     return levels

@@ -7,14 +7,15 @@ import time
 from collections import deque
 from dataclasses import dataclass, field, replace
 
-from radarcore import codes
-from radarcore.sensor import strata
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import Stall, Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.errors import RequestError
-from radarcore.sensor.strata import (
+from radarcore.sensor.packing import pack_msb
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.byte_stream import BoardParser
+from radarcore.sensor.strata.packets import (
     Avian,
     Code,
     Component,
@@ -28,7 +29,6 @@ from radarcore.sensor.strata import (
     Status,
     Version,
 )
-from radarcore.sensor.strata_stream import BoardParser
 
 # Slices that the controller keeps for a host that does not read; then the chip's FIFO overflows.
 _MOST_SLICES = 8
@@ -140,7 +140,7 @@ class Controller:
     @property
     def last_status(self) -> bytes:
         """Kind and status of the last answer, as vendor requests ask for it."""
-        return strata.encode_response(Response(*self._last_status))[:4]
+        return packets.encode_response(Response(*self._last_status))[:4]
 
     def _answer(self, request: Request) -> bytes:
         if request.request == Code.BOARD_INFO:
@@ -154,7 +154,7 @@ class Controller:
     def _board_info(self, request: Request) -> bytes:
         identity, asked = self.identity, (request.kind, request.value)
         if asked == (Kind.TRANSFER, Info.NAME):
-            return strata.encode_board_info(identity.vendor_id, identity.product_id, identity.name)
+            return packets.encode_board_info(identity.vendor_id, identity.product_id, identity.name)
         if asked == (Kind.READ, Info.VERSION):
             return identity.version.encode()
         if asked == (Kind.READ, Info.UUID):
@@ -171,7 +171,7 @@ class Controller:
             return bytes(4)
         if asked == (Kind.WRITE, Data.CONFIGURE):
             self._is_sending = False
-            configuration = strata.decode_data_configuration(request.payload)
+            configuration = packets.decode_data_configuration(request.payload)
             if configuration.data_format not in (DataFormat.PACKED12, DataFormat.AUTO):
                 raise RequestError("data format", Status.INVALID_PARAMETER)
             self._slice_size = configuration.slice_size
@@ -207,19 +207,19 @@ class Controller:
     def _registers(self, kind: int, index: int, payload: bytes) -> bytes:
         chip = self.chip
         if index == Avian.EXECUTE and kind in (Kind.WRITE, Kind.TRANSFER):
-            answers = chip.execute(strata.decode_commands(payload))
-            return strata.encode_values(answers) if kind == Kind.TRANSFER else b""
+            answers = chip.execute(packets.decode_commands(payload))
+            return packets.encode_values(answers) if kind == Kind.TRANSFER else b""
         if (kind, index, len(payload)) == (Kind.WRITE, Avian.SET_BITS, 4):
-            (word,) = strata.decode_values(payload)
+            (word,) = packets.decode_values(payload)
             chip.write(word >> 24, chip.read(word >> 24) | word & 0xFFFFFF)
             return b""
         if (kind, index, len(payload) % 4) == (Kind.WRITE, Avian.REGISTERS_WRITE_BURST, 1):
-            for offset, value in enumerate(strata.decode_values(payload[:-1])):
+            for offset, value in enumerate(packets.decode_values(payload[:-1])):
                 chip.write(payload[-1] + offset, value & 0xFFFFFF)
             return b""
         if (kind, index, len(payload)) == (Kind.TRANSFER, Avian.REGISTERS_READ_BURST, 2):
             number, first = payload
-            return strata.encode_values(chip.read(first + offset) for offset in range(number))
+            return packets.encode_values(chip.read(first + offset) for offset in range(number))
         if index in (Avian.EXECUTE, Avian.SET_BITS, Avian.REGISTERS_WRITE_BURST, Avian.REGISTERS_READ_BURST):
             raise RequestError("payload", Status.BAD_PAYLOAD)
         raise RequestError("function", Status.FUNCTION_INVALID)
@@ -250,7 +250,7 @@ class Controller:
                 taken = self.chip.take(self._slice_size)
                 if taken is None:
                     break
-                self._add(codes.pack_msb(taken[0]), taken[1])
+                self._add(pack_msb(taken[0]), taken[1])
             self.arrived.notify_all()
 
     def _add(self, payload: bytes, when: float) -> None:
@@ -288,7 +288,7 @@ class CdcBoard:
                 if found.status == Status.SUCCESS:
                     continue
                 response = Response(Kind.WRITE, found.status, b"")
-            packet = strata.encode_response(response)
+            packet = packets.encode_response(response)
             with self.controller.arrived:
                 self._out += self.controller.faults.damage(packet)
                 self.controller.arrived.notify_all()
@@ -320,7 +320,7 @@ class CdcBoard:
             packet = self.controller.take_packet()
             if packet is None:
                 return
-            encoded = strata.encode_data(packet)
+            encoded = packets.encode_data(packet)
             if faults.happens("unplug"):
                 self._out += faults.part(encoded)
                 self._is_gone = True
@@ -388,7 +388,7 @@ class VendorBoard:
                 self._check()
                 packet = self.controller.take_packet()
                 if packet is not None:
-                    encoded = strata.encode_data(packet, with_crc=False)
+                    encoded = packets.encode_data(packet, with_crc=False)
                     faults = self.controller.faults
                     if faults.happens("unplug"):
                         self._is_gone = True

@@ -1,0 +1,119 @@
+"""The demo: the paper's experiment in small, compared with its truth.
+
+A UR10 carries the radar at 250 mm/s towards a cylinder on a table while a person walks in and out; all of it is in
+``experiment.toml``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from radarcore import check, plot
+from radarcore.comparison.targets import compare, table, track
+from radarcore.models.robots import data
+from radarcore.scenefile.load import load_scene
+
+TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
+"""What is compared, and the body whose truth counts."""
+
+
+def scene_text(with_robots: bool) -> str:
+    """The scene file of the experiment."""
+    text = files("radarcore.cli.demo").joinpath("experiment.toml").read_text(encoding="utf-8")
+    return text.replace("meshes = false", "meshes = true") if with_robots else text
+
+
+def run(
+    directory: Path,
+    *,
+    duration: float | None = None,
+    ray_budget: int | None = None,
+    with_robots: bool | None = None,
+    say: Callable[[str], None] = print,
+) -> dict[str, Any]:
+    """Simulate, record, compare and draw; what it finds goes to `say`, line by line, and is returned.
+
+    Parameters
+    ----------
+    directory : path
+        Where scene file, recording and picture go.
+    duration : float, optional
+        Length of the recording [s]; default: that of the scene file.
+    ray_budget : int, optional
+        Most rays of a cast; default: that of `Simulator`.
+    with_robots : bool, optional
+        Use the real UR10 and human meshes; default: when the extra `robots` is installed.
+    """
+    plot.require()
+    if duration is not None:
+        check.positive("duration", duration, "s")
+    if ray_budget is not None:
+        check.count("ray_budget", ray_budget)
+    if with_robots is None:
+        with_robots = data.is_available()
+    directory.mkdir(parents=True, exist_ok=True)
+    file = directory / "scene.toml"
+    file.write_text(scene_text(with_robots), encoding="utf-8")
+    simulation = load_scene(file)
+    changes: dict[str, Any] = {}
+    if duration is not None:
+        changes["stop"] = simulation.run.start + duration
+    if ray_budget is not None:
+        changes["ray_budget"] = ray_budget
+    simulation = replace(simulation, run=simulation.run.model_copy(update=changes))
+    settings, waveform = simulation.run, simulation.radar.waveform
+
+    say(
+        f"BGT60TR13C: {simulation.radar.num_channels} channels x {waveform.num_chirps} chirps x "
+        f"{waveform.num_samples} samples, range bin {100 * waveform.range_resolution:.1f} cm, "
+        f"velocity bin {waveform.velocity_resolution:.3f} m/s"
+    )
+    extra = "real UR10 and human meshes" if with_robots else "analytic shapes (pip install radarcore[robots]: meshes)"
+    say(f"{len(simulation.scene.bodies)} bodies, {simulation.scene.num_triangles} triangles, {extra}")
+
+    # Simulate and record.
+    path = directory / "recording"
+    began = time.perf_counter()
+    recording = simulation.record(path=path, overwrite=True)
+    elapsed = time.perf_counter() - began
+    real_time_factor = len(recording) / settings.rate / elapsed
+    say(
+        f"{len(recording)} frames in {elapsed:.1f} s: {1e3 * elapsed / len(recording):.0f} ms per frame, "
+        f"{real_time_factor:.2f} x real time"
+    )
+
+    # Compare with the truth.
+    tracks = {body: track(recording, body) for body in TARGETS.values()}
+    comparisons = [compare(recording, name, body, tracks[body]) for name, body in TARGETS.items()]
+    say("")
+    for line in table(comparisons):
+        say(line)
+
+    # One picture.
+    picture = directory / "experiment.png"
+    plot.experiment(
+        recording,
+        simulation.scene,
+        simulation.radar_motion,
+        {body: asdict(found) for body, found in tracks.items()},
+        field_of_view_deg=settings.field_of_view_deg,
+        max_range=6.0,
+        path=picture,
+    )
+    say("")
+    say(f"scene {file}, recording {path}, picture {picture}")
+    return {
+        "frames": len(recording),
+        "seconds": elapsed,
+        "real_time_factor": real_time_factor,
+        "triangles": simulation.scene.num_triangles,
+        "targets": [asdict(comparison) for comparison in comparisons],
+        "scene": str(file),
+        "recording": str(path),
+        "picture": str(picture),
+    }

@@ -1,0 +1,294 @@
+"""The command `radarcore`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radarcore import __version__
+from radarcore.cli import sensor
+
+if TYPE_CHECKING:
+    from radarcore.radar.radar import Radar
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status: 0, 1 for bad input, 130 when interrupted."""
+    options = _parser().parse_args(arguments)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            status = int(options.run(options))
+            sys.stdout.flush()
+            return status
+    except KeyboardInterrupt:
+        is_recording = options.command in ("demo", "simulate") or getattr(options, "action", None) == "record"
+        hint = "; what was recorded so far is readable" if is_recording else ""
+        print(f"radarcore: interrupted{hint}", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # whoever reads our output has had enough: `radarcore schema | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+        for line in _lines(error):
+            print(f"radarcore: {line}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="radarcore", description="FMCW radar simulation for robotics.")
+    parser.add_argument("--version", action="version", version=f"radarcore {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    demo = commands.add_parser("demo", help="simulate the experiment and compare it with its truth")
+    demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), help="directory (default: %(default)s)")
+    demo.add_argument("--duration", type=float, metavar="S", help="seconds (default: 5)")
+    demo.add_argument("--ray-budget", type=int, metavar="N", help="most rays of a cast (default: 40000)")
+    demo.add_argument(
+        "--robots",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="real UR10 and human meshes (default: if the extra `robots` is installed)",
+    )
+    demo.add_argument("--json", action="store_true", help="print the results as JSON")
+    demo.set_defaults(run=_demo)
+
+    simulate = commands.add_parser("simulate", help="simulate a scene file into a recording")
+    simulate.add_argument("scene", type=Path, help="scene file (TOML)")
+    simulate.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
+    simulate.add_argument("--overwrite", action="store_true", help="replace a recording that is there")
+    simulate.add_argument("--threads", type=int, metavar="N", help="threads (default: all cores)")
+    simulate.add_argument("--json", action="store_true", help="print the summary as JSON")
+    simulate.set_defaults(run=_simulate)
+
+    plot = commands.add_parser("plot", help="draw a recording, or what a scene file's sensor sees")
+    plot.add_argument("source", type=Path, help="recording, or scene file (TOML)")
+    plot.add_argument("-o", "--output", type=Path, required=True, help="picture: .png, .pdf, .svg")
+    plot.add_argument(
+        "--kind",
+        choices=(
+            *("overview", "chirp", "range-profile", "map", "range-time", "spectrogram", "tracks"),
+            *("depth", "reflectance", "above", "experiment"),
+        ),
+        default="overview",
+        metavar="KIND",
+        help="%(choices)s (default: %(default)s); the last four need a scene file",
+    )
+    plot.add_argument("--frame", type=int, metavar="N", help="frame, from 0 (default: the middle one)")
+    plot.set_defaults(run=_plot)
+
+    info = commands.add_parser("info", help="say what a recording or a scene file holds, or what a mesh is good for")
+    info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
+    info.add_argument("--scale", type=float, default=1.0, metavar="M", help="metres per unit of a mesh (default: 1)")
+    info.add_argument("--json", action="store_true", help="print as JSON")
+    info.set_defaults(run=_info)
+
+    schema = commands.add_parser("schema", help="list every key of a scene file with unit and default")
+    schema.add_argument("--json", action="store_true", help="print the JSON schema, for editors")
+    schema.set_defaults(run=_schema)
+
+    sensor.add_parser(commands)
+    return parser
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from radarcore.cli.demo import experiment
+
+    result = experiment.run(
+        options.output,
+        duration=options.duration,
+        ray_budget=options.ray_budget,
+        with_robots=options.robots,
+        say=_silent if options.json else print,
+    )
+    if options.json:
+        print(json.dumps(_finite(result), indent=2, allow_nan=False))
+    return 0
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from radarcore.scenefile.load import load_scene
+
+    simulation = load_scene(options.scene)
+    began = time.perf_counter()
+    recording = simulation.record(options.output, overwrite=options.overwrite, threads=options.threads)
+    elapsed = time.perf_counter() - began
+    ratio = len(recording) / simulation.run.rate / elapsed
+    if options.json:
+        summary = {
+            "recording": str(options.output),
+            "frames": len(recording),
+            "cube_shape": list(recording.cube.shape),
+            "seconds": elapsed,
+            "real_time_factor": ratio,
+        }
+        print(json.dumps(summary, indent=2))
+    else:
+        print(
+            f"{options.output}: {len(recording)} frames of {_by(recording.cube.shape[1:])} samples "
+            f"in {elapsed:.1f} s, {ratio:.2f} x real time"
+        )
+    return 0
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from radarcore.cli import plot as draw
+
+    draw.draw(options.source, options.output, kind=options.kind, frame=options.frame)
+    print(options.output)
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    if options.source.suffix.lower() in _MESHES:
+        return _mesh_info(options)
+    facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)
+    if options.json:
+        print(json.dumps(facts, indent=2))
+    else:
+        width = max(map(len, facts))
+        for name, value in facts.items():
+            print(f"{name:<{width}}  {_fact_text(value)}")
+    return 0
+
+
+_MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
+"""Ends of the names of meshes."""
+
+
+def _mesh_info(options: argparse.Namespace) -> int:
+    from radarcore.geometry.files import load_mesh
+    from radarcore.geometry.report import mesh_report
+
+    report = mesh_report(load_mesh(options.source, scale=options.scale))
+    if options.json:
+        print(json.dumps({"mesh": str(options.source), **report.facts(), "verdicts": report.verdicts}, indent=2))
+    else:
+        print(report)
+    return 0
+
+
+def _scene_facts(path: Path) -> dict[str, Any]:
+    """What a scene file holds, by name with unit."""
+    from radarcore.scene.body import Body
+    from radarcore.scenefile.load import load_scene
+    from radarcore.simulate.simulator import frame_times
+
+    simulation = load_scene(path)
+    scene, run = simulation.scene, simulation.run
+    return {
+        "scene": str(path),
+        "bodies": list(scene.names),
+        "triangles": sum(len(body.mesh.triangles) for body in scene.bodies if isinstance(body, Body)),
+        "frames": len(frame_times(run.start, run.stop, run.rate)),
+        "start [s]": run.start,
+        "stop [s]": run.stop,
+        "rate [Hz]": run.rate,
+        **_radar_facts(simulation.radar),
+    }
+
+
+def _recording_facts(path: Path) -> dict[str, Any]:
+    """What a recording holds, by name with unit."""
+    from radarcore.recording.recording import Recording
+
+    recording = Recording.load(path)
+    source = dict(recording.source)
+    if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
+        source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
+    return {
+        "recording": str(path),
+        "frames": len(recording),
+        "start [s]": float(recording.time[0]) if len(recording) else None,
+        "last frame [s]": float(recording.time[-1]) if len(recording) else None,
+        "cube [frame, channel, chirp, sample]": list(recording.cube.shape),
+        "dtype": str(recording.cube.dtype),
+        "bodies": None if recording.truth is None else list(recording.truth.names),
+        **_radar_facts(recording.radar),
+        "lost frames": None if recording.lost is None else int(recording.lost.sum()),
+        "source": source,
+    }
+
+
+def _radar_facts(radar: Radar) -> dict[str, Any]:
+    """What a radar is and resolves, by name with unit."""
+    wf = radar.waveform
+    return {
+        "transmitters": len(radar.tx),
+        "receivers": len(radar.rx),
+        **_pattern_facts(radar),
+        "samples": "real" if radar.is_real else "I/Q",
+        "start frequency [Hz]": wf.start_frequency,
+        "slope [Hz/s]": wf.slope,
+        "bandwidth [Hz]": wf.bandwidth,
+        "sample rate [Hz]": wf.sample_rate,
+        "samples per chirp": wf.num_samples,
+        "chirps per frame": wf.num_chirps,
+        "chirp interval [s]": wf.chirp_interval,
+        "range bin [m]": wf.range_resolution,
+        "largest range [m]": radar.max_range,
+        "velocity bin [m/s]": wf.velocity_resolution,
+        "largest velocity [m/s]": wf.max_velocity,
+    }
+
+
+def _pattern_facts(radar: Radar) -> dict[str, str]:
+    """The pattern of all antennas, or those of one after the other."""
+    every = [("transmitter", radar.tx_patterns), ("receiver", radar.rx_patterns)]
+    facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
+    return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(radar.tx_patterns[0])}
+
+
+def _fact_text(value: Any) -> str:
+    if value is None or value == []:
+        return "none"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(map(str, value))
+    return json.dumps(value) if isinstance(value, dict) else str(value)
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from radarcore.scenefile import schema
+
+    print(json.dumps(schema.json_schema(), indent=2) if options.json else schema.text())
+    return 0
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _finite(entry) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"radarcore: warning: {message}", file=sys.stderr)
+
+
+def _by(shape: Sequence[int]) -> str:
+    return " x ".join(map(str, shape))
+
+
+def _lines(error: BaseException) -> list[str]:
+    """The message of an error, a line per fault; for the system's, file and reason without the number."""
+    if isinstance(error, OSError) and error.filename is not None:
+        # What Python writes as a keyword is an option here.
+        reason = str(error.strerror).replace("overwrite=True", "--overwrite")
+        return [f"{error.filename}: {reason}"]
+    return str(error).splitlines() or [type(error).__name__]

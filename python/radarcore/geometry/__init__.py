@@ -1,0 +1,1 @@
+"""Poses, triangle meshes and their files, shapes, cameras."""

@@ -1,0 +1,185 @@
+"""Triangle meshes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.geometry.pose import Pose
+
+_LONG_BUILD = 1_000_000
+"""Triangles that are built in less than a second."""
+
+
+class Mesh:
+    """Triangles of one body, in its own coordinates.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like
+        Positions [m].
+    triangles : (m, 3) array_like of int
+        Rows of `vertices`, anticlockwise seen from outside.
+    crease_angle_deg : float
+        Facets that meet below this angle [degrees] stand for a curved surface.
+    shading : "smooth" or "flat"
+        Smooth: hits on such facets get interpolated normals and the distance of the curved surface.
+    progress : bool
+        Show a progress bar for a mesh of more than a million triangles when run in a terminal.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        As given.
+    triangles : (m - num_dropped, 3) uint32
+        Without degenerate triangles (area below 1e-18 m^2).
+    num_dropped : int
+        Degenerate triangles left out.
+
+    Raises
+    ------
+    ValueError
+        For coordinates that are not finite and vertex numbers out of range; says which row.
+    """
+
+    __slots__ = ("_surface", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    num_dropped: int
+    crease_angle_deg: float
+    shading: str
+    _surface: _core.Surface
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        triangles: ArrayLike,
+        *,
+        crease_angle_deg: float = 45.0,
+        shading: str = "smooth",
+        progress: bool = True,
+    ) -> None:
+        self.vertices = _vertices(vertices)
+        self.shading = check.choice("shading", shading, ("smooth", "flat"))
+        self.crease_angle_deg = check.non_negative("crease_angle_deg", crease_angle_deg, "degrees")
+        rows = _triangles(triangles, len(self.vertices))
+        crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
+        with _bar(len(rows), progress) as report:
+            self._surface = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=report)
+        kept = self._surface.kept()
+        self.num_dropped = 0 if kept is None else len(rows) - len(kept)
+        self.triangles = rows if kept is None else rows[kept]
+        self.vertices.flags.writeable = False
+        self.triangles.flags.writeable = False
+        if len(rows) > 0 and len(self.triangles) == 0:
+            warnings.warn(
+                f"triangles: expected some with an area above 1e-18 m^2, got {len(rows)} degenerate ones; "
+                "the mesh is empty",
+                stacklevel=2,
+            )
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Smallest and largest coordinates of the triangles, (2, 3) [m]; NaN for an empty mesh."""
+        if len(self.triangles) == 0:
+            return np.full((2, 3), np.nan)
+        used = self.vertices[np.unique(self.triangles)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    @property
+    def area(self) -> float:
+        """Area of all triangles [m^2]."""
+        return float(0.5 * np.linalg.norm(self._cross_products(), axis=1).sum())
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume [m^3]; positive when the triangles of a closed mesh face outwards."""
+        corners = self.vertices[self.triangles]
+        return float((corners[:, 0] * self._cross_products()).sum() / 6.0)
+
+    def _cross_products(self) -> NDArray[np.float64]:
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
+        return np.cross(b - a, c - a)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore_mesh, (self.vertices, self.triangles, self.num_dropped, self.crease_angle_deg, self.shading)
+
+    def __repr__(self) -> str:
+        dropped = f", {self.num_dropped} dropped" if self.num_dropped else ""
+        return f"<Mesh: {len(self.triangles)} triangles{dropped}, {len(self.vertices)} vertices, {self.shading}>"
+
+
+@contextmanager
+def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None] | None]:
+    """What is told the share of a long build that is done, and shows it."""
+    if num_triangles <= _LONG_BUILD or not progress:
+        yield None
+        return
+    from tqdm import tqdm  # heavier than the rest of the import
+
+    with tqdm(total=num_triangles, desc="building", unit="triangle", unit_scale=True, disable=None) as bar:
+
+        def report(share: float) -> None:
+            bar.update(round(share * num_triangles) - bar.n)
+
+        yield report
+
+
+def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
+    """One mesh of several, each at its place."""
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh, _ in parts)])
+    return Mesh(
+        np.vstack([pose.apply(mesh.vertices) for mesh, pose in parts]),
+        np.vstack([mesh.triangles.astype(np.int64) + start for (mesh, _), start in zip(parts, first, strict=False)]),
+    )
+
+
+def _restore_mesh(
+    vertices: ArrayLike, triangles: ArrayLike, num_dropped: int, crease_angle_deg: float, shading: str
+) -> Mesh:
+    """The mesh that was pickled; its tree is built again."""
+    mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
+    mesh.num_dropped = num_dropped
+    return mesh
+
+
+def _numbers(name: str, value: ArrayLike, shape: str, kinds: str) -> NDArray[Any]:
+    """An array of some kinds of number (NumPy's letters); an empty one may be of any."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name}: expected shape {shape}, got rows of different lengths") from None
+    if array.size > 0 and array.dtype.kind not in kinds:
+        raise TypeError(f"{name}: expected {'numbers' if 'f' in kinds else 'integers'}, got {array.dtype}")
+    return array
+
+
+def _vertices(value: ArrayLike) -> NDArray[np.float64]:
+    array = np.array(_numbers("vertices", value, "(n, 3)", "fiu"), dtype=np.float64, order="C")
+    if array.size == 0:
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"vertices: expected shape (n, 3), got {array.shape}")
+    return array
+
+
+def _triangles(value: ArrayLike, num_vertices: int) -> NDArray[np.uint32]:
+    array = _numbers("triangles", value, "(m, 3)", "iu")
+    if array.size == 0:
+        array = np.zeros((0, 3), dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"triangles: expected shape (m, 3), got {array.shape}")
+    bad = ((array < 0) | (array >= num_vertices)).any(axis=1)
+    if bad.any():
+        row = int(bad.argmax())
+        raise ValueError(
+            f"triangles: expected vertex numbers from 0 to {num_vertices - 1}, got {array[row].tolist()} at row {row}"
+        )
+    return np.array(array, dtype=np.uint32, order="C")

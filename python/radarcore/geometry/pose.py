@@ -1,0 +1,176 @@
+"""Rigid poses, and arrays of them: ``[rotation | position]``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A fixed place: maps body (or sensor) coordinates to the world, ``rotation @ x + position``.
+
+    Parameters
+    ----------
+    position : (3,) array_like
+        Origin of the body in the world [m].
+    rotation : (3, 3) array_like
+        Body axes in the world, as columns.
+
+    Raises
+    ------
+    ValueError
+        When `rotation` is not a rotation to 1e-6 (what is left is removed).
+    """
+
+    position: Matrix
+    rotation: Matrix
+
+    def __init__(self, position: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike | None = None) -> None:
+        matrix = check.array("rotation", np.eye(3) if rotation is None else rotation, (3, 3))
+        error = np.abs(matrix @ matrix.T - np.eye(3)).max()
+        if error > 1e-6 or np.linalg.det(matrix) < 0.0:
+            raise ValueError(
+                f"rotation: expected a rotation matrix (orthonormal, determinant +1), got one with "
+                f"deviation {error:.3g} and determinant {np.linalg.det(matrix):.3g}"
+            )
+        if error > 1e-15:
+            u, _, vt = np.linalg.svd(matrix)
+            matrix = u @ vt
+        object.__setattr__(self, "position", check.frozen(check.array("position", position, (3,))))
+        object.__setattr__(self, "rotation", check.frozen(matrix))
+
+    @classmethod
+    def _unchecked(cls, position: Matrix, rotation: Matrix) -> Pose:
+        """A pose from numbers that are known to be one: products of rotations need no second look."""
+        pose = object.__new__(cls)
+        object.__setattr__(pose, "position", check.frozen(position))
+        object.__setattr__(pose, "rotation", check.frozen(rotation))
+        return pose
+
+    @classmethod
+    def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
+        """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be."""
+        origin = check.array("position", position, (3,))
+        x = check.array("target", target, (3,)) - origin
+        y = np.cross(check.array("up", up, (3,)), x)
+        if not np.linalg.norm(x) > 0.0:
+            raise ValueError(f"target: expected a point other than the position, got {origin}")
+        if np.linalg.norm(y) <= 1e-9 * np.linalg.norm(x):
+            raise ValueError("up: expected a direction that is not along the line of sight")
+        x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
+        return cls(origin, np.column_stack([x, y, np.cross(x, y)]))
+
+    @classmethod
+    def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
+        """Pose from a quaternion in the order (w, x, y, z), of any length but zero."""
+        q = check.array("quaternion", quaternion, (4,))
+        if not np.linalg.norm(q) > 0.0:
+            raise ValueError("quaternion: expected (w, x, y, z) of any length but zero")
+        w, *v = q / np.linalg.norm(q)
+        cross = cross_matrix(np.array(v))
+        return cls(position, np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+
+    @classmethod
+    def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
+        """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
+        roll, pitch, yaw = check.array("rpy", rpy, (3,))
+        z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
+        return cls(position, z @ y @ x)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """The pose of `other`, given in this pose's coordinates, in the world."""
+        if not isinstance(other, Pose):
+            return NotImplemented
+        return Pose._unchecked(self.apply(other.position), self.rotation @ other.rotation)
+
+    def inverse(self) -> Pose:
+        """The pose that maps the world to the body."""
+        return Pose._unchecked(-self.rotation.T @ self.position, self.rotation.T)
+
+    def apply(self, points: ArrayLike) -> Matrix:
+        """Points (..., 3) of the body, in the world [m]."""
+        return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
+
+    def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`
+        """The pose at a time [s]: always the same."""
+        return self
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4): the same at all of them."""
+        return np.broadcast_to(transforms(self.rotation, self.position), (np.size(times), 3, 4))
+
+    def rate_at(self, time: float) -> Matrix:  # noqa: ARG002  # every motion has `rate_at`
+        """Time derivative of ``[rotation | position]``, (3, 4): zero."""
+        return np.zeros((3, 4))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Pose)
+            and np.array_equal(self.position, other.position)
+            and np.array_equal(self.rotation, other.rotation)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.position.tobytes(), self.rotation.tobytes()))
+
+
+def as_pose(matrix: Matrix) -> Pose:
+    """The pose of a map ``[rotation | position]`` that is known to be one."""
+    return Pose._unchecked(matrix[:3, 3].copy(), matrix[:3, :3].copy())
+
+
+def relative_poses(bodies: Matrix, sensor: Matrix) -> Matrix:
+    """Maps of body coordinates to a sensor's frame, (..., body, 3, 4).
+
+    From ``[rotation | position]`` of `bodies` (..., body, 3, 4) and of the `sensor` (..., 3, 4) in the world.
+    """
+    to_sensor = np.swapaxes(sensor[..., :3], -1, -2)
+    seen: Matrix = to_sensor[..., None, :, :] @ (bodies - _moved_only(sensor)[..., None, :, :])
+    return seen
+
+
+def relative_rates(seen: Matrix, body_rates: Matrix, sensor: Matrix, sensor_rate: Matrix) -> Matrix:
+    """Time derivatives of `relative_poses`, (..., body, 3, 4).
+
+    From these, `seen`, and the time derivatives of the places in the world, as there.
+    """
+    to_sensor, turning = np.swapaxes(sensor[..., :3], -1, -2), np.swapaxes(sensor_rate[..., :3], -1, -2)
+    drift = to_sensor[..., None, :, :] @ (body_rates - _moved_only(sensor_rate)[..., None, :, :])
+    rates: Matrix = drift + (turning @ sensor[..., :3])[..., None, :, :] @ seen
+    return rates
+
+
+def _moved_only(maps: Matrix) -> Matrix:
+    """Positions alone, as maps (..., 3, 4) without a rotation."""
+    moved = np.zeros_like(maps)
+    moved[..., 3] = maps[..., 3]
+    return moved
+
+
+def transforms(rotations: Matrix, positions: Matrix) -> Matrix:
+    """``[rotation | position]``, (..., 3, 4)."""
+    return np.concatenate([rotations, positions[..., None]], axis=-1)
+
+
+def cross_matrix(v: Matrix) -> Matrix:
+    """The matrix of ``v x``, (..., 3, 3)."""
+    matrix = np.zeros((*v.shape, 3))
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        matrix[..., k, j], matrix[..., j, k] = v[..., i], -v[..., i]
+    return matrix
+
+
+def rotations_about(vectors: Matrix) -> Matrix:
+    """Rotations about the directions of vectors (n, 3) by their lengths [rad], (n, 3, 3) (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
+    k = cross_matrix(vectors / np.where(angle[..., 0] > 0.0, angle[..., 0], 1.0))
+    # 1 - cos as 2 sin^2 keeps small angles exact.
+    turned: Matrix = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(0.5 * angle) ** 2 * (k @ k)
+    return turned

@@ -1,0 +1,418 @@
+"""Robot arms: joints, the links between them, and where these are while the joints move."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from os import PathLike
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore import check
+from radarcore.geometry.mesh import Mesh, merged_mesh
+from radarcore.geometry.pose import Matrix, Pose, as_pose
+from radarcore.models.recent import Recent
+from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
+from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.motion.attached import Attached
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.scene.body import Body
+from radarcore.scene.material import Material
+
+RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""Where a radar looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
+
+Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
+"""
+
+
+class RobotArm:
+    """A tree of joints, with meshes on the links between them.
+
+    Parameters
+    ----------
+    joints : iterable of Joint
+        Every link but one, the root, is the child of exactly one.
+    links : mapping of str to Mesh or None
+        All links by name, with their shape in their own coordinates.
+    name : str
+        For the names of bodies.
+
+    Attributes
+    ----------
+    joints : tuple of Joint
+        As given.
+    links : dict
+        As given, the root first and every other after its parent.
+    joint_names : tuple of str
+        The joints that move: the order of joint angles.
+    """
+
+    def __init__(self, joints: Iterable[Joint], links: Mapping[str, Mesh | None], *, name: str = "arm") -> None:
+        self.name = name
+        self.joints = tuple(joints)
+        moving = [joint for joint in self.joints if joint.kind != "fixed"]
+        self.joint_names = tuple(joint.name for joint in moving)
+        ordered = _from_the_root(self.joints, links)
+        root = next(link for link in links if all(joint.child != link for joint in self.joints))
+        self.links = {link: links[link] for link in [root, *(joint.child for joint in ordered)]}
+
+        # A link's map to its parent is fixed + first * a + second * b, with (first, second) = (sin q, 1 - cos q)
+        # for a joint that turns (Rodrigues) and (q, 0) for one that slides.
+        self._numbers = {link: i for i, link in enumerate(self.links)}
+        self._parents = [self._numbers[joint.parent] for joint in ordered]
+        self._slots = np.array([ordered.index(joint) for joint in moving], dtype=np.intp)
+        self._turns = np.array([joint.kind == "revolute" for joint in ordered], dtype=bool)
+        self._fixed, self._first, self._second = np.zeros((3, len(ordered), 4, 4))
+        for k, joint in enumerate(ordered):
+            self._fixed[k] = _matrix(joint.origin)
+            if joint.axis is None:
+                continue
+            if joint.kind == "revolute":
+                x, y, z = joint.axis
+                cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+                self._first[k, :3, :3] = joint.origin.rotation @ cross
+                self._second[k, :3, :3] = joint.origin.rotation @ cross @ cross
+            else:
+                self._first[k, :3, 3] = joint.origin.rotation @ joint.axis
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | PathLike[str],
+        *,
+        meshes: Literal["collision", "visual"] | None = "collision",
+        package_directories: Mapping[str, str | PathLike[str]] | None = None,
+    ) -> RobotArm:
+        """Read a URDF file.
+
+        Parameters
+        ----------
+        path : path
+            The file. Its root link is the arm's base.
+        meshes : "collision", "visual" or None
+            Which of the two geometries to put on the links. Box, cylinder, sphere and OBJ files need nothing else
+            installed; other files need trimesh (``pip install radarcore[mesh]``).
+        package_directories : mapping, optional
+            Where ``package://name/...`` is, by name; default: the directory `name` that the file is in.
+
+        Raises
+        ------
+        FileNotFoundError
+            When the file or one of its meshes is not there.
+        ValueError
+            When the file is not XML (names the line) or lacks what URDF demands.
+
+        Notes
+        -----
+        Joints that mimic others are joints of their own here, with a warning.
+        """
+        from radarcore.models.robots import urdf
+
+        model = urdf.read(path, geometry=meshes, package_directories=package_directories)
+        shapes = {
+            link: merged_mesh([(part.mesh(), part.origin) for part in parts]) if parts else None
+            for link, parts in model.links.items()
+        }
+        return cls(model.joints, shapes, name=model.name)
+
+    @classmethod
+    def ur10(cls) -> RobotArm:
+        """A UR10 made of cylinders: kinematics of the real arm, sizes of its housings; base_link to tool0."""
+        from radarcore.models.robots import ur10
+
+        return cls(ur10.joints(), ur10.shapes(), name="ur10")
+
+    @classmethod
+    def ur10_meshes(cls) -> RobotArm:
+        """A UR10 with its seven real collision meshes (``pip install radarcore[robots]``)."""
+        from radarcore.models.robots import ur10
+
+        return cls(ur10.joints(), ur10.collision_meshes(), name="ur10")
+
+    @property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """The joints that move, in the order of joint angles."""
+        return tuple(joint for joint in self.joints if joint.kind != "fixed")
+
+    def joint_array(self, joint_angles: JointAngles) -> Matrix:
+        """Joint angles as an array (num_joints,) in the order of `joint_names`; a KeyError for an unknown name."""
+        if not isinstance(joint_angles, Mapping):
+            return check.array("joint_angles", joint_angles, (len(self.joint_names),))
+        for name in joint_angles:
+            if name not in self.joint_names:
+                raise KeyError(_unknown("moving joint", name, self.joint_names))
+        return check.array("joint_angles", [joint_angles.get(name, 0.0) for name in self.joint_names], (None,))
+
+    def link_pose(self, link: str, joint_angles: JointAngles) -> Pose:
+        """Pose of a link in the coordinates of the root link."""
+        number = self.link_number(link)
+        return as_pose(self.link_poses(self.joint_array(joint_angles))[number])
+
+    def jacobian(self, link: str, joint_angles: JointAngles) -> Matrix:
+        """Geometric Jacobian of a link, (6, num_joints), in the coordinates of the root link.
+
+        Velocity of the link's origin [m/s] and angular velocity [rad/s] per rate of each joint.
+        """
+        number = self.link_number(link)
+        return self._jacobian(number, self.link_poses(self.joint_array(joint_angles)))
+
+    def moving(
+        self, joint_motion: JointMotion | Callable[[float], ArrayLike] | JointAngles, base: AnyMotion | None = None
+    ) -> MovingArm:
+        """The arm in motion.
+
+        Parameters
+        ----------
+        joint_motion : JointTrajectory, function of time or joint angles
+            Anything with `angles` and `rates`; a function of time [s] that returns joint angles (its rates are
+            central differences); or joint angles at which the arm stays.
+        base : Pose or other motion, optional
+            Root link to world.
+        """
+        return MovingArm(self, joint_motion, base)
+
+    def link_number(self, link: str) -> int:
+        """Place of a link in `links`; a KeyError that names near ones when there is none."""
+        try:
+            return self._numbers[link]
+        except KeyError:
+            raise KeyError(_unknown("link", link, self.links)) from None
+
+    def link_poses(self, angles: Matrix, root: Matrix | None = None) -> Matrix:
+        """Maps of all links to the root's surroundings, (..., num_links, 4, 4), in the order of `links`.
+
+        Neither `angles` (..., num_joints) nor `root` (..., 4, 4), default: identity, are checked.
+        """
+        poses = np.empty((*angles.shape[:-1], len(self.links), 4, 4))
+        poses[..., 0, :, :] = np.eye(4) if root is None else root
+        local = self._local(angles)
+        for k, parent in enumerate(self._parents):
+            poses[..., k + 1, :, :] = poses[..., parent, :, :] @ local[..., k, :, :]
+        return poses
+
+    def link_rates(self, angles: Matrix, rates: Matrix, poses: Matrix, root_rate: Matrix) -> Matrix:
+        """Time derivatives of `link_poses`, (..., num_links, 4, 4), by the product rule along the tree."""
+        derivatives = np.empty_like(poses)
+        derivatives[..., 0, :, :] = root_rate
+        local, local_rate = self._local(angles), self._local_rate(angles, rates)
+        for k, parent in enumerate(self._parents):
+            turning = derivatives[..., parent, :, :] @ local[..., k, :, :]
+            derivatives[..., k + 1, :, :] = turning + poses[..., parent, :, :] @ local_rate[..., k, :, :]
+        return derivatives
+
+    def _local(self, angles: Matrix) -> Matrix:
+        """Map of every link but the root to its parent, (..., num_links - 1, 4, 4)."""
+        q = np.zeros((*angles.shape[:-1], len(self._fixed)))
+        q[..., self._slots] = angles
+        # 1 - cos as 2 sin^2 keeps small angles exact.
+        first, second = np.where(self._turns, np.sin(q), q), 2.0 * np.sin(0.5 * q) ** 2
+        result: Matrix = self._fixed + first[..., None, None] * self._first + second[..., None, None] * self._second
+        return result
+
+    def _local_rate(self, angles: Matrix, rates: Matrix) -> Matrix:
+        q, rate = np.zeros((2, *angles.shape[:-1], len(self._fixed)))
+        q[..., self._slots], rate[..., self._slots] = angles, rates
+        first, second = np.where(self._turns, np.cos(q), 1.0) * rate, np.sin(q) * rate
+        result: Matrix = first[..., None, None] * self._first + second[..., None, None] * self._second
+        return result
+
+    def _jacobian(self, number: int, poses: Matrix) -> Matrix:
+        columns = np.zeros((6, len(self.joint_names)))
+        moves = {int(slot): column for column, slot in enumerate(self._slots)}
+        joints = {joint.child: joint for joint in self.joints}
+        names = list(self.links)
+        end, k = poses[number, :3, 3], number
+        while k > 0:
+            if (column := moves.get(k - 1)) is not None:
+                joint = joints[names[k]]
+                assert joint.axis is not None  # it moves
+                axis = poses[k, :3, :3] @ joint.axis
+                if joint.kind == "revolute":
+                    columns[:3, column] = np.cross(axis, end - poses[k, :3, 3])
+                    columns[3:, column] = axis
+                else:
+                    columns[:3, column] = axis
+            k = self._parents[k - 1]
+        return columns
+
+    def __repr__(self) -> str:
+        return f"<RobotArm {self.name!r}: {len(self.links)} links, joints {', '.join(self.joint_names) or 'none'}>"
+
+
+class MovingArm:
+    """A robot arm whose joints, and perhaps base, move; `RobotArm.moving` makes it.
+
+    Parameters
+    ----------
+    arm, joint_motion, base
+        As in `RobotArm.moving`.
+    """
+
+    def __init__(
+        self,
+        arm: RobotArm,
+        joint_motion: JointMotion | Callable[[float], ArrayLike] | JointAngles,
+        base: AnyMotion | None = None,
+    ) -> None:
+        self.arm = arm
+        self.base: Motion = Pose() if base is None else as_motion("base", base)
+        self.joint_motion: JointMotion | None = None
+        self._resting: Matrix | None = None
+        if hasattr(joint_motion, "angles") and hasattr(joint_motion, "rates"):
+            self.joint_motion = cast(JointMotion, joint_motion)
+            first = joint_motion.times[0] if isinstance(joint_motion, JointTrajectory) else 0.0
+            check.array("joint_motion", self.joint_motion.angles(first), (len(arm.joint_names),))
+        elif callable(joint_motion):
+            self.joint_motion = _JointFunction(joint_motion)
+        else:
+            self._resting = check.frozen(arm.joint_array(joint_motion))
+        # The simulator asks link after link for the same times.
+        self._poses, self._rates = Recent(self._link_poses), Recent(self._link_rates)
+
+    def link_motion(self, link: str) -> Motion:
+        """Motion of a link in the world: that of a body on it, or the parent of what is `Attached` to it."""
+        number = self.arm.link_number(link)
+        if self._resting is None:
+            return _LinkMotion(self, number)
+        pose = self.arm.link_pose(link, self._resting)
+        return self.base @ pose if isinstance(self.base, Pose) else Attached(self.base, pose)
+
+    def bodies(self, material: Material | None = None, name: str | None = None) -> list[Body]:
+        """One body per link that has a shape, named ``ur10/forearm_link``.
+
+        Parameters
+        ----------
+        material : Material, optional
+            Of all links; default: that of `Body`, metal.
+        name : str, optional
+            What the names begin with; default: the arm's.
+        """
+        prefix = self.arm.name if name is None else name
+        return [
+            Body(mesh, material=material, motion=self.link_motion(link), name=f"{prefix}/{link}")
+            for link, mesh in self.arm.links.items()
+            if mesh is not None
+        ]
+
+    def link_poses_at(self, time: float) -> Matrix:
+        """Maps of all links to the world at a time [s], (num_links, 4, 4), in the order of ``arm.links``."""
+        poses: Matrix = self._poses(np.array([time], dtype=np.float64))[0]
+        return poses
+
+    def link_rates_at(self, time: float) -> Matrix:
+        """Time derivatives of `link_poses_at`, (num_links, 4, 4)."""
+        rates: Matrix = self._rates(np.array([time], dtype=np.float64))[0]
+        return rates
+
+    def _link_poses(self, times: Matrix) -> Matrix:
+        """Maps of all links to the world at several times, (n, num_links, 4, 4)."""
+        root = np.zeros((len(times), 4, 4))
+        root[:, :3], root[:, 3, 3] = poses_at(self.base, times), 1.0
+        return self.arm.link_poses(self._angles(times), root)
+
+    def _link_rates(self, times: Matrix) -> Matrix:
+        """Time derivatives of `_link_poses`."""
+        root_rate = np.zeros((len(times), 4, 4))
+        root_rate[:, :3] = [self.base.rate_at(time) for time in times.tolist()]
+        rates = np.zeros((len(times), len(self.arm.joint_names)))
+        if self.joint_motion is not None:
+            for k, time in enumerate(times.tolist()):
+                rates[k] = check.array("joint_motion", self.joint_motion.rates(time), rates[k].shape)
+        return self.arm.link_rates(self._angles(times), rates, self._poses(times), root_rate)
+
+    def _angles(self, times: Matrix) -> Matrix:
+        """Joint angles at several times, (n, num_joints)."""
+        if self.joint_motion is None:
+            assert self._resting is not None  # one of the two is there
+            return np.broadcast_to(self._resting, (len(times), len(self._resting)))
+        if isinstance(self.joint_motion, JointTrajectory):
+            return self.joint_motion.angles(times)
+        angles = np.empty((len(times), len(self.arm.joint_names)))
+        for k, time in enumerate(times.tolist()):
+            angles[k] = check.array("joint_motion", self.joint_motion.angles(time), angles[k].shape)
+        return angles
+
+
+class _LinkMotion:
+    """Motion of one link of a moving arm."""
+
+    def __init__(self, moving: MovingArm, number: int) -> None:
+        self._moving, self._number = moving, number
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        return as_pose(self._moving.link_poses_at(time)[self._number])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self._moving._poses(np.asarray(times, dtype=np.float64))[:, self._number, :3]
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        return self._moving.link_rates_at(time)[self._number, :3]
+
+
+class _JointFunction:
+    """A function of time as a joint motion; rates by central differences of fourth order."""
+
+    def __init__(self, function: Callable[[float], ArrayLike]) -> None:
+        self._function = function
+
+    def angles(self, time: float) -> Matrix:
+        return np.asarray(self._function(time), dtype=np.float64)
+
+    def rates(self, time: float) -> Matrix:
+        near, far = (
+            (self.angles(time + step) - self.angles(time - step)) / (2.0 * step) for step in (_STEP, 2.0 * _STEP)
+        )
+        derivative: Matrix = (4.0 * near - far) / 3.0
+        return derivative
+
+
+# Step of the finite differences of a function of time [s].
+_STEP = 5e-4
+
+
+def _from_the_root(joints: tuple[Joint, ...], links: Mapping[str, Mesh | None]) -> list[Joint]:
+    """The joints, every one after that of its parent; a ValueError when they are no tree."""
+    names = [joint.name for joint in joints]
+    for joint in joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                raise ValueError(f"joint {joint.name!r}, {role}: {_unknown('link', link, links)}")
+        if names.count(joint.name) > 1:
+            raise ValueError(f"joints: expected names that differ, got {joint.name!r} twice")
+        if others := [other.name for other in joints if other.child == joint.child and other is not joint]:
+            raise ValueError(
+                f"joints: expected one to lead to every link, got {joint.name!r} and {others[0]!r} to {joint.child!r}"
+            )
+    children = {joint.child for joint in joints}
+    roots = [link for link in links if link not in children]
+    if len(roots) != 1:
+        raise ValueError(f"joints: expected one link without a parent, got {roots or 'none'}")
+    reached, ordered = {roots[0]}, list[Joint]()
+    while len(ordered) < len(joints):
+        more = [joint for joint in joints if joint.parent in reached and joint.child not in reached]
+        if not more:
+            lost = sorted(set(links) - reached)
+            raise ValueError(f"joints: expected every link to hang on {roots[0]!r}, got a ring of {lost}")
+        ordered += more
+        reached |= {joint.child for joint in more}
+    return ordered
+
+
+def _matrix(pose: Pose) -> Matrix:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+    return matrix
+
+
+def _unknown(kind: str, name: object, known: Iterable[str]) -> str:
+    known = list(known)
+    near = difflib.get_close_matches(str(name), known, n=3)
+    hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(known)}"
+    return f"no {kind} {name!r}; {hint}"

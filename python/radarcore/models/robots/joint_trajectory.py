@@ -1,0 +1,106 @@
+"""Joint angles as splines through given angles."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore import check
+from radarcore.geometry.pose import Matrix
+from radarcore.models.robots.joint import Joint, Jointed
+
+
+class JointTrajectory:
+    """Joint angles that pass through given values: C2 cubic splines, at rest at both ends.
+
+    Before the first and after the last time the joints rest there.
+
+    Parameters
+    ----------
+    times : (n,) array_like
+        Increasing [s], at least two.
+    angles : (n, num_joints) array_like
+        One row per time [rad; m for joints that slide].
+    arm : RobotArm, optional
+        Warn when a joint is faster, or turned further, than this arm's can be.
+    """
+
+    def __init__(self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self.times = check.frozen(check.array("times", times, (None,)))
+        if len(self.times) < 2:
+            raise ValueError(f"times: expected at least two, got {len(self.times)}")
+        if not (np.diff(self.times) > 0.0).all():
+            k = int((np.diff(self.times) <= 0.0).argmax())
+            raise ValueError(
+                f"times: expected increasing times [s], got {self.times[k]:g} and then {self.times[k + 1]:g}"
+            )
+        num_joints = None if arm is None else len(arm.joint_names)
+        values = check.array("angles", angles, (len(self.times), num_joints))
+        self._spline = CubicSpline(self.times, values, bc_type="clamped")
+        self._derivative = self._spline.derivative()
+        if arm is not None:
+            for excess in self.excesses(arm):
+                warnings.warn(excess, stacklevel=2)
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints."""
+        return int(self._spline.c.shape[2])
+
+    def angles(self, time: ArrayLike) -> Matrix:
+        """Joint angles at a time [s], (num_joints,) [rad or m], or at several, (n, num_joints)."""
+        result: Matrix = self._spline(np.clip(time, self.times[0], self.times[-1]))
+        return result
+
+    def rates(self, time: float) -> Matrix:
+        """Time derivatives of the joint angles, (num_joints,) [rad/s or m/s]."""
+        if not self.times[0] <= time <= self.times[-1]:
+            return np.zeros(self.num_joints)
+        result: Matrix = self._derivative(time)
+        return result
+
+    def excesses(self, arm: Jointed) -> list[str]:
+        """What joints of `arm` would have to do beyond their limits, one text each; anywhere, not only at `times`."""
+        if len(arm.joint_names) != self.num_joints:
+            raise ValueError(f"arm: expected {self.num_joints} joints that move, got {len(arm.joint_names)}")
+        found = []
+        for column, joint in enumerate(arm.moving_joints):
+            if joint.max_velocity is not None:
+                when, rate = _largest(self._derivative, column)
+                if rate > joint.max_velocity * (1.0 + 1e-9):
+                    found.append(
+                        f"joint {joint.name!r} moves at {rate:.3g} {joint.unit}/s at {when:.3g} s, "
+                        f"its limit is {joint.max_velocity:g} {joint.unit}/s"
+                    )
+            found += self._beyond(joint, column)
+        return found
+
+    def _beyond(self, joint: Joint, column: int) -> list[str]:
+        if joint.limits is None:
+            return []
+        lower, upper = joint.limits
+        when, beyond = _largest(self._spline, column, 0.5 * (lower + upper))
+        if beyond <= 0.5 * (upper - lower) + 1e-9:
+            return []
+        angle = float(self._spline(when)[column])
+        return [
+            f"joint {joint.name!r} is at {angle:.3g} {joint.unit} at {when:.3g} s, "
+            f"its limits are {lower:g} and {upper:g} {joint.unit}"
+        ]
+
+
+def _largest(spline: Any, column: int, center: float = 0.0) -> tuple[float, float]:
+    """Where a column of a spline is furthest from `center`, and how far: at knots and turning points."""
+    from scipy.interpolate import PPoly
+
+    piece = PPoly(spline.c[:, :, column], spline.x)
+    turning = piece.derivative().roots(discontinuity=False, extrapolate=False)
+    times = np.concatenate([spline.x, turning[np.isfinite(turning)]])
+    distances = np.abs(piece(times) - center)
+    k = int(distances.argmax())
+    return float(times[k]), float(distances[k])

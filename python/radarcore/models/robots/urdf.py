@@ -1,0 +1,188 @@
+"""Robot descriptions in URDF: joints, and the shapes on the links."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Literal, NamedTuple, cast
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.geometry import shapes
+from radarcore.geometry.files import load_mesh
+from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
+from radarcore.models.robots.joint import Joint
+
+
+class Part(NamedTuple):
+    """One shape on a link."""
+
+    source: Path | Mesh
+    """A file, or box, cylinder or sphere."""
+    scale: NDArray[np.float64]
+    """(3,) metres per unit of the file."""
+    origin: Pose
+    """In the link's coordinates."""
+
+    def mesh(self) -> Mesh:
+        """The shape [m], before it is put at `origin`; a mirrored one keeps its normals outwards."""
+        mesh = load_mesh(self.source) if isinstance(self.source, Path) else self.source
+        triangles = mesh.triangles if self.scale.prod() > 0.0 else mesh.triangles[:, ::-1]
+        return Mesh(mesh.vertices * self.scale, triangles)
+
+
+class Model(NamedTuple):
+    """A URDF file."""
+
+    name: str
+    joints: list[Joint]
+    links: dict[str, list[Part]]
+    """Shapes by name of the link, in the order of the file."""
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    geometry: Literal["collision", "visual"] | None = "collision",
+    package_directories: Mapping[str, str | PathLike[str]] | None = None,
+) -> Model:
+    """Read a URDF file; arguments and errors as in `RobotArm.from_urdf`. Mesh files are not read yet."""
+    if geometry not in ("collision", "visual", None):
+        raise ValueError(f"meshes: expected 'collision', 'visual' or None, got {geometry!r}")
+    reader = _Reader(Path(path), dict(package_directories or {}))
+    try:
+        root = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise ValueError(f"{fspath(path)}:{error.position[0]}: {error}") from None
+    if root.tag != "robot":
+        raise reader.error(f"expected <robot>, got <{root.tag}>")
+    links = {}
+    for element in root.iterfind("link"):
+        name = reader.attribute(element, "name", "link")
+        links[name] = [reader.part(part, name) for part in element.iterfind(geometry)] if geometry else []
+    if not links:
+        raise reader.error("expected at least one <link>, got none")
+    return Model(root.get("name", "robot"), [reader.joint(element) for element in root.iterfind("joint")], links)
+
+
+class _Reader:
+    """Turns elements of one file into records; every error names the file and the joint or link."""
+
+    def __init__(self, path: Path, package_directories: dict[str, str | PathLike[str]]) -> None:
+        self.path, self.package_directories = path, package_directories
+
+    def error(self, text: str) -> ValueError:
+        return ValueError(f"{self.path}: {text}")
+
+    def attribute(self, element: ET.Element, name: str, where: str) -> str:
+        value = element.get(name)
+        if value is None:
+            raise self.error(f"{where}: expected <{element.tag} {name}=...>, got none")
+        return value
+
+    def numbers(self, text: str, count: int, where: str) -> NDArray[np.float64]:
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            values = np.empty(0)
+        if values.shape != (count,) or not np.isfinite(values).all():
+            raise self.error(f"{where}: expected {count} number{'s' if count > 1 else ''}, got {text!r}")
+        return values
+
+    def origin(self, element: ET.Element, where: str) -> Pose:
+        origin = element.find("origin")
+        if origin is None:
+            return Pose()
+        xyz, rpy = (self.numbers(origin.get(name, "0 0 0"), 3, f"{where}, {name}") for name in ("xyz", "rpy"))
+        return Pose.from_rpy(xyz, rpy)
+
+    def joint(self, element: ET.Element) -> Joint:
+        name = self.attribute(element, "name", "joint")
+        where = f"joint {name!r}"
+        kind = self.attribute(element, "type", where)
+        if kind not in ("revolute", "continuous", "prismatic", "fixed"):
+            raise self.error(f"{where}: expected revolute, continuous, prismatic or fixed, got {kind!r}")
+        if element.find("mimic") is not None:
+            warnings.warn(f"{self.path}: {where} mimics another; it is a joint of its own here", stacklevel=2)
+        parent, child = element.find("parent"), element.find("child")
+        if parent is None or child is None:
+            raise self.error(
+                f"{where}: expected <parent> and <child>, got no <{'child' if parent is not None else 'parent'}>"
+            )
+        ends = self.attribute(parent, "link", where), self.attribute(child, "link", where)
+        origin = self.origin(element, where)
+        if kind == "fixed":
+            return Joint(name, *ends, origin, kind="fixed")
+
+        axis = element.find("axis")
+        direction = self.numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where}, axis")
+        if not direction.any():
+            raise self.error(f"{where}, axis: expected a direction, got zero")
+        limit = element.find("limit")
+        limits, max_velocity = None, None
+        if limit is not None:
+            if kind != "continuous":
+                lower, upper = (
+                    float(self.numbers(limit.get(bound, "0"), 1, f"{where}, {bound}")[0])
+                    for bound in ("lower", "upper")
+                )
+                limits = (lower, upper)
+            if (velocity := limit.get("velocity")) is not None:
+                max_velocity = float(self.numbers(velocity, 1, f"{where}, velocity")[0])
+        turns = cast(Literal["revolute", "prismatic"], "revolute" if kind == "continuous" else kind)
+        return Joint(name, *ends, origin, direction, turns, limits, max_velocity)
+
+    def part(self, element: ET.Element, link: str) -> Part:
+        where = f"link {link!r}, {element.tag}"
+        geometry = element.find("geometry")
+        shape = None if geometry is None else next(iter(geometry), None)
+        if shape is None:
+            raise self.error(f"{where}: expected a <geometry> with a shape, got none")
+        source, scale = self.source(shape, where), shape.get("scale", "1 1 1")
+        factors = self.numbers(scale, 3, f"{where}, scale") if shape.tag == "mesh" else np.ones(3)
+        if not factors.all():
+            raise self.error(f"{where}, scale: expected numbers other than zero, got {scale!r}")
+        return Part(source, factors, self.origin(element, where))
+
+    def source(self, shape: ET.Element, where: str) -> Path | Mesh:
+        def sizes(name: str, count: int = 1) -> NDArray[np.float64]:
+            values = self.numbers(self.attribute(shape, name, where), count, f"{where}, {name}")
+            if not (values > 0.0).all():
+                raise self.error(f"{where}, {name}: expected positive numbers, got {shape.get(name)!r}")
+            return values
+
+        match shape.tag:
+            case "mesh":
+                return self.mesh_file(self.attribute(shape, "filename", where))
+            case "box":
+                return shapes.box(sizes("size", 3))
+            case "cylinder":
+                return shapes.cylinder(float(sizes("radius")[0]), float(sizes("length")[0]))
+            case "sphere":
+                return shapes.sphere(float(sizes("radius")[0]))
+        raise self.error(f"{where}: expected mesh, box, cylinder or sphere, got <{shape.tag}>")
+
+    def mesh_file(self, filename: str) -> Path:
+        """Where a mesh is: ``package://name/...``, ``file://...``, or relative to the URDF file."""
+        if filename.startswith("package://"):
+            package, _, rest = filename.removeprefix("package://").partition("/")
+            directory = self.package_directories.get(package)
+            if directory is None:
+                directory = next((d for d in self.path.resolve().parents if d.name == package), None)
+            if directory is None:
+                raise FileNotFoundError(
+                    2,
+                    f"{self.path}: package {package!r} is not among package_directories nor around the file",
+                    filename,
+                )
+            file = Path(directory) / rest
+        else:
+            file = self.path.parent / filename.removeprefix("file://")
+        if not file.is_file():
+            raise FileNotFoundError(2, f"{self.path}: no such mesh", str(file))
+        return file

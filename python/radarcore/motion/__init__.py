@@ -1,0 +1,1 @@
+"""Motions: poses and their rates as functions of time, and deformations."""

@@ -1,0 +1,97 @@
+"""Meshes that change their shape: where the vertices are at every time, and how fast they move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.motion.function import derivative
+
+Vertices = NDArray[np.float64]
+
+
+class Deformation:
+    """Vertices at given times and a cubic spline through them.
+
+    The spline is natural-ended, so velocities are continuous between the first and the last time; two times make a
+    straight line. Before the first and after the last time the vertices stay where they are.
+
+    Parameters
+    ----------
+    times : (k,) array_like
+        Increasing [s], at least two.
+    vertices : (k, n, 3) array_like
+        Positions in body coordinates [m], in the order of the mesh's vertices.
+    """
+
+    def __init__(self, times: ArrayLike, vertices: ArrayLike) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self.times = check.increasing("times", times)
+        self.vertices = check.frozen(check.array("vertices", vertices, (len(self.times), None, 3)))
+        self._spline = CubicSpline(self.times, self.vertices, bc_type="natural")
+
+    @property
+    def num_vertices(self) -> int:
+        """Vertices of the mesh."""
+        return int(self.vertices.shape[1])
+
+    def at(self, time: float) -> Vertices:
+        """The vertices at a time [s], (n, 3) [m]."""
+        first, last = self.times[[0, -1]]
+        positions: Vertices = self._spline(time) if first < time < last else self.vertices[0 if time <= first else -1]
+        return positions
+
+    def rate_at(self, time: float) -> Vertices:
+        """Velocities of the vertices at a time [s], (n, 3) [m/s]; those of the spline at its very ends."""
+        first, last = self.times[[0, -1]]
+        velocities: Vertices = self._spline(time, 1) if first <= time <= last else np.zeros_like(self.vertices[0])
+        return velocities
+
+    def __reduce__(self) -> tuple[type[Deformation], tuple[Vertices, Vertices]]:
+        return type(self), (self.times, self.vertices)
+
+    def __repr__(self) -> str:
+        first, last = self.times[[0, -1]]
+        return f"<Deformation: {self.num_vertices} vertices at {len(self.times)} times, {first:g} to {last:g} s>"
+
+
+class DeformationFunction:
+    """Vertices given by a function of time; what it returns is checked every time.
+
+    Parameters
+    ----------
+    vertices : callable
+        Maps a time [s] to positions (n, 3) in body coordinates [m].
+    num_vertices : int
+        Vertices of the mesh.
+    """
+
+    def __init__(self, vertices: Callable[[float], ArrayLike], num_vertices: int) -> None:
+        self._vertices, self.num_vertices = vertices, num_vertices
+
+    def at(self, time: float) -> Vertices:
+        """The vertices at a time [s], (n, 3) [m]."""
+        return check.array(f"deformation at {time:g} s", self._vertices(time), (self.num_vertices, 3))
+
+    def rate_at(self, time: float) -> Vertices:
+        """Velocities of the vertices at a time [s], (n, 3) [m/s]: differences as of a motion given by a function."""
+        return derivative(self.at, time)
+
+
+def as_deformation(deformation: object, num_vertices: int) -> Deformation | DeformationFunction:
+    """The deformation of a mesh with so many vertices, a function wrapped, or an error."""
+    if isinstance(deformation, Deformation):
+        if deformation.num_vertices != num_vertices:
+            raise ValueError(
+                f"deformation: expected {num_vertices} vertices as the mesh has, got {deformation.num_vertices}"
+            )
+        return deformation
+    if isinstance(deformation, DeformationFunction):
+        return as_deformation(deformation._vertices, num_vertices)
+    if callable(deformation):
+        return DeformationFunction(deformation, num_vertices)
+    raise TypeError(f"deformation: expected Deformation or a function of time, got {type(deformation).__name__}")

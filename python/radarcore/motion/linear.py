@@ -1,0 +1,58 @@
+"""Constant velocity and angular velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore import check
+from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Constant velocity and angular velocity in world axes, turning about the pose's origin.
+
+    Parameters
+    ----------
+    pose : Pose
+        Where the body is at absolute time 0.
+    velocity : (3,) array_like
+        Velocity of the pose's origin [m/s].
+    angular_velocity : (3,) array_like
+        Angular velocity [rad/s].
+    """
+
+    pose: Pose
+    velocity: Matrix
+    angular_velocity: Matrix
+
+    def __init__(
+        self,
+        pose: Pose,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        if not isinstance(pose, Pose):
+            raise TypeError(f"pose: expected Pose, got {type(pose).__name__}")
+        put = object.__setattr__
+        put(self, "pose", pose)
+        put(self, "velocity", check.frozen(check.array("velocity", velocity, (3,))))
+        put(self, "angular_velocity", check.frozen(check.array("angular_velocity", angular_velocity, (3,))))
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        elapsed = np.asarray(times, dtype=np.float64)[:, None]
+        turned = rotations_about(elapsed * self.angular_velocity) @ self.pose.rotation
+        return transforms(turned, self.pose.position + elapsed * self.velocity)
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        turning = cross_matrix(self.angular_velocity) @ self.at(time).rotation
+        return transforms(turning, self.velocity)

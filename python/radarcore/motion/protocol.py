@@ -1,0 +1,46 @@
+"""What every motion offers, and poses of any motion at several times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore.geometry.pose import Matrix, Pose, transforms
+
+
+class Motion(Protocol):
+    """What moves: a pose at every time, and how fast it changes.
+
+    A motion that also has ``poses_at(times)``, which gives ``[rotation | position]`` at several times [s] at once,
+    (n, 3, 4), is asked for these; one that has not, time by time.
+    """
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        ...
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        ...
+
+
+AnyMotion = Motion | Callable[[float], Pose]
+"""What `Body` and `Simulator` take: `Pose`, `Linear`, `Trajectory`, `Attached`, or a function of time."""
+
+
+def poses_at(motion: Motion, times: ArrayLike) -> Matrix:
+    """``[rotation | position]`` of any motion at several times [s], (n, 3, 4): body coordinates to the world."""
+    together: Callable[[ArrayLike], Matrix] | None = getattr(motion, "poses_at", None)
+    maps = one_by_one(motion, times) if together is None else together(times)
+    if np.shape(maps) != (expected := (np.size(times), 3, 4)):
+        raise ValueError(f"poses_at: expected shape {expected}, got {np.shape(maps)}")
+    return maps
+
+
+def one_by_one(motion: Motion, times: ArrayLike) -> Matrix:
+    """``[rotation | position]`` by `Motion.at`, time by time, (n, 3, 4)."""
+    poses = [motion.at(time) for time in np.asarray(times, dtype=np.float64).tolist()]
+    return np.array([transforms(pose.rotation, pose.position) for pose in poses]).reshape(-1, 3, 4)

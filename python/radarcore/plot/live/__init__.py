@@ -1,0 +1,1 @@
+"""Plots of frames as they come."""

@@ -1,0 +1,331 @@
+"""A figure that follows a stream of frames: range and velocity now, range over the last seconds, detections."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.plot import canvas
+from radarcore.processing.stream import LOWEST_DB, Detection, Stream
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE = (11.0, 6.2)
+"""Width and height of a figure [inch]."""
+
+_DYNAMIC_RANGE_DB = 60.0
+"""What the colours span at most."""
+
+_TEXT_INTERVAL = 0.2
+"""Between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
+
+
+class LiveView:
+    """Power over range and velocity of the newest frame, range over the last seconds, and detections.
+
+    Made once for a radar: `update` takes a frame and changes what the artists show, `draw` paints them, alone where
+    the canvas can blit. Nothing is added to the figure later.
+
+    Levels are in dB over the noise, which is the median of the frame's map (powers of all channels added). The
+    history has the strongest velocity of every range; what is grey is missing. A radar of one or two chirps, or of
+    unevenly spaced ones, tells no velocities: its newest frame is shown as power over range.
+
+    Detections are for the eye: the strongest local maxima, at least `threshold_db` over the noise, at most 25 dB
+    below the strongest cell (where the sidelobes of the Hann window are) and two range bins away from the radar
+    (where it hears itself), read between the cells by a parabola. Nothing keeps their false alarms constant:
+    noise of one channel alone is above 15 dB in one of 3e9 cells, clutter as often as it is there.
+
+    Parameters
+    ----------
+    radar : Radar
+        Of all frames.
+    figure : matplotlib Figure, optional
+        An empty one to draw in, such as a window's; default: a new one, not known to pyplot.
+    title : str
+        Headline.
+    remove_static : bool
+        Take off the mean of the samples over the last seconds: what stands still, and what a real sensor hears of
+        itself.
+    max_range : float, optional
+        End of the range axis [m]; default: the largest unambiguous range.
+    history : float
+        Length of the time axis [s].
+    threshold_db : float
+        Least level of a detection [dB].
+    max_detections : int
+        Show at most as many.
+
+    Attributes
+    ----------
+    figure : matplotlib Figure
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        *,
+        figure: Figure | None = None,
+        title: str = "",
+        remove_static: bool = True,
+        max_range: float | None = None,
+        history: float = 10.0,
+        threshold_db: float = 15.0,
+        max_detections: int = 5,
+    ) -> None:
+        self._stream = Stream(
+            radar,
+            remove_static=remove_static,
+            max_range=max_range,
+            history=history,
+            threshold_db=threshold_db,
+            max_detections=max_detections,
+        )
+        self.figure = _figure() if figure is None else figure
+        self._limits = (0.0, 0.0)  # of the colours, set by the first frame
+        self._make_axes()
+        self._make_texts(title, max_detections)
+        self._make_marks(max_detections)
+        self._still: dict[Axes, Any] = {}  # what is painted beneath the artists that change
+        self._texts_painted = -np.inf
+        for artist in itertools.chain.from_iterable(self._changing.values()):
+            artist.set_animated(self.figure.canvas.supports_blit)
+            artist.set_in_layout(False)
+        self.figure.canvas.mpl_connect("draw_event", self._on_draw)
+        self.remove_static = remove_static  # titles the history, shows that there is nothing yet
+
+    @property
+    def detections(self) -> tuple[Detection, ...]:
+        """Range [m], velocity [m/s] and level [dB] of the newest frame's detections, by increasing range."""
+        return tuple(self._stream.detections)
+
+    @property
+    def remove_static(self) -> bool:
+        """Whether what stands still is taken off; a change empties the history."""
+        return self._stream.remove_static
+
+    @remove_static.setter
+    def remove_static(self, value: bool) -> None:
+        if value != self._stream.remove_static:
+            self._stream.forget()
+        self._stream.remove_static = bool(value)
+        self._history_axes.set_title(f"Range over time, static echoes {'removed' if value else 'shown'}")
+        self._still = {}
+        self._show()
+
+    def update(self, frame: Frame) -> None:
+        """Show a frame: its number, map and detections, and one column more of the history.
+
+        Raises
+        ------
+        ValueError
+            For a frame of another radar.
+        """
+        self._stream.take(frame)
+        self._show()
+
+    def draw(self) -> None:
+        """Paint what `update` has changed: axes at once, texts a few times per second; all, where the scale changed."""
+        painting: Any = self.figure.canvas
+        if not self._still:
+            painting.draw()
+            return
+        self._paint([self._now_axes, self._history_axes])
+        if time.perf_counter() - self._texts_painted >= _TEXT_INTERVAL:
+            self._paint(self._text_axes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write what is shown as a PNG picture; missing parents are made."""
+        from matplotlib.image import imsave
+
+        painting: Any = self.figure.canvas
+        if not painting.supports_blit:
+            canvas.save(self.figure, path)
+            return
+        # The pixels that are painted anyway: several times quicker than `savefig`.
+        self._texts_painted = -np.inf
+        self.draw()
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        imsave(path, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
+
+    def _make_axes(self) -> None:
+        """Axes with all that stays, and what changes in them."""
+        from matplotlib.cm import ScalarMappable
+
+        stream = self._stream
+        grid = self.figure.add_gridspec(3, 2, height_ratios=(0.06, 1.0, 0.22), width_ratios=(1.0, 1.2))
+        self._text_axes = [self.figure.add_subplot(grid[row, :]) for row in (0, 2)]
+        self._now_axes, self._history_axes = left, right = [self.figure.add_subplot(grid[1, i]) for i in range(2)]
+        self._changing: dict[Axes, list[Any]] = {}
+
+        # Range over time.
+        self._colors = ScalarMappable(cmap=canvas.color_map("inferno"))
+        self._lookup = self._colors.cmap([*np.linspace(0.0, 1.0, 256), np.nan], bytes=True)
+        nearest, farthest = canvas.edges(stream.ranges, stream.radar.waveform.range_resolution)
+        extent = (-stream.seconds, 0.0, nearest, farthest)
+        self._history = _image(right, stream.history.T, extent)
+        right.set_ylim(0.0, farthest)
+        right.set_xlabel("Time [s, now is 0]")
+        right.set_ylabel("Range [m]")
+        canvas.color_bar(right, self._colors, "Power [dB over noise]")
+        self._changing[right] = [self._history]
+
+        # The newest frame.
+        if stream.velocities is None:
+            (self._profile,) = left.plot(stream.ranges, np.full(len(stream.ranges), np.nan), linewidth=1.4)
+            self._changing[left] = [self._profile]
+            left.set_xlim(0.0, farthest)
+            left.set_xlabel("Range [m]")
+            left.set_ylabel("Power [dB over noise]")
+            left.grid(alpha=0.3)
+            left.set_title("Range")
+        else:
+            velocity_edges = canvas.edges(stream.velocities, 1.0)
+            self._map = _image(left, stream.level.T, (*velocity_edges, nearest, farthest))
+            self._changing[left] = [self._map]
+            left.set_ylim(0.0, farthest)
+            left.set_xlabel("Velocity [m/s, receding positive]")
+            left.set_ylabel("Range [m]")
+            left.set_title("Range and velocity")
+
+    def _make_texts(self, title: str, number: int) -> None:
+        """Headline and list of detections; drawing letters takes time, so what stays is apart from what changes."""
+        top, bottom = self._text_axes
+        for ax in (top, bottom):
+            ax.set_axis_off()
+        style: dict[str, Any] = {"verticalalignment": "center", "parse_math": False}
+        top.text(0.0, 0.5, title, fontsize=12, fontweight="bold", **style)
+        self._status = top.text(
+            1.0, 0.5, "", fontsize=11, color="0.25", horizontalalignment="right", clip_on=True, **style
+        )
+        style = {"fontsize": 10, "linespacing": 1.4, "verticalalignment": "top", "clip_on": True}
+        bottom.text(0.0, 1.0, "Detection\nRange [m]\nVelocity [m/s]\nOver noise [dB]", **style)
+        place: dict[str, Any] = {"textcoords": "offset points", "horizontalalignment": "right"}
+        self._list = [bottom.annotate("", (0.0, 1.0), (150 + 50 * i, 0), **place, **style) for i in range(number)]
+        self._changing |= {top: [self._status], bottom: [*self._list]}
+
+    def _make_marks(self, number: int) -> None:
+        """Rings with numbers, out of sight until something is detected."""
+        from matplotlib.patheffects import withStroke
+
+        ax = self._now_axes
+        inner, outer = ("C1", "white") if self._stream.velocities is None else ("white", "black")
+        style: dict[str, Any] = {"linestyle": "", "marker": "o", "markerfacecolor": "none", "markersize": 11.0}
+        self._rings = [
+            ax.plot([], [], markeredgecolor=color, markeredgewidth=width, **style)[0]
+            for color, width in ((outer, 3.2), (inner, 1.4))
+        ]
+        self._numbers = [
+            ax.annotate(
+                str(i + 1),
+                (0.0, 0.0),
+                (9, 0),
+                textcoords="offset points",
+                color=inner,
+                fontsize=10,
+                fontweight="bold",
+                verticalalignment="center",
+                path_effects=[withStroke(linewidth=2.5, foreground=outer)],
+                clip_on=True,
+                visible=False,
+            )
+            for i in range(number)
+        ]
+        self._changing[ax] += [*self._rings, *self._numbers]
+
+    def _show(self) -> None:
+        """Hand the newest numbers to the artists."""
+        stream = self._stream
+        rate = "" if np.isnan(stream.rate) else f"{stream.rate:.1f} frames/s   ·   "
+        number = stream.num_frames + stream.num_lost - 1
+        status = f"frame {number}   ·   {stream.time:.2f} s   ·   {rate}{stream.num_lost} lost" if number >= 0 else ""
+        self._status.set_text(status)
+        for column, text in itertools.zip_longest(self._list, map(_column, stream.detections, itertools.count(1))):
+            column.set_text(text or "")
+
+        # The scale is that of the whole history, in steps, so that it rarely changes.
+        strongest = np.fmax.reduce(stream.history, axis=None)
+        highest = 10.0 * np.ceil(max(20.0, 0.0 if np.isnan(strongest) else float(strongest)) / 10.0)
+        limits = (max(0.0, highest - _DYNAMIC_RANGE_DB), highest)
+        if limits != self._limits:
+            self._limits, self._still = limits, {}
+            self._colors.set_clim(*limits)
+            if stream.velocities is None:
+                self._now_axes.set_ylim(limits[0] + LOWEST_DB, highest + 5.0)
+
+        self._history.set_data(self._pixels(stream.history.T))
+        if stream.velocities is None:
+            self._profile.set_ydata(stream.level[0])
+            points = [(found.range, found.level_db) for found in stream.detections]
+        else:
+            self._map.set_data(self._pixels(stream.level.T))
+            points = [(found.velocity, found.range) for found in stream.detections]
+        for ring in self._rings:
+            ring.set_data([x for x, _ in points], [y for _, y in points])
+        for i, number_text in enumerate(self._numbers):
+            number_text.set_visible(i < len(points))
+            number_text.xy = points[i] if i < len(points) else (0.0, 0.0)
+
+    def _pixels(self, level: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Colours of levels; the 257th is that of what is missing. Quicker than the images' own way there."""
+        low, high = self._limits
+        index = np.clip((level - low) * (255.0 / (high - low)), 0.0, 255.0)
+        pixels: NDArray[np.uint8] = self._lookup[np.where(np.isnan(index), 256.0, index).astype(np.intp)]
+        return pixels
+
+    def _on_draw(self, _: object) -> None:
+        """After all that stays is drawn, whoever asked for it: keep that, and draw the rest on top."""
+        painting: Any = self.figure.canvas
+        self._still = {}
+        if painting.supports_blit and not painting.is_saving():
+            for ax in self._changing:
+                self._still[ax] = painting.copy_from_bbox(ax.bbox)
+            self._paint(self._changing, is_blitted=False)
+
+    def _paint(self, axes: Iterable[Axes], *, is_blitted: bool = True) -> None:
+        """Paint what changes in some axes over what stays in them."""
+        painting: Any = self.figure.canvas
+        for ax in axes:
+            painting.restore_region(self._still[ax])
+            for artist in self._changing[ax]:
+                ax.draw_artist(artist)
+            if is_blitted:
+                painting.blit(ax.bbox)
+            if ax in self._text_axes:
+                self._texts_painted = time.perf_counter()
+
+
+def _figure() -> Figure:
+    """Figure that can be drawn, and drawn in part, without a window."""
+    figure = canvas.new_figure(*SIZE)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _image(ax: Axes, values: NDArray[Any], extent: tuple[float, float, float, float]) -> Any:
+    """Cells of equal size, whose colours come later."""
+    return ax.imshow(
+        np.zeros((*values.shape, 4), dtype=np.uint8),
+        extent=extent,
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+    )
+
+
+def _column(found: Detection, number: int) -> str:
+    """A detection in the list."""
+    velocity = "–" if np.isnan(found.velocity) else f"{round(found.velocity, 2) + 0.0:+.2f}"  # no "-0.00"
+    return f"{number}\n{found.range:.2f}\n{velocity}\n{found.level_db:.0f}"

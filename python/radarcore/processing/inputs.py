@@ -1,0 +1,47 @@
+"""Checks of cubes and lengths of transforms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.radar.waveform import Waveform
+
+
+def checked_samples(cube: ArrayLike, axes: str, num_dimensions: int | None = None, **lengths: int) -> NDArray[Any]:
+    """The cube as an array of a floating dtype whose last axes have the given lengths."""
+    samples = np.asarray(cube)
+    native = samples.dtype.newbyteorder("=")
+    if native not in (np.float32, np.float64, np.complex64, np.complex128):
+        advice = " (raw ADC counts: scale them first, e.g. counts.astype('float32') / 4095)"
+        raise TypeError(
+            "cube: expected float32, float64, complex64 or complex128, "
+            f"got {samples.dtype}{advice if samples.dtype.kind in 'iu' else ''}"
+        )
+    wrong_dimensions = samples.ndim != num_dimensions if num_dimensions else samples.ndim < len(lengths)
+    if wrong_dimensions or samples.shape[samples.ndim - len(lengths) :] != tuple(lengths.values()):
+        expected = ", ".join(f"{name} = {length}" for name, length in lengths.items())
+        raise ValueError(f"cube: expected shape {axes} with {expected}, got {samples.shape}")
+    return samples.astype(native, copy=False)
+
+
+def transform_length(name: str, value: int | None, minimum_name: str, minimum: int) -> int:
+    """Length of a transform: zero-padding, never cutting."""
+    if value is None:
+        return minimum
+    if (length := check.count(name, value)) < minimum:
+        raise ValueError(f"{name}: expected at least {minimum} ({minimum_name}), got {length}")
+    return length
+
+
+def require_uniform_chirps(waveform: Waveform) -> None:
+    """Refuse chirps at unequal intervals with a ValueError."""
+    if not waveform.has_uniform_chirps:
+        gaps = np.diff(waveform.chirp_times)
+        raise ValueError(
+            "waveform: expected chirps at equal intervals, because the Doppler transform takes them as evenly "
+            f"spaced, got chirp_times with intervals of {gaps.min():g} to {gaps.max():g} s"
+        )

@@ -1,0 +1,105 @@
+"""Range and Doppler transforms of the beat signal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore.processing.inputs import checked_samples, require_uniform_chirps, transform_length
+from radarcore.processing.windows import Window, window_weights
+from radarcore.radar.waveform import Waveform
+
+
+def range_profile(
+    cube: ArrayLike, waveform: Waveform, *, window: Window = "hann", num_bins: int | None = None
+) -> NDArray[Any]:
+    """Transform fast time to range.
+
+    Not normalised: a tone of amplitude a in the middle of a bin gives a times the sum of the window (half of it
+    from real samples). Ranges increase from 0; those of a down-chirp too. The phase over slow time is that of
+    the beat signal, so that a receding target has a positive Doppler frequency whatever the sign of the slope.
+    NaN passes through, as in NumPy's transforms.
+
+    Parameters
+    ----------
+    cube : (..., sample) float32, float64, complex64 or complex128
+        Beat signal, real or I/Q.
+    waveform : Waveform
+    window : str, tuple or None
+        Window over fast time, as `scipy.signal.get_window` names it (periodic).
+    num_bins : int, optional
+        Length n of the transform, zero-padded; default: `num_samples`.
+
+    Returns
+    -------
+    profile : (..., range) complex64 or complex128
+        ``n // 2 + 1`` bins from real samples, n from I/Q, in the precision of `cube`; bin k lies at
+        ``waveform.range_axis(n)[k]`` [m].
+
+    Raises
+    ------
+    ValueError, TypeError
+        For shapes that do not fit the waveform; for integers (raw ADC counts) and other dtypes.
+    """
+    samples = checked_samples(cube, "(..., sample)", num_samples=waveform.num_samples)
+    n = transform_length("num_bins", num_bins, "num_samples", waveform.num_samples)
+    windowed = samples * window_weights("window", window, waveform.num_samples).astype(samples.real.dtype)
+    down = waveform.slope < 0.0
+    if np.iscomplexobj(samples):
+        # The beat frequency has the sign of the slope: bin k of a down-chirp is the transform at -k.
+        return np.fft.ifft(windowed, n, norm="forward") if down else np.fft.fft(windowed, n)
+    # A real signal's transform at -k is the conjugate of that at k.
+    half = np.fft.rfft(windowed, n)
+    return half.conj() if down else half
+
+
+def range_doppler(
+    cube: ArrayLike,
+    waveform: Waveform,
+    *,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    num_range_bins: int | None = None,
+    num_velocity_bins: int | None = None,
+) -> NDArray[Any]:
+    """Transform fast time to range and slow time to velocity.
+
+    Not normalised. Zero velocity is in the middle, receding is positive. NaN passes through, as in NumPy's
+    transforms. Beat frequency and Doppler frequency add, so a moving target lies ``velocity * f / slope`` (f the
+    centre frequency) beyond its range at the middle of the frame; `strongest_peak` takes that off.
+
+    Parameters
+    ----------
+    cube : (..., chirp, sample) float32, float64, complex64 or complex128
+        Beat signal, real or I/Q.
+    waveform : Waveform
+        Its chirps must follow each other at equal intervals.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+    num_range_bins, num_velocity_bins : int, optional
+        Lengths n of the transforms, zero-padded; default: `num_samples`, `num_chirps`.
+
+    Returns
+    -------
+    spectrum : (..., doppler, range) complex64 or complex128
+        At ``waveform.velocity_axis(num_velocity_bins)`` [m/s] and the first of
+        ``waveform.range_axis(num_range_bins)`` [m]: ``n // 2 + 1`` from real samples, n from I/Q.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For shapes that do not fit the waveform, and for chirps at unequal intervals; for integers (raw ADC
+        counts) and other dtypes.
+    """
+    samples = checked_samples(
+        cube, "(..., chirp, sample)", num_chirps=waveform.num_chirps, num_samples=waveform.num_samples
+    )
+    require_uniform_chirps(waveform)
+    n = transform_length("num_velocity_bins", num_velocity_bins, "num_chirps", waveform.num_chirps)
+    transform_length("num_range_bins", num_range_bins, "num_samples", waveform.num_samples)
+    profile = range_profile(samples, waveform, window=window, num_bins=num_range_bins)
+    profile *= window_weights("doppler_window", doppler_window, waveform.num_chirps).astype(profile.real.dtype)[:, None]
+    spectrum: NDArray[Any] = np.fft.fftshift(np.fft.fft(profile, n, axis=-2), axes=-2)
+    return spectrum

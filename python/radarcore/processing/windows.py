@@ -1,0 +1,32 @@
+"""Windows over fast and slow time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Window = str | tuple[Any, ...] | None
+"""A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
+
+
+def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """Periodic window, (length,)."""
+    if window is None:
+        return np.ones(length)
+    from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
+
+    expected = "expected a window of scipy.signal.get_window or None"
+    if not isinstance(window, str | tuple):
+        raise TypeError(f"{name}: {expected}, got {window!r}")
+    try:
+        weights = np.asarray(get_window(window, length), dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
+    return weights
+
+
+def window_centre(weights: NDArray[np.float64]) -> float:
+    """Index about which a window is symmetric (the middle of a periodic one lies half a step late)."""
+    return float(np.average(np.arange(len(weights)), weights=weights))

@@ -1,0 +1,1 @@
+"""Settings of a radar: waveform, antennas, receiver, and presets of real sensors."""

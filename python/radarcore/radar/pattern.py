@@ -1,0 +1,232 @@
+"""Antenna patterns: power gain over azimuth and elevation."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.radar.pattern_files import read_table
+from radarcore.units import power_from_db
+
+_LARGEST_GAIN_DB = 1000.0
+"""Gains of tables are within this [dB]."""
+
+
+class _OnCore:
+    """What the core has a counterpart of, made when it is first asked for."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_core"}
+
+
+@dataclass(frozen=True)
+class IsotropicPattern(_OnCore):
+    """The same gain in every direction."""
+
+    gain_db: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
+
+    def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
+        """Power gain (ratio) at angles in radians, broadcast together."""
+        shape = np.broadcast(np.asarray(azimuth), np.asarray(elevation)).shape
+        return np.full(shape, power_from_db(self.gain_db))
+
+    @cached_property
+    def _core(self) -> _core.Pattern:
+        return _core.Pattern.gaussian(power_from_db(self.gain_db), 0.0, 0.0)
+
+    def __str__(self) -> str:
+        return f"isotropic, {self.gain_db:g} dBi"
+
+
+@dataclass(frozen=True)
+class GaussianPattern(_OnCore):
+    """Gaussian beam ``G0 exp(-4 ln 2 [(az/BW_az)^2 + (el/BW_el)^2])``.
+
+    Parameters
+    ----------
+    gain_db : float
+        Power gain on boresight [dBi].
+    beamwidth_azimuth_deg, beamwidth_elevation_deg : float
+        Full widths at half power [degrees].
+    """
+
+    gain_db: float
+    beamwidth_azimuth_deg: float
+    beamwidth_elevation_deg: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
+        for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
+            object.__setattr__(self, name, check.positive(name, getattr(self, name), "degrees"))
+
+    def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
+        """Power gain (ratio) at angles in radians, broadcast together."""
+        peak, a, b = self._parameters
+        return np.asarray(peak * np.exp(-a * np.square(azimuth) - b * np.square(elevation)), dtype=np.float64)
+
+    @property
+    def _parameters(self) -> tuple[float, float, float]:
+        """Peak gain and the two exponents [1/rad^2]."""
+        widths = np.deg2rad([self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg])
+        a, b = 4.0 * np.log(2.0) / widths**2
+        return power_from_db(self.gain_db), float(a), float(b)
+
+    @cached_property
+    def _core(self) -> _core.Pattern:
+        return _core.Pattern.gaussian(*self._parameters)
+
+    def __str__(self) -> str:
+        widths = f"{self.beamwidth_azimuth_deg:g} x {self.beamwidth_elevation_deg:g} degrees"
+        return f"Gaussian, {self.gain_db:g} dBi, {widths}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TabulatedPattern(_OnCore):
+    """Gains at angles, bilinear between them in azimuth, elevation and dB.
+
+    Outside of the table nothing is sent or received: what was not measured is not made up. Its edge is a step that
+    surfaces show, so let a table reach to where the gain no longer matters. A table that goes round, with no wider a
+    gap behind the antenna than between its other azimuths, is closed there: -180 or 180 degrees may be given, or both.
+
+    Parameters
+    ----------
+    azimuth : (n,) array_like
+        Increasing, from -pi to pi [rad], positive to the left; at least two.
+    elevation : (m,) array_like
+        Increasing, from -pi/2 to pi/2 [rad], positive up; at least two.
+    gain_db : (n, m) array_like
+        Power gain [dBi], finite: a null is some large negative number. Straight up and down are seen at azimuth 0.
+    """
+
+    azimuth: NDArray[np.float64]
+    elevation: NDArray[np.float64]
+    gain_db: NDArray[np.float64]
+
+    def __init__(self, azimuth: ArrayLike, elevation: ArrayLike, gain_db: ArrayLike) -> None:
+        put = object.__setattr__
+        put(self, "azimuth", _angles("azimuth", azimuth, np.pi, "rad"))
+        put(self, "elevation", _angles("elevation", elevation, 0.5 * np.pi, "rad"))
+        put(self, "gain_db", _gains(gain_db, (len(self.azimuth), len(self.elevation))))
+
+    @classmethod
+    def from_degrees(cls, azimuth_deg: ArrayLike, elevation_deg: ArrayLike, gain_db: ArrayLike) -> TabulatedPattern:
+        """The same from angles in degrees."""
+        azimuth = _angles("azimuth_deg", azimuth_deg, 180.0, "degrees")
+        elevation = _angles("elevation_deg", elevation_deg, 90.0, "degrees")
+        return cls(np.deg2rad(azimuth), np.deg2rad(elevation), gain_db)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> TabulatedPattern:
+        """Read a table from a CSV file.
+
+        Parameters
+        ----------
+        path : path
+            Columns ``azimuth_deg``, ``elevation_deg`` and ``gain_db``, named in the first line, in any order; one line
+            for every pair of an azimuth and an elevation, in any order.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is no such file.
+        ValueError
+            When lines are no table; names the line where it can.
+        """
+        try:
+            return cls.from_degrees(*read_table(Path(path)))
+        except (ValueError, TypeError, csv.Error) as error:
+            raise ValueError(f"{fspath(path)}: {error}") from None
+
+    def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
+        """Power gain (ratio) at angles in radians, broadcast together; 0 outside of the table."""
+        az, el = np.broadcast_arrays(np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64))
+        within = np.where(np.abs(az) > np.pi, np.arctan2(np.sin(az), np.cos(az)), az)
+        return self._core.gain(within.ravel(), np.ascontiguousarray(el).ravel()).reshape(az.shape)
+
+    @cached_property
+    def _core(self) -> _core.Pattern:
+        return _core.Pattern.table(self.azimuth, self.elevation, self.gain_db)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TabulatedPattern) and all(
+            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in dataclasses.fields(self)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.azimuth.tobytes(), self.elevation.tobytes(), self.gain_db.tobytes()))
+
+    def __repr__(self) -> str:
+        return f"<TabulatedPattern: {self}>"
+
+    def __str__(self) -> str:
+        azimuth, elevation = (
+            f"{np.rad2deg(angles[0]):g} to {np.rad2deg(angles[-1]):g}" for angles in (self.azimuth, self.elevation)
+        )
+        size = f"table of {len(self.azimuth)} x {len(self.elevation)}"
+        return f"{size}, peak {self.gain_db.max():g} dBi, azimuth {azimuth}, elevation {elevation} degrees"
+
+
+Pattern = IsotropicPattern | GaussianPattern | TabulatedPattern
+"""What `Radar` takes as an antenna pattern."""
+
+_KINDS: dict[str, type[Pattern]] = {
+    "isotropic": IsotropicPattern,
+    "gaussian": GaussianPattern,
+    "tabulated": TabulatedPattern,
+}
+
+
+def pattern_to_dict(pattern: Pattern) -> dict[str, Any]:
+    """Kind and parameters of a pattern, for JSON."""
+    kind = next(name for name, kind in _KINDS.items() if isinstance(pattern, kind))
+    parameters = {field.name: getattr(pattern, field.name) for field in dataclasses.fields(pattern)}
+    plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in parameters.items()}
+    return {"kind": kind, **plain}
+
+
+def pattern_from_dict(values: Mapping[str, Any]) -> Pattern:
+    """The pattern that `pattern_to_dict` described."""
+    parameters = dict(values)
+    kind = check.choice("pattern kind", parameters.pop("kind", None), tuple(_KINDS))
+    return _KINDS[kind](**parameters)
+
+
+def _angles(name: str, value: ArrayLike, limit: float, unit: str) -> NDArray[np.float64]:
+    """Increasing angles within a limit, frozen."""
+    angles = check.array(name, value, (None,))
+    if len(angles) < 2:
+        raise ValueError(f"{name}: expected at least two angles [{unit}], got {len(angles)}")
+    is_beyond = np.abs(angles) > limit * (1.0 + 1e-12)  # as degrees are rounded
+    if is_beyond.any():
+        hint = "; degrees? np.deg2rad" if unit == "rad" else ""
+        bad = angles[int(is_beyond.argmax())]
+        raise ValueError(f"{name}: expected angles from {-limit:.6g} to {limit:.6g} [{unit}], got {bad:g}{hint}")
+    if not (np.diff(angles) > 0.0).all():
+        k = int((np.diff(angles) <= 0.0).argmax())
+        pair = f"{angles[k]:g} and then {angles[k + 1]:g} at index {k + 1}"
+        raise ValueError(f"{name}: expected increasing angles [{unit}], got {pair}")
+    return check.frozen(np.clip(angles, -limit, limit))
+
+
+def _gains(value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Gains of a table [dB], frozen."""
+    gains = check.array("gain_db", value, shape)
+    is_beyond = np.abs(gains) > _LARGEST_GAIN_DB
+    if is_beyond.any():
+        i, j = (int(index) for index in np.argwhere(is_beyond)[0])
+        limits = f"{-_LARGEST_GAIN_DB:g} to {_LARGEST_GAIN_DB:g}"
+        raise ValueError(f"gain_db: expected {limits} [dB], got {gains[i, j]:g} at index ({i}, {j})")
+    return check.frozen(gains)

@@ -1,0 +1,65 @@
+"""Presets of real sensors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from radarcore import check
+from radarcore.radar.pattern import GaussianPattern
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+
+
+def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0, **waveform: Any) -> Radar:
+    """Infineon BGT60TR13C: one TX, three RX in an L, real samples.
+
+    Defaults are the chip's power-up settings: 58 to 63.5 GHz, 64 samples at 2 MHz, 64 chirps every 591 us.
+    The ramp starts 3.1125 us before the first sample and reaches `stop_frequency` at the last, so the sampled
+    bandwidth is smaller than ``stop_frequency - start_frequency``.
+
+    Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40
+    degrees, 12 dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, 2.5 mm apart. The
+    phase centre of the TX is not public; it is put next to the corner of the L.
+
+    Parameters
+    ----------
+    stop_frequency : float, optional
+        End of the ramp [Hz]; default 63.5 GHz. Not together with `slope`.
+    tx_power_dbm : float
+        Transmitted power [dBm].
+    **waveform
+        Keywords of `Waveform` in place of the defaults.
+    """
+    settings: dict[str, Any] = {
+        "start_frequency": 58e9,
+        "sample_rate": 2e6,
+        "num_samples": 64,
+        "num_chirps": 64,
+        "adc_delay": 3.1125e-6,
+    } | waveform
+    if "slope" not in settings:
+        start = check.positive("start_frequency", settings["start_frequency"], "Hz")
+        stop = check.positive("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency, "Hz")
+        if start == stop:
+            raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
+        sweep = check.non_negative("adc_delay", settings["adc_delay"], "s") + check.count(
+            "num_samples", settings["num_samples"]
+        ) / check.positive("sample_rate", settings["sample_rate"], "Hz")
+        settings["slope"] = (stop - start) / sweep
+    elif stop_frequency is not None:
+        raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
+    if "chirp_times" not in settings:
+        settings.setdefault("chirp_interval", 591.125e-6)
+    if "frame_interval" not in settings:
+        shortest = Waveform(**settings).frame_interval
+        settings["frame_interval"] = max(77.26885e-3, shortest)
+    spacing = 2.5e-3
+    return Radar(
+        Waveform(**settings),
+        tx=[[0.0, -spacing, 0.0]],
+        rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
+        pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
+        tx_power_dbm=tx_power_dbm,
+        receiver=Receiver(output="real", noise_figure_db=12.0),
+    )

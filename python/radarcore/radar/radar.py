@@ -1,0 +1,212 @@
+"""A radar: waveform, antennas, power and receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.units import power_from_dbm
+
+
+@dataclass(frozen=True, eq=False)
+class Radar:
+    """A sensor: every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
+
+    Parameters
+    ----------
+    waveform : Waveform
+    tx, rx : (n, 3) array_like
+        Antenna positions in the sensor frame [m]: x forward, y left, z up.
+    pattern : IsotropicPattern, GaussianPattern or TabulatedPattern
+        Power gain of every element, TX and RX.
+    tx_patterns, rx_patterns : sequence of patterns, optional
+        One per element, in place of `pattern`.
+    tx_power_dbm : float
+        Transmitted power of one TX [dBm]; the default, 1 W, makes amplitudes transfer functions.
+    receiver : Receiver, optional
+        None: the ideal receiver, I/Q without noise.
+    polarization : "vertical", "horizontal" or (3,) array_like, optional
+        Direction of the field of every element, TX and RX: along z, along y, or a unit vector in the sensor frame; of
+        every ray the part across it. None: what materials reflect is averaged over polarisations.
+    """
+
+    waveform: Waveform
+    tx: NDArray[np.float64]
+    rx: NDArray[np.float64]
+    pattern: Pattern
+    tx_patterns: tuple[Pattern, ...]
+    rx_patterns: tuple[Pattern, ...]
+    tx_power_dbm: float
+    receiver: Receiver | None
+    polarization: str | tuple[float, float, float] | None
+
+    def __init__(
+        self,
+        waveform: Waveform,
+        *,
+        tx: ArrayLike = ((0.0, 0.0, 0.0),),
+        rx: ArrayLike = ((0.0, 0.0, 0.0),),
+        pattern: Pattern | None = None,
+        tx_patterns: Sequence[Pattern] | None = None,
+        rx_patterns: Sequence[Pattern] | None = None,
+        tx_power_dbm: float = 30.0,
+        receiver: Receiver | None = None,
+        polarization: str | ArrayLike | None = None,
+    ) -> None:
+        pattern = IsotropicPattern() if pattern is None else pattern
+        for name, value, kind in (
+            ("waveform", waveform, Waveform),
+            ("pattern", pattern, Pattern),
+            ("receiver", receiver, Receiver | None),
+        ):
+            if not isinstance(value, kind):
+                raise TypeError(f"{name}: expected {getattr(kind, '__name__', kind)}, got {type(value).__name__}")
+        put = object.__setattr__
+        put(self, "waveform", waveform)
+        put(self, "tx", _positions("tx", tx))
+        put(self, "rx", _positions("rx", rx))
+        put(self, "pattern", pattern)
+        put(self, "tx_patterns", _patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
+        put(self, "rx_patterns", _patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
+        put(self, "tx_power_dbm", check.number("tx_power_dbm", tx_power_dbm, "dBm"))
+        put(self, "receiver", receiver)
+        put(self, "polarization", _polarization(polarization))
+
+    @property
+    def num_channels(self) -> int:
+        """Number of TX-RX pairs."""
+        return len(self.tx) * len(self.rx)
+
+    @property
+    def array_center(self) -> NDArray[np.float64]:
+        """Mean of the centres of transmitters and receivers in the sensor frame, (3,) [m]; rays start here."""
+        center: NDArray[np.float64] = 0.5 * (self.tx.mean(axis=0) + self.rx.mean(axis=0))
+        return center
+
+    @property
+    def tx_power(self) -> float:
+        """Transmitted power of one TX [W]."""
+        return power_from_dbm(self.tx_power_dbm)
+
+    @property
+    def polarization_vector(self) -> tuple[float, float, float] | None:
+        """Unit vector along the field of the antennas in the sensor frame; None without a polarisation."""
+        return _POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
+
+    @property
+    def is_real(self) -> bool:
+        """True when the receiver gives real samples."""
+        return self.receiver is not None and self.receiver.output == "real"
+
+    @property
+    def max_range(self) -> float:
+        """Largest unambiguous range [m]: the waveform's, twice that with I/Q samples."""
+        return self.waveform.max_range * (1.0 if self.is_real else 2.0)
+
+    @cached_property
+    def _core(self) -> _core.Antennas:
+        """The antennas about the centre of the array."""
+        return _core.Antennas(
+            tx=self.tx - self.array_center,
+            rx=self.rx - self.array_center,
+            tx_patterns=[pattern._core for pattern in self.tx_patterns],
+            rx_patterns=[pattern._core for pattern in self.rx_patterns],
+            power=self.tx_power,
+            frequency=self.waveform.center_frequency,
+            polarization=self.polarization_vector,
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_core"}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers, lists and texts, for JSON."""
+        return {
+            "waveform": self.waveform.to_dict(),
+            "tx": self.tx.tolist(),
+            "rx": self.rx.tolist(),
+            "pattern": pattern_to_dict(self.pattern),
+            "tx_patterns": self._own_patterns(self.tx_patterns),
+            "rx_patterns": self._own_patterns(self.rx_patterns),
+            "tx_power_dbm": self.tx_power_dbm,
+            "receiver": None if self.receiver is None else dict(vars(self.receiver)),
+            "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
+        }
+
+    def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
+        """Patterns of elements for JSON; None where all have the one of the radar."""
+        return None if all(p == self.pattern for p in patterns) else [pattern_to_dict(p) for p in patterns]
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Radar:
+        """The radar that `to_dict` described."""
+        receiver = values["receiver"]
+        own = {  # files from before them have none
+            name: [pattern_from_dict(entry) for entry in values[name]]
+            for name in ("tx_patterns", "rx_patterns")
+            if values.get(name) is not None
+        }
+        return cls(
+            Waveform(**values["waveform"]),
+            tx=values["tx"],
+            rx=values["rx"],
+            pattern=pattern_from_dict(values["pattern"]),
+            **own,
+            tx_power_dbm=values["tx_power_dbm"],
+            receiver=None if receiver is None else Receiver(**receiver),
+            polarization=values.get("polarization"),  # files from before it have none
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, Radar) and self.to_dict() == other.to_dict())
+
+    def __hash__(self) -> int:
+        return hash((self.waveform, self.tx.tobytes(), self.rx.tobytes()))
+
+
+_POLARIZATIONS = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0)}
+
+
+def _polarization(value: object) -> str | tuple[float, float, float] | None:
+    if value is None:
+        return None
+    if isinstance(value, str):
+        if value not in _POLARIZATIONS:
+            raise ValueError(f"polarization: expected 'vertical', 'horizontal' or a unit vector, got {value!r}")
+        return value
+    vector = check.array("polarization", value, (3,))  # type: ignore[arg-type]  # what is no array is refused there
+    length = float(np.linalg.norm(vector))
+    if abs(length - 1.0) > 1e-3:
+        raise ValueError(f"polarization: expected a unit vector, got one of length {length:g}")
+    x, y, z = (vector / length).tolist()
+    return x, y, z
+
+
+def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, number: int) -> tuple[Pattern, ...]:
+    """One pattern per element."""
+    if value is None:
+        return (default,) * number
+    if not isinstance(value, Sequence):
+        raise TypeError(f"{name}: expected a sequence of patterns, one per element, got {type(value).__name__}")
+    if len(value) != number:
+        raise ValueError(f"{name}: expected {number} patterns, one per element, got {len(value)}")
+    for i, pattern in enumerate(value):
+        if not isinstance(pattern, Pattern):
+            raise TypeError(f"{name}[{i}]: expected {Pattern}, got {type(pattern).__name__}")
+    return tuple(value)
+
+
+def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    positions = check.array(name, value, (None, 3))
+    if len(positions) == 0:
+        raise ValueError(f"{name}: expected at least one antenna position, got none")
+    return check.frozen(positions)

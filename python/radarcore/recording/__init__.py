@@ -1,0 +1,1 @@
+"""Frames and recordings, and the formats they have on disk."""

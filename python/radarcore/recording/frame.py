@@ -1,0 +1,181 @@
+"""One frame of beat signals, with its radar, time and truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+
+TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
+CUBE_TYPES = ("float32", "float64", "complex64", "complex128")
+FULL_SCALE = "full scale"
+"""``source["cube_unit"]`` of a recording whose samples are those of an ADC: from -1, code 0, to 1, the largest."""
+
+_MAX_LOST = np.iinfo(np.int32).max
+
+Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
+"""Dtype of the cube and names of the bodies (None: no truth): what all frames of a recording share."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Where the bodies really were, seen from the radar; NaN where a body was not visible.
+
+    Parameters
+    ----------
+    names : tuple of str
+        One per body.
+    range : (body,) or (frame, body) array_like
+        Distance from the centre of the array [m].
+    velocity : (body,) or (frame, body) array_like
+        Range rate, receding positive [m/s].
+    azimuth, elevation : (body,) or (frame, body) array_like
+        Angles [rad], positive to the left and up.
+    """
+
+    names: tuple[str, ...]
+    range: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
+    elevation: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if isinstance(self.names, str):
+            raise TypeError(f"names: expected one name per body, got the text {self.names!r}")
+        object.__setattr__(self, "names", tuple(map(str, self.names)))
+        shape = np.shape(self.range)
+        if len(shape) not in (1, 2) or shape[-1] != len(self.names):
+            bodies = len(self.names)
+            raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
+        for name in TRUTH_FIELDS:
+            try:
+                values = np.asarray(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise TypeError(f"{name}: expected numbers of shape {shape}, got {getattr(self, name)!r}") from error
+            if values.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
+            object.__setattr__(self, name, values)
+
+    def select(self, names: Sequence[str]) -> Truth:
+        """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""
+        if missing := [name for name in names if name not in self.names]:
+            raise KeyError(f"no truth of {', '.join(map(repr, missing))}; there is {', '.join(self.names)}")
+        columns = [self.names.index(name) for name in names]
+        kept = (a[..., columns] for a in (self.range, self.velocity, self.azimuth, self.elevation))
+        return Truth(tuple(names), *kept)
+
+    def __getitem__(self, frame_index: int) -> Truth:
+        """Truth of one frame of a recording."""
+        return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of samples, simulated or measured.
+
+    Parameters
+    ----------
+    cube : (channel, chirp, sample) complex64, complex128, float32 or float64
+        Beat signal, I/Q or real.
+    time : float
+        Start of the first chirp [s].
+    radar : Radar
+    truth : Truth, optional
+        Of this frame: arrays (body,).
+    stats : dict
+        Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
+        just before this one.
+    raw : (channel, chirp, sample) uint16, optional
+        Codes of the ADC; the cube is then in full scale, see `radarcore.codes.to_samples`.
+    """
+
+    cube: NDArray[Any]
+    time: float
+    radar: Radar
+    truth: Truth | None = None
+    stats: dict[str, Any] = field(default_factory=dict)
+    raw: NDArray[np.uint16] | None = None
+
+    def __post_init__(self) -> None:
+        check_radar(self.radar)
+        object.__setattr__(self, "cube", checked_cube(self.cube, frame_shape(self.radar)))
+        object.__setattr__(self, "time", check.number("time", self.time, "s"))
+        check_truth(self.truth, ())
+        if self.raw is not None:
+            codes = np.asarray(self.raw)
+            if codes.dtype != np.uint16:
+                raise TypeError(f"raw: expected uint16, got {codes.dtype}")
+            if codes.shape != self.cube.shape:
+                raise ValueError(f"raw: expected shape {self.cube.shape} as the cube, got {codes.shape}")
+            object.__setattr__(self, "raw", codes)
+
+    @property
+    def lost_before(self) -> int | None:
+        """``stats["lost_before"]``; None where nothing is known of lost frames."""
+        if (num_lost := self.stats.get("lost_before")) is None:
+            return None
+        if (count := check.count('stats["lost_before"]', num_lost, 0)) > _MAX_LOST:
+            raise ValueError(f'stats["lost_before"]: expected at most {_MAX_LOST}, got {count}')
+        return count
+
+
+def frame_shape(radar: Radar) -> tuple[int, int, int]:
+    """Channels, chirps and samples of a frame."""
+    return radar.num_channels, radar.waveform.num_chirps, radar.waveform.num_samples
+
+
+def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:
+    """What all frames of a recording share besides the radar."""
+    return cube.dtype, None if truth is None else truth.names
+
+
+def check_frame(name: str, frame: object) -> None:
+    """Refuse what is no frame."""
+    if not isinstance(frame, Frame):
+        raise TypeError(f"{name}: expected Frame, got {type(frame).__name__}")
+
+
+def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> None:
+    """Refuse a frame of another radar or, if there is a kind, of another kind."""
+    check_frame(name, frame)
+    if frame.radar is not radar and frame.radar != radar:
+        raise ValueError(f"{name}: expected a frame of the recording's radar, got one of another")
+    if kind is not None and (given := kind_of(frame.cube, frame.truth)) != kind:
+        expected, got = (f"{dtype} with truth of {names}" for dtype, names in (kind, given))
+        raise ValueError(f"{name}: expected {expected} as in the first frame, got {got}")
+
+
+def check_radar(radar: object) -> None:
+    """Refuse what is no radar."""
+    if not isinstance(radar, Radar):
+        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+
+
+def checked_cube(cube: object, shape: tuple[int | None, ...]) -> NDArray[Any]:
+    """Samples of the given shape (None: any length) as an array."""
+    samples = np.asarray(cube)
+    if samples.dtype.name not in CUBE_TYPES:
+        raise TypeError(f"cube: expected {', '.join(CUBE_TYPES)}, got {samples.dtype}")
+    fits = len(samples.shape) == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, samples.shape, strict=True)
+    )
+    if not fits:
+        axes = ", ".join(("frame", "channel", "chirp", "sample")[-len(shape) :])
+        raise ValueError(f"cube: expected shape {check.shape_text(shape)} [{axes}] of the radar, got {samples.shape}")
+    return samples
+
+
+def check_truth(truth: object, frames: tuple[int, ...]) -> None:
+    """Refuse what is no truth of one frame, ``frames = ()``, or of ``frames = (n,)``."""
+    if truth is None:
+        return
+    if not isinstance(truth, Truth):
+        raise TypeError(f"truth: expected Truth, got {type(truth).__name__}")
+    if truth.range.shape != (expected := (*frames, len(truth.names))):
+        raise ValueError(f"truth: expected arrays of shape {expected}, got {truth.range.shape}")

@@ -1,0 +1,428 @@
+"""Recording folders of Infineon's tools: codes of the ADC with the settings of the chip, read and written losslessly.
+
+The folder has a fixed layout (Strata, ifxDAQ recording folder)::
+
+    meta.json                      when and where
+    RadarIfxAvian_00/
+        format.version             1.0.0
+        meta.json                  sensor, firmware, resolution of the ADC
+        config.json                what was asked of the chip
+        radar.npy                  codes [frame, receiver, chirp, sample], uint16
+
+Its texts are kept as they are in ``source["infineon"]``, and written again as long as they fit the radar.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from radarcore import _core, check
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
+from radarcore.recording.frame import FULL_SCALE, frame_shape
+from radarcore.recording.native import UNITS, Stored, exists, parsed_json, warn_of_missing
+from radarcore.recording.npy import ArrayFile, naming, read_header
+
+_FOLDER = re.compile(r"RadarIfxAvian_\d+")
+_FIRST_FOLDER = "RadarIfxAvian_00"
+_ADC_DELAY = 3.1125e-6
+"""From the start of the ramp to the first sample [s]: 249 cycles of 80 MHz, the same in every setting."""
+_HEADER_BYTES = 1024
+"""Of radar.npy as the recorder writes it."""
+_CHUNK = 64
+"""Frames that are converted at once."""
+
+# What goes into the texts of a recording that has none, where source["infineon"] does not say otherwise; the chip's
+# settings are those it wakes up with (Strata, factory default).
+_SETTINGS: dict[str, Any] = {"aaf_cutoff_Hz": 500000, "hp_cutoff_Hz": 80000, "if_gain_dB": 23, "tx_power_level": 31}
+_SENSOR = {
+    "description": "BGT60TR13C FMCW Radar Sensor",
+    "firmware_version": "unknown",
+    "sdk_version": f"radarcore {_core.__version__}",
+    "uuid": "0",
+}
+_PLACE = {"hostname": "unknown", "username": ""}
+
+
+def is_recording(path: Path) -> bool:
+    """True for a folder that Infineon's recorder made, or for a sensor's folder in it."""
+    if not path.is_dir():
+        return False
+    is_sensor = _FOLDER.fullmatch(path.absolute().name) is not None
+    return is_sensor or _has_arrays(path) or len(_sensor_folders(path)) > 0
+
+
+def load(path: Path) -> Stored:
+    """Samples, radar and texts of a folder; warns of frames that its writer did not finish."""
+    folder = _sensor_folder(path)
+    texts = _read_texts(folder)
+    if (config := texts.get(f"{folder.name}/config.json")) is None:
+        raise ValueError(f"{folder}: expected a recording, got one without config.json")
+    _check_version(texts.get(f"{folder.name}/format.version", "1"), str(folder / "format.version"))
+    description = _check_sensor(texts.get(f"{folder.name}/meta.json", "{}"), str(folder / "meta.json"))
+    _, shape = _parsed_config(config, str(folder / "config.json"))
+    radar = _radar(shape, str(folder / "config.json"))
+
+    # Whole frames, whatever number of them the header says.
+    if not (folder / "radar.npy").is_file():
+        raise ValueError(f"{folder}: expected a recording, got one without radar.npy")
+    file = ArrayFile(folder / "radar.npy", frame_shape(radar), ("uint16",), "config.json")
+    num_frames = file.num_rows or 0
+    warn_of_missing(path, num_frames, file.header_rows, closed=file.header_rows == num_frames)
+    codes = file.read(num_frames, mmap=True)
+    cube = np.empty(codes.shape, np.float32)
+    for start in range(0, num_frames, _CHUNK):
+        try:
+            cube[start : start + _CHUNK] = to_samples(codes[start : start + _CHUNK])
+        except ValueError as error:
+            raise ValueError(f"{file.path}, from frame {start}: {error}") from error
+
+    # What is needed to write it again.
+    kept: dict[str, Any] = {"folder": folder.name, "texts": texts}
+    if file.header != _header(codes.shape):
+        kept["header"] = file.header.decode("latin-1")
+    source = {"sensor": description, "cube_unit": FULL_SCALE, "infineon": kept}
+    with np.errstate(over="ignore"):  # times that are not finite are refused with the rest
+        time = radar.waveform.frame_interval * np.arange(num_frames, dtype=np.float64)
+    return Stored(cube, time, radar, None, source)
+
+
+def save(path: Path, stored: Stored, overwrite: bool) -> None:
+    """Write a folder, whole or not at all; ValueError where the layout cannot hold the recording."""
+    if stored.source.get("cube_unit") != FULL_SCALE or stored.cube.dtype.kind != "f":
+        got = f"{stored.cube.dtype} in {stored.source.get('cube_unit', UNITS['cube'])}"
+        raise ValueError(
+            f'cube: expected real samples in full scale (source["cube_unit"] = {FULL_SCALE!r}), got {got}; '
+            "a radar whose receiver has an ADC makes such samples"
+        )
+    kept = stored.source.get("infineon")
+    kept = kept if isinstance(kept, dict) else {}
+    name = kept.get("folder")
+    folder = name if isinstance(name, str) and _FOLDER.fullmatch(name) else _FIRST_FOLDER
+    texts = _fitting_texts(stored.radar, kept, folder)
+    _warn_of_left_out(path, stored)
+    _make_room(path, folder, overwrite)
+
+    # Everything is written beside its place before anything is put there.
+    is_new = [place for place in (path / folder, path) if not place.exists()]
+    files = {path / name: None if text is None else _encoded(text) for name, text in texts.items()}
+    array = path / folder / "radar.npy"
+    parts = {file: file.with_name(file.name + ".part") for file in (*files, array)}
+    try:
+        (path / folder).mkdir(parents=True, exist_ok=True)
+        with naming(array), parts[array].open("wb") as out:
+            out.writelines(_array_bytes(stored.cube, kept.get("header")))
+        for file, data in files.items():
+            if data is not None:
+                with naming(file):
+                    parts[file].write_bytes(data)
+        for file, data in files.items():
+            if data is None:
+                file.unlink(missing_ok=True)
+            else:
+                parts[file].replace(file)
+        parts[array].replace(array)
+    except BaseException:  # a full disk, Ctrl-C
+        for part in parts.values():
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+        for place in is_new:
+            with suppress(OSError):  # something is in it, or it was never made
+                place.rmdir()
+        raise
+
+
+# Reading.
+
+
+def _has_arrays(path: Path) -> bool:
+    return (path / "config.json").is_file() and (path / "radar.npy").is_file()
+
+
+def _sensor_folders(path: Path) -> list[str]:
+    return sorted(place.name for place in path.iterdir() if _FOLDER.fullmatch(place.name) and place.is_dir())
+
+
+def _sensor_folder(path: Path) -> Path:
+    """The one folder of a sensor in `path`, or `path` itself."""
+    folders = _sensor_folders(path)
+    if not folders or _has_arrays(path):
+        return path.absolute()
+    if len(folders) > 1:
+        raise ValueError(f"{path}: expected a recording of one sensor, got {', '.join(folders)}; give one of these")
+    return path.absolute() / folders[0]
+
+
+def _text_names(folder: str) -> tuple[str, ...]:
+    """Texts of a recording by their path within it."""
+    return ("meta.json", *(f"{folder}/{name}" for name in ("format.version", "meta.json", "config.json")))
+
+
+def _read_texts(folder: Path) -> dict[str, str]:
+    """The texts that are there, to the last byte: what is no UTF-8 is kept as surrogates."""
+    names = _text_names(folder.name)
+    if not _FOLDER.fullmatch(folder.name):  # a sensor's folder by another name: what is around it is not known
+        names = names[1:]
+    files = {name: folder.parent / name for name in names}
+    return {
+        name: file.read_bytes().decode("utf-8", "surrogateescape") for name, file in files.items() if file.is_file()
+    }
+
+
+def _check_version(text: str, where: str) -> None:
+    version = text.removeprefix("\ufeff").strip()
+    if version.split(".")[0] != "1":
+        raise ValueError(f"{where}: expected version 1, got {version!r}")
+
+
+def _check_sensor(text: str, where: str) -> str:
+    """The description of the sensor; refuses an ADC of other than 12 bits, warns of another chip."""
+    meta = parsed_json(text.removeprefix("\ufeff"), where)
+    if not isinstance(meta, dict):
+        raise ValueError(f"{where}: expected an object, got {type(meta).__name__}")
+    if (resolution := meta.get("adc_resolution", 12)) != 12:
+        raise ValueError(f"{where}: expected an adc_resolution of 12 bits, got {resolution!r}")
+    description = str(meta.get("description", ""))
+    if description and "TR13C" not in description:
+        message = f"{where}: the sensor is {description!r}; its antennas are taken for those of a BGT60TR13C"
+        warnings.warn(message, stacklevel=4)  # the caller of Recording.load
+    return description
+
+
+def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All of config.json, and the part of it that has the settings of a chirp."""
+    values = parsed_json(text.removeprefix("\ufeff"), where)
+    if not isinstance(values, dict):
+        raise ValueError(f"{where}: expected an object, got {type(values).__name__}")
+    config = values.get("device_config", values)
+    if isinstance(config, dict):
+        shape = config.get("fmcw_single_shape", config)  # without that name: of older tools
+        if isinstance(shape, dict) and (shape is not config or "start_frequency_Hz" in shape):
+            return values, shape
+    got = ", ".join(map(repr, config)) if isinstance(config, dict) else type(config).__name__
+    raise ValueError(f"{where}: expected a device_config of 'fmcw_single_shape', got {got or 'none'}")
+
+
+def _radar(shape: dict[str, Any], where: str) -> Radar:
+    """A BGT60TR13C with the settings that were asked of it."""
+    try:
+        if (mimo_mode := shape.get("mimo_mode", "off")) != "off":
+            raise ValueError(f"mimo_mode: expected 'off', got {mimo_mode!r}")
+        receivers = _receivers(shape)
+        radar = bgt60tr13c(
+            start_frequency=_number(shape, "start_frequency_Hz"),
+            stop_frequency=_number(shape, "end_frequency_Hz"),
+            sample_rate=_number(shape, "sample_rate_Hz"),
+            num_samples=_count(shape, "num_samples_per_chirp"),
+            num_chirps=_count(shape, "num_chirps_per_frame"),
+            chirp_interval=_number(shape, "chirp_repetition_time_s"),
+            frame_interval=_number(shape, "frame_repetition_time_s"),
+            adc_delay=_ADC_DELAY,
+        )
+    except (ValueError, TypeError, OverflowError) as error:  # JSON has integers of any length
+        raise ValueError(f"{where}: {error}") from error
+    return Radar(
+        radar.waveform,
+        tx=radar.tx,
+        rx=radar.rx[[number - 1 for number in receivers]],
+        pattern=radar.pattern,
+        tx_power_dbm=radar.tx_power_dbm,
+        receiver=radar.receiver,
+    )
+
+
+def _value(shape: dict[str, Any], key: str) -> Any:
+    if key not in shape:
+        raise ValueError(f"expected the key {key!r}, got none")
+    return shape[key]
+
+
+def _number(shape: dict[str, Any], key: str) -> float:
+    return check.positive(key, _value(shape, key))
+
+
+def _count(shape: dict[str, Any], key: str) -> int:
+    value = _value(shape, key)
+    return check.count(key, int(value) if isinstance(value, float) and value.is_integer() else value)
+
+
+def _receivers(shape: dict[str, Any]) -> list[int]:
+    """Numbers of the receivers in the order of the data: from 1, increasing."""
+    numbers: Any
+    if "rx_mask" in shape and "rx_antennas" not in shape:
+        mask = _count(shape, "rx_mask")
+        numbers = [number for number in range(1, mask.bit_length() + 1) if mask >> (number - 1) & 1]
+    else:
+        numbers = _value(shape, "rx_antennas")
+    if not isinstance(numbers, list) or not numbers or any(number not in (1, 2, 3) for number in numbers):
+        raise ValueError(f"rx_antennas: expected some of the receivers 1, 2, 3 of a BGT60TR13C, got {numbers!r}")
+    return sorted({int(number) for number in numbers})
+
+
+# Writing.
+
+
+def _fitting_texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str | None]:
+    """All texts by their path: those kept if they fit the radar, made anew if not; None where there was none."""
+    texts = kept.get("texts")
+    if isinstance(texts, dict) and isinstance(config := texts.get(f"{folder}/config.json"), str):
+        found = {name: texts.get(name) for name in _text_names(folder)}
+        loaded: dict[str, str | None] = {name: text if isinstance(text, str) else None for name, text in found.items()}
+        return loaded | {f"{folder}/config.json": _fitting_config(radar, config)}
+
+    now = datetime.now().astimezone().strftime("%Y-%m-%dT%H:%M:%S%z")
+    place = {"date_captured": now, "ifxdaq_version": "1.0.0", "machine": platform.machine(), "os": platform.system()}
+    shape = {"mimo_mode": "off", "tx_antennas": [1], **_given(kept, _SETTINGS)} | _settings(radar, None)
+    return {
+        "meta.json": _json({**place, "os_version": "", **_given(kept, {**_PLACE, "date_captured": now})}),
+        f"{folder}/format.version": "1.0.0\n",
+        f"{folder}/meta.json": _json({"adc_resolution": 12, **_given(kept, _SENSOR)}),
+        f"{folder}/config.json": _json({"device_config": {"fmcw_single_shape": shape}}),
+    }
+
+
+def _fitting_config(radar: Radar, text: str) -> str:
+    """The text itself, or with the settings of another radar; what the radar does not determine stays."""
+    where = "source, config.json"
+    values, shape = _parsed_config(text, where)
+    receivers = _receivers(shape)
+    settings = _settings(radar, receivers)
+    if _radar(shape, where).waveform == radar.waveform and settings["rx_antennas"] == receivers:
+        return text
+    if "rx_mask" in shape and "rx_antennas" not in shape:
+        settings["rx_mask"] = sum(1 << (number - 1) for number in settings.pop("rx_antennas"))
+    shape |= settings
+    return _json(values)
+
+
+def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
+    """What config.json says of a radar; ValueError for one that it cannot describe.
+
+    `receivers` are the numbers its antennas have if their positions are not those of the chip.
+    """
+    wf = radar.waveform
+    if len(radar.tx) != 1:
+        raise ValueError(f"radar: expected one transmitter, as the layout has, got {len(radar.tx)}")
+    if not wf.has_uniform_chirps or wf.chirp_times[0] != 0.0:
+        raise ValueError("radar: expected chirps at equal intervals from the start of the frame on, got others")
+    if abs(wf.adc_delay - _ADC_DELAY) > 1e-9:
+        raise ValueError(
+            f"radar: expected an adc_delay of {_ADC_DELAY:g} s, as the chip has in every setting, got {wf.adc_delay:g}"
+        )
+    stop = wf.start_frequency + wf.slope * (_ADC_DELAY + wf.num_samples / wf.sample_rate)
+    return {
+        "chirp_repetition_time_s": wf.chirp_interval,
+        "end_frequency_Hz": _whole(round(stop, 3)),
+        "frame_repetition_time_s": wf.frame_interval,
+        "num_chirps_per_frame": wf.num_chirps,
+        "num_samples_per_chirp": wf.num_samples,
+        "rx_antennas": _numbers_of(radar.rx, receivers),
+        "sample_rate_Hz": _whole(wf.sample_rate),
+        "start_frequency_Hz": _whole(wf.start_frequency),
+    }
+
+
+def _numbers_of(positions: NDArray[np.float64], otherwise: list[int] | None) -> list[int]:
+    """Numbers of the chip's receivers at some positions [m]; in increasing order, as the data have to be."""
+    distance = np.linalg.norm(positions[:, None] - bgt60tr13c().rx, axis=-1)
+    numbers = [int(number) for number in distance.argmin(axis=1) + 1]
+    if distance.min(axis=1).max() > 1e-6 and otherwise is not None and len(otherwise) == len(positions):
+        return otherwise
+    if distance.min(axis=1).max() > 1e-6 or sorted(set(numbers)) != numbers:
+        raise ValueError(
+            "radar: expected receivers of a BGT60TR13C in their order, because the layout has no positions, got "
+            f"{positions.tolist()}"
+        )
+    return numbers
+
+
+def _given(kept: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
+    return {name: kept.get(name, default) for name, default in defaults.items()}
+
+
+def _whole(value: float) -> float | int:
+    return int(value) if value.is_integer() else value
+
+
+def _json(values: dict[str, Any]) -> str:
+    try:
+        return json.dumps(values, indent=4, sort_keys=True, allow_nan=False) + "\n"
+    except (TypeError, ValueError) as error:
+        raise type(error)(f'source["infineon"]: expected what JSON can hold ({error})') from error
+
+
+def _encoded(text: str) -> bytes:
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError as error:
+        raise ValueError(f'source["infineon"]: expected texts of UTF-8 ({error})') from error
+
+
+def _array_bytes(cube: NDArray[Any], header: object) -> Iterator[bytes]:
+    """All of radar.npy: the header kept, if it is that of such codes, else the recorder's."""
+    start, dtype = _header(cube.shape), np.dtype("<u2")
+    if isinstance(header, str):
+        given = header.encode("latin-1", "replace")
+        try:
+            shape, fortran_order, given_dtype = read_header(BytesIO(given), "source, header")
+        except ValueError:
+            pass
+        else:
+            if shape == cube.shape and given_dtype.name == dtype.name and not fortran_order:
+                start, dtype = given, given_dtype
+    yield start
+    for first in range(0, len(cube), _CHUNK):
+        samples = cube[first : first + _CHUNK]
+        if np.abs(samples).max(initial=0.0) > 1.0 + 0.5 / (NUM_CODES - 1):
+            raise ValueError(
+                f"cube: expected samples from -1 to 1, got {np.abs(samples).max():g} from frame {first} on"
+            )
+        yield to_codes(samples).astype(dtype).tobytes()
+
+
+def _header(shape: tuple[int, ...]) -> bytes:
+    """Header of version 1.0 as NumPy writes it, filled with blanks to a fixed length."""
+    text = BytesIO()
+    npy.write_array_header_1_0(text, {"descr": "<u2", "fortran_order": False, "shape": shape})
+    start = npy.magic(1, 0)
+    words = text.getvalue()[len(start) + 2 :].rstrip()
+    length = _HEADER_BYTES - len(start) - 2
+    return start + length.to_bytes(2, "little") + words.ljust(length - 1) + b"\n"
+
+
+def _warn_of_left_out(path: Path, stored: Stored) -> None:
+    """Warn of what the layout has no place for."""
+    interval = stored.radar.waveform.frame_interval
+    is_lost = stored.lost is not None and stored.lost.any()
+    left_out = {
+        "truth": stored.truth is not None,
+        "lost frames": is_lost,
+        "times of frames": bool((np.abs(np.diff(stored.time) - interval) > 0.5 * interval).any()),
+    }
+    if names := [name for name, is_there in left_out.items() if is_there]:
+        warnings.warn(f"{path}: the layout of Infineon's tools has no {', no '.join(names)}", stacklevel=4)
+
+
+def _make_room(path: Path, folder: str, overwrite: bool) -> None:
+    """Refuse a place with anything but nothing or, to be overwritten, a recording of the same sensor."""
+    if path.exists() and not path.is_dir():
+        raise exists(path, "a file, not a directory")
+    if path.is_dir() and any(path.iterdir()):
+        if _sensor_folders(path) != [folder]:
+            raise exists(path, f"a directory that is not empty and no recording of {folder}")
+        if not overwrite:
+            raise exists(path, "a recording; overwrite=True replaces it")

@@ -1,0 +1,214 @@
+"""Recordings on disk: a directory of plain NPY files, readable with `numpy.load`, or one .npz file.
+
+- ``meta.json``: format, version, radar, source, units, planned number of frames, names of the bodies;
+- ``cube.npy`` [frame, channel, chirp, sample], ``time.npy`` (frame,) [s];
+- ``truth_range.npy``, ``truth_velocity.npy``, ``truth_azimuth.npy``, ``truth_elevation.npy`` (frame, body), where
+  the truth is known;
+- ``lost.npy`` (frame,), frames lost just before each, where they were counted.
+
+A frame is written behind the others, file by file, and the counts in the headers are put right at the end. A
+process killed on the way leaves the frames it had finished: whoever reads takes the whole frames that all files
+have in common.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import warnings
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
+from radarcore.recording.npy import ArrayFile, naming
+
+FORMAT = "radarcore recording"
+VERSION = 1
+UNITS = {"cube": "sqrt(W)", "time": "s", "range": "m", "velocity": "m/s", "azimuth": "rad", "elevation": "rad"}
+TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """What a file holds of a recording, by the names that `Recording` has for it."""
+
+    cube: NDArray[Any]
+    time: NDArray[np.float64]
+    radar: Radar
+    truth: Truth | None
+    source: dict[str, Any]
+    lost: NDArray[np.int32] | None = None
+
+
+def save_npz(path: Path, stored: Stored, overwrite: bool) -> None:
+    """Write one .npz file, whole or not at all."""
+    if path.is_dir() or (path.exists() and not overwrite):
+        raise exists(path, "a directory" if path.is_dir() else "a file; overwrite=True replaces it")
+    meta = meta_text(stored.radar, stored.source, len(stored.cube), kind_of(stored.cube, stored.truth))
+    arrays: dict[str, Any] = {"meta": meta, "cube": stored.cube, "time": stored.time, **truth_arrays(stored.truth)}
+    if stored.lost is not None:
+        arrays["lost"] = stored.lost
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with naming(path), partial.open("wb") as file:
+            np.savez(file, **arrays)
+        partial.replace(path)
+    finally:
+        if partial.is_file():
+            partial.unlink()
+
+
+def load_directory(path: Path, mmap: bool) -> Stored:
+    """The whole frames that all files of a directory have in common."""
+    meta_path = path / "meta.json"
+    if not meta_path.is_file():
+        raise ValueError(f"{path}: expected a recording, got a directory without meta.json")
+    meta = _Meta.parse(meta_path.read_bytes(), str(meta_path))
+    rows: dict[str, tuple[int, ...]] = {"time": ()}
+    rows |= dict.fromkeys(() if meta.names is None else TRUTH_FILES, (len(meta.names or ()),))
+    rows |= {"lost": ()} if (path / "lost.npy").is_file() else {}
+    rows["cube"] = frame_shape(meta.radar)
+    dtypes = dict.fromkeys(rows, ("float64",)) | {"lost": ("int32",), "cube": CUBE_TYPES}
+    present = {name: path / f"{name}.npy" for name in rows if (path / f"{name}.npy").is_file()}
+    files = {name: ArrayFile(file, rows[name], dtypes[name], "meta.json") for name, file in present.items()}
+
+    # The cube's file is made last: without it there are no frames yet, unless it has been lost.
+    if "cube" not in files and all(file.num_rows == 0 for file in files.values()):
+        warn_of_missing(path, 0, meta.num_frames, closed=False)
+        empty = np.zeros((0, *rows["cube"]), np.float32 if meta.radar.is_real else np.complex64)
+        return Stored(empty, np.zeros(0), meta.radar, _truth_of(meta.names, {}, 0), meta.source)
+    if missing := rows.keys() - files.keys():
+        raise ValueError(f"{path}: expected a recording, got one without {sorted(missing)[0]}.npy")
+    num_frames = min(file.num_rows for file in files.values() if file.num_rows is not None)
+    closed = all(file.header_rows == num_frames for file in files.values())
+    planned = max(file.header_rows for file in files.values()) if meta.num_frames is None else meta.num_frames
+    warn_of_missing(path, num_frames, planned, closed or meta.num_frames is not None)
+
+    arrays = {name: file.read(num_frames, mmap and name == "cube") for name, file in files.items()}
+    truth = _truth_of(meta.names, arrays, num_frames)
+    return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
+
+
+def load_npz(path: Path) -> Stored:
+    """What an .npz file holds."""
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path}: expected a recording's directory or .npz file, got another or a damaged file")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+        raise ValueError(f"{path}: damaged .npz file ({error})") from error
+    names = ("meta", "time", "cube")
+    if missing := set(names) - arrays.keys():
+        raise ValueError(f"{path}: expected a recording with {', '.join(names)}, got one without {sorted(missing)[0]}")
+    meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
+    if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
+        raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")
+    truth = _truth_of(meta.names, arrays, 0)
+    return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
+
+
+def format_of(path: Path) -> str:
+    """Format by the suffix of the path."""
+    if path.suffix in (".zarr", ".h5", ".hdf5", ".npy", ".mat"):
+        raise ValueError(f"path: expected a directory or an .npz file, got {str(path)!r}")
+    # Any other name is that of a directory: dates and versions have dots.
+    return "npz" if path.suffix == ".npz" else "directory"
+
+
+def truth_arrays(truth: Truth | None) -> dict[str, NDArray[np.float64]]:
+    """The truth's arrays by the names of their files."""
+    return {} if truth is None else {f"truth_{name}": getattr(truth, name) for name in TRUTH_FIELDS}
+
+
+def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bool) -> None:
+    """Warn the caller of `Recording.load` of frames that its writer did not finish."""
+    if planned is not None and num_frames < planned:
+        message = f"{path}: {num_frames} of {planned} planned frames, its writer was interrupted"
+    elif not closed:
+        message = f"{path}: {num_frames} frames, its writer was interrupted"
+    else:
+        return
+    warnings.warn(message, stacklevel=4)  # the caller of Recording.load
+
+
+def exists(path: Path, what: str) -> FileExistsError:
+    """The error of a place that is taken."""
+    return FileExistsError(errno.EEXIST, f"expected no such path, got {what}", str(path))
+
+
+def parsed_json(data: bytes | str, where: str) -> Any:
+    """The value of a JSON text, or a ValueError that says where it is wrong."""
+    try:
+        return json.loads(data)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{where}, line {error.lineno}: {error.msg}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{where}: expected UTF-8 text ({error})") from error
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, brackets in brackets
+        raise ValueError(f"{where}: {error}") from error
+
+
+def _truth_of(names: tuple[str, ...] | None, arrays: dict[str, NDArray[Any]], num_frames: int) -> Truth | None:
+    if names is None:
+        return None
+    empty = np.zeros((num_frames, len(names)))
+    return Truth(names, *(arrays.get(name, empty) for name in TRUTH_FILES))
+
+
+@dataclass(frozen=True)
+class _Meta:
+    """What meta.json says."""
+
+    radar: Radar
+    source: dict[str, Any]
+    num_frames: int | None
+    names: tuple[str, ...] | None
+
+    @classmethod
+    def parse(cls, data: bytes, where: str) -> _Meta:
+        values = parsed_json(data, where)
+        if not isinstance(values, dict) or values.get("format") != FORMAT:
+            got = values.get("format") if isinstance(values, dict) else type(values).__name__
+            raise ValueError(f"{where}: expected format {FORMAT!r}, got {got!r}")
+        if not isinstance(version := values.get("version"), int) or version > VERSION:
+            raise ValueError(
+                f"{where}: expected version {VERSION} (or older), got {version!r}; a newer radarcore wrote it"
+            )
+        try:
+            names = values["truth"]
+            return cls(
+                radar=Radar.from_dict(values["radar"]),
+                source=dict(values["source"]),
+                num_frames=None if values["num_frames"] is None else check.count("num_frames", values["num_frames"], 0),
+                names=None if names is None else tuple(map(str, names)),
+            )
+        except KeyError as error:
+            raise ValueError(f"{where}: expected the key {error}, got none") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{where}: {error}") from error
+
+
+def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:
+    """Text of meta.json."""
+    values = {
+        "format": FORMAT,
+        "version": VERSION,
+        "radar": radar.to_dict(),
+        "source": source,
+        "units": UNITS | {"cube": source.get("cube_unit", UNITS["cube"])},
+        "num_frames": num_frames,
+        "truth": None if kind is None or kind[1] is None else list(kind[1]),
+    }
+    try:
+        return json.dumps(values, indent=2, allow_nan=False) + "\n"
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"source: expected what JSON can hold, got {source!r} ({error})") from error

@@ -1,0 +1,260 @@
+"""Recordings: the frames of one radar in memory, and the formats they have on disk."""
+
+from __future__ import annotations
+
+import errno
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.recording import infineon
+from radarcore.recording.codes import to_codes
+from radarcore.recording.frame import (
+    FULL_SCALE,
+    TRUTH_FIELDS,
+    Frame,
+    Truth,
+    check_alike,
+    check_frame,
+    check_radar,
+    check_truth,
+    checked_cube,
+    frame_shape,
+    kind_of,
+)
+from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
+from radarcore.recording.writer import RecordingWriter
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Frames of one radar.
+
+    Parameters
+    ----------
+    cube : (frame, channel, chirp, sample) complex64, complex128, float32 or float64
+        Beat signal, I/Q or real.
+    time : (frame,) array_like
+        Start of every frame [s].
+    radar : Radar
+    truth : Truth, optional
+        Arrays (frame, body).
+    source : dict
+        Where the frames come from: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
+        sqrt(W); ``"full scale"`` for those of an ADC.
+    lost : (frame,) array_like, optional
+        Number of frames lost just before each; None where nobody counted. Frames have it in
+        ``stats["lost_before"]``.
+    """
+
+    cube: NDArray[Any]
+    time: NDArray[np.float64]
+    radar: Radar
+    truth: Truth | None = None
+    source: dict[str, Any] = field(default_factory=dict)
+    lost: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        check_radar(self.radar)
+        object.__setattr__(self, "cube", checked_cube(self.cube, (None, *frame_shape(self.radar))))
+        object.__setattr__(self, "time", check.array("time", self.time, (len(self.cube),)))
+        check_truth(self.truth, (len(self.cube),))
+        if not isinstance(self.source, dict):
+            raise TypeError(f"source: expected a dict, got {type(self.source).__name__}")
+        if self.lost is not None:
+            object.__setattr__(self, "lost", _counts("lost", self.lost, len(self.cube)))
+
+    def __len__(self) -> int:
+        return len(self.cube)
+
+    def __getitem__(self, frame_index: int) -> Frame:
+        """Frame at an index; negative ones count from the end. Its cube is a view."""
+        if not -len(self) <= (index := check.count("frame_index", frame_index, -(2**63))) < len(self):
+            raise IndexError(f"frame_index: expected an index into {len(self)} frames, got {frame_index}")
+        cube = self.cube[index]
+        return Frame(
+            cube,
+            float(self.time[index]),
+            self.radar,
+            truth=None if self.truth is None else self.truth[index],
+            stats={} if self.lost is None else {"lost_before": int(self.lost[index])},
+            raw=to_codes(cube) if self._has_codes else None,
+        )
+
+    @property
+    def raw(self) -> NDArray[np.uint16] | None:
+        """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None where the unit is not full scale.
+
+        Those nearest to the samples, worked out again at every use: exact for samples that came from codes.
+        """
+        return to_codes(self.cube) if self._has_codes else None
+
+    @property
+    def _has_codes(self) -> bool:
+        return self.source.get("cube_unit") == FULL_SCALE and self.cube.dtype.kind == "f"
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames in order, one at a time."""
+        for index in range(len(self)):
+            yield self[index]
+
+    def replay(self, *, speed: float | None = 1.0, loop: bool = False) -> Iterator[Frame]:
+        """The frames in order, each when it is due: the first at once, the others by their times.
+
+        Every frame is due at a time of its own on the clock, so that delays do not add up; a consumer that is late
+        gets frames without waiting until it has caught up.
+
+        Parameters
+        ----------
+        speed : float or None
+            1: as recorded, 2: twice as fast; None: no waiting.
+        loop : bool
+            Begin again after the last frame, without end. Times of frames go on as if the recording did, an
+            ordinary interval after the last.
+        """
+        factor = 0.0 if speed is None else 1.0 / check.positive("speed", speed)
+        rounds = self._rounds() if loop else self.frames()
+        return rounds if speed is None else _paced(rounds, factor, time.monotonic, time.sleep)
+
+    def _rounds(self) -> Iterator[Frame]:
+        """The frames again and again, in times that go on."""
+        if len(self) == 0:
+            return
+        usual = float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
+        length = float(np.ptp(self.time)) + (usual if usual > 0.0 else self.radar.waveform.frame_interval)
+        start = 0.0
+        while True:
+            for frame in self.frames():
+                yield replace(frame, time=start + frame.time)
+            start += length
+
+    @classmethod
+    def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
+        """Recording of frames of one radar with the same bodies and dtype.
+
+        Where `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
+        """
+        kept = list(frames)
+        if not kept:
+            raise ValueError("frames: expected at least one frame, got none")
+        first, truth, lost = kept[0], None, None
+        check_frame("frames[0]", first)
+        for index, frame in enumerate(kept):
+            check_alike(f"frames[{index}]", frame, first.radar, kind_of(first.cube, first.truth))
+        if first.truth is not None:
+            rows = ([getattr(frame.truth, name) for frame in kept] for name in TRUTH_FIELDS)
+            truth = Truth(first.truth.names, *map(np.stack, rows))
+        if any(frame.lost_before is not None for frame in kept):
+            lost = np.array([frame.lost_before or 0 for frame in kept], np.int32)
+        source = dict(source or {})
+        if first.raw is not None:
+            source.setdefault("cube_unit", FULL_SCALE)
+        times = np.array([frame.time for frame in kept])
+        return cls(np.stack([frame.cube for frame in kept]), times, first.radar, truth, source, lost)
+
+    def save(self, path: str | os.PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
+        """Write to disk.
+
+        Parameters
+        ----------
+        path : path
+            A directory (no suffix) or an ``.npz`` file; missing parents are made.
+        format : "npz" or "infineon", optional
+            Default: by the suffix of `path`. ``"infineon"`` is the recording folder of Infineon's tools, for real
+            samples in full scale of a BGT60TR13C: codes of the ADC and settings of the chip. What was loaded from
+            such a folder comes out the same to the last byte. It holds neither the times of frames nor truth nor
+            lost frames; warns if that matters.
+        overwrite : bool
+            Replace a recording that is already there.
+
+        Raises
+        ------
+        FileExistsError
+            When `path` exists and is not a recording to be overwritten.
+        OSError
+            When the place cannot be written to.
+        ValueError
+            When the format cannot hold this recording.
+        """
+        path = Path(path)
+        by_name = None if format is None else check.choice("format", format, ("npz", "infineon"))
+        kind = by_name or format_of(path)
+        stored = Stored(self.cube, self.time, self.radar, self.truth, self.source, self.lost)
+        if kind == "infineon":
+            infineon.save(path, stored, overwrite)
+            return
+        if kind == "npz":
+            save_npz(path, stored, overwrite)
+            return
+        with RecordingWriter(path, self.radar, num_frames=len(self), source=self.source, overwrite=overwrite) as writer:
+            writer.open_as(kind_of(self.cube, self.truth))  # also where there are no frames
+            for frame in self.frames():
+                writer.append(frame)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, mmap: bool = True) -> Recording:
+        """Read from disk; warns when frames are missing because the writer was interrupted.
+
+        Parameters
+        ----------
+        path : path
+            A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: the one with
+            ``RadarIfxAvian_00`` in it, or that. Such a folder says nothing of when frames came: their times are
+            multiples of the interval that was asked of the board, which may be off by a per mille.
+        mmap : bool
+            Leave the cube of a directory on disk and map it into memory, read-only; codes of an ADC are always
+            read and made samples.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is nothing at `path`.
+        ValueError
+            When it is not a recording, of a newer version, damaged, or the arrays do not fit the radar.
+        """
+        path = Path(path)
+        if infineon.is_recording(path):
+            stored = infineon.load(path)
+        elif path.is_dir():
+            stored = load_directory(path, mmap)
+        elif path.exists():
+            stored = load_npz(path)
+        else:
+            raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
+        try:
+            return cls(**vars(stored))
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{path}: {error}") from error
+
+
+def _paced(
+    frames: Iterable[Frame], factor: float, clock: Callable[[], float], sleep: Callable[[float], None]
+) -> Iterator[Frame]:
+    """Frames when the clock has gone on from the first by `factor` times as much as their times [s]."""
+    start = first = None
+    for frame in frames:
+        if start is None or first is None:
+            start, first = clock(), frame.time
+        due = start + factor * (frame.time - first)
+        while (wait := due - clock()) > 0.0:
+            sleep(min(wait, 1.0))  # whole years overflow what the system's sleep takes
+        yield frame
+
+
+def _counts(name: str, values: ArrayLike, length: int) -> NDArray[np.int32]:
+    given = np.asarray(values)
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{name}: expected integers of shape ({length},), got {given.dtype}")
+    if given.shape != (length,):
+        raise ValueError(f"{name}: expected shape ({length},), got {given.shape}")
+    if given.size > 0 and not 0 <= int(given.min()) <= int(given.max()) < 2**31:
+        raise ValueError(f"{name}: expected numbers of frames, from 0 on, got {given.min()} to {given.max()}")
+    return given.astype(np.int32)

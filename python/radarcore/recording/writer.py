@@ -1,0 +1,147 @@
+"""Recordings written frame by frame."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import FULL_SCALE, Frame, Kind, check_alike, check_radar, frame_shape, kind_of
+from radarcore.recording.native import FORMAT, TRUTH_FILES, exists, format_of, meta_text, truth_arrays
+from radarcore.recording.npy import GrowingFile, write_whole
+
+
+class RecordingWriter:
+    """Writes a recording's directory frame by frame, readable at any moment as far as it got.
+
+    The directory and ``meta.json`` are made at once, so an unwritable place fails before any frame is computed.
+
+    Parameters
+    ----------
+    path : path
+        Directory to make (no suffix), with missing parents; an empty one may exist.
+    radar : Radar
+    num_frames : int, optional
+        Planned number of frames; a reader of fewer is warned. More are refused.
+    source : dict, optional
+        Where the frames come from: anything JSON can hold. Where it has no ``cube_unit``, frames with the codes of
+        an ADC make it full scale.
+    overwrite : bool
+        Replace a recording that is already there.
+
+    Raises
+    ------
+    FileExistsError
+        When `path` exists and is not a recording to be overwritten.
+    OSError
+        When the place cannot be written to.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        radar: Radar,
+        *,
+        num_frames: int | None = None,
+        source: dict[str, Any] | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.radar = radar
+        self.num_frames = None if num_frames is None else check.count("num_frames", num_frames, 0)
+        self.source = dict(source or {})
+        self._kind: Kind | None = None
+        self._files: dict[str, GrowingFile] = {}
+        self._written = 0
+        self._closed = False
+
+        check_radar(radar)
+        if format_of(self.path) != "directory":
+            raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
+        meta = meta_text(radar, self.source, self.num_frames, None)
+        _make_room(self.path, overwrite)
+        write_whole(self.path / "meta.json", meta.encode())
+
+    def append(self, frame: Frame) -> None:
+        """Write one frame of the same radar, bodies and dtype as the first.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written (disk full); the frames before it stay readable.
+        """
+        if self._closed:
+            raise ValueError(f"{self.path}: expected an open recording, got one that is closed")
+        if self._written == self.num_frames:
+            raise ValueError(f"{self.path}: expected num_frames = {self.num_frames} frames, got one more")
+        check_alike("frame", frame, self.radar, self._kind)
+        num_lost = frame.lost_before
+        try:
+            if self._kind is None:
+                if frame.raw is not None:
+                    self.source.setdefault("cube_unit", FULL_SCALE)
+                self.open_as(kind_of(frame.cube, frame.truth))
+            if num_lost is not None and "lost" not in self._files:
+                none_yet = np.zeros(self._written, np.int32)
+                self._files["lost"] = GrowingFile(self.path / "lost.npy", none_yet.dtype, (), none_yet)
+            arrays = {"time": np.asarray(frame.time), **truth_arrays(frame.truth)}
+            if "lost" in self._files:
+                arrays["lost"] = np.asarray(num_lost or 0)
+            for name, values in (arrays | {"cube": frame.cube}).items():
+                self._files[name].append(values)
+            self._written += 1
+        except BaseException:  # a full disk, Ctrl-C: keep the whole frames
+            self.close()
+            raise
+
+    def open_as(self, kind: Kind) -> None:
+        """Make the array files, the cube last: where it is missing, no frame has been written."""
+        dtype, names = kind
+        write_whole(self.path / "meta.json", meta_text(self.radar, self.source, self.num_frames, kind).encode())
+        self._files["time"] = GrowingFile(self.path / "time.npy", np.dtype(np.float64), ())
+        for name in () if names is None else TRUTH_FILES:
+            self._files[name] = GrowingFile(self.path / f"{name}.npy", np.dtype(np.float64), (len(names or ()),))
+        self._files["cube"] = GrowingFile(self.path / "cube.npy", dtype, frame_shape(self.radar))
+        self._kind = kind
+
+    def close(self) -> None:
+        """Put the number of frames in the headers; drops what an interruption left of an unfinished frame."""
+        if self._closed:
+            return
+        self._closed = True
+        with ExitStack() as stack:  # every file is closed, even where one fails
+            for file in self._files.values():
+                stack.callback(file.close, self._written)
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _make_room(path: Path, overwrite: bool) -> None:
+    """An empty directory at `path`, or one with other people's files only where a recording was."""
+    if path.exists() and not path.is_dir():
+        raise exists(path, "a file, not a directory")
+    if path.is_dir() and any(path.iterdir()):
+        try:
+            is_recording = json.loads((path / "meta.json").read_bytes()).get("format") == FORMAT
+        except (OSError, ValueError, AttributeError):
+            is_recording = False
+        if not is_recording:
+            raise exists(path, "a directory that is not empty and no recording")
+        if not overwrite:
+            raise exists(path, "a recording; overwrite=True replaces it")
+        for name in ("cube", "time", "lost", *TRUTH_FILES):
+            (path / f"{name}.npy").unlink(missing_ok=True)
+    path.mkdir(parents=True, exist_ok=True)

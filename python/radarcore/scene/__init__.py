@@ -1,0 +1,1 @@
+"""What a radar looks at: bodies, points, materials."""

@@ -1,0 +1,106 @@
+"""What a scene is made of: bodies and ideal point targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.pose import Pose
+from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A mesh of one material that may move and change its shape.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Shape, in the body's own coordinates; bodies may share one.
+    material : Material
+        Default: ``materials["metal"]``.
+    motion : Pose, Linear, Trajectory, Attached or function of time
+        Body to world; default: the world's own frame.
+    deformation : Deformation or function of time, optional
+        Where the vertices of the mesh are in body coordinates; a function maps a time [s] to all of them, (n, 3) [m].
+        Rates of a function are taken by differences, see `Function`. Default: the body is rigid. Speckle and smooth
+        shading belong to the mesh as it was given: where facets meet below the crease angle, its own vertices say.
+    name : str, optional
+        For tables and pictures.
+    """
+
+    mesh: Mesh
+    material: Material
+    motion: Motion
+    deformation: Deformation | DeformationFunction | None
+    name: str | None
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        *,
+        material: Material | None = None,
+        motion: AnyMotion | None = None,
+        deformation: Deformation | Callable[[float], ArrayLike] | None = None,
+        name: str | None = None,
+    ) -> None:
+        material = materials["metal"] if material is None else material
+        if not isinstance(mesh, Mesh):
+            raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
+        if not isinstance(material, Material):
+            raise TypeError(f"material: expected Material (one of radarcore.materials), got {material!r}")
+        put = object.__setattr__
+        put(self, "mesh", mesh)
+        put(self, "material", material)
+        put(self, "motion", Pose() if motion is None else as_motion("motion", motion))
+        put(self, "deformation", None if deformation is None else as_deformation(deformation, len(mesh.vertices)))
+        put(self, "name", name)
+
+    def vertices_at(self, time: float) -> NDArray[np.float64]:
+        """Vertices of the mesh at a time [s], (n, 3) in body coordinates [m]."""
+        return self.mesh.vertices if self.deformation is None else self.deformation.at(time)
+
+
+@dataclass(frozen=True, eq=False)
+class PointTarget:
+    """An ideal point of a given radar cross-section: no shadow, no phase of its own.
+
+    Parameters
+    ----------
+    position : (3,) array_like
+        Position in the world at absolute time 0 [m].
+    rcs : float
+        Radar cross-section [m^2].
+    velocity : (3,) array_like
+        Constant velocity in the world [m/s].
+    name : str, optional
+        For tables and pictures.
+    """
+
+    position: NDArray[np.float64]
+    rcs: float
+    velocity: NDArray[np.float64]
+    name: str | None
+
+    def __init__(
+        self,
+        position: ArrayLike,
+        rcs: float = 1.0,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        *,
+        name: str | None = None,
+    ) -> None:
+        put = object.__setattr__
+        put(self, "position", check.frozen(check.array("position", position, (3,))))
+        put(self, "rcs", check.non_negative("rcs", rcs, "m^2"))
+        put(self, "velocity", check.frozen(check.array("velocity", velocity, (3,))))
+        put(self, "name", name)

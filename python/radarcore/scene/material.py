@@ -1,0 +1,214 @@
+"""Materials: how much a surface reflects like a mirror and how much it scatters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.scene.permittivity import Permittivity, as_permittivity, permittivity_at
+from radarcore.units import SPEED_OF_LIGHT
+
+_REFERENCE_FREQUENCY = 60e9
+"""Where the `reflection` and `albedo` of a dielectric are given [Hz]."""
+
+_SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
+"""Parts of both polarisations that antennas get."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a surface does to a wave: the same at every angle and frequency, or a `dielectric`.
+
+    Parameters
+    ----------
+    reflection : complex
+        Field reflection coefficient of the mirror-like part; -1 for a perfect conductor.
+    albedo : float
+        Diffuse albedo: power scattered after Lambert's law over incident power.
+
+    Attributes
+    ----------
+    reflection, albedo
+        As given; those of a dielectric at normal incidence and 60 GHz, `response` has the others.
+    permittivity, roughness, thickness, scattering
+        Of a dielectric, see there; without permittivity the material is constant.
+    name, source : str or None
+        Name in the library, and where its numbers come from.
+    valid_frequency : (float, float) or None
+        Frequencies for which they were published [Hz].
+
+    Raises
+    ------
+    ValueError
+        When the two together return more power than comes in.
+    """
+
+    reflection: complex
+    albedo: float
+    permittivity: Permittivity | None
+    roughness: float
+    thickness: float | None
+    scattering: float | None
+    name: str | None = field(compare=False)
+    source: str | None = field(compare=False)
+    valid_frequency: tuple[float, float] | None = field(compare=False)
+
+    def __init__(self, reflection: complex = -1.0 + 0.0j, albedo: float = 0.0) -> None:
+        self._put(
+            reflection=check.complex_number("reflection", reflection),
+            albedo=check.non_negative("albedo", albedo),
+            permittivity=None,
+            roughness=0.0,
+            thickness=None,
+            scattering=None,
+            name=None,
+            source=None,
+            valid_frequency=None,
+        )
+        if self.reflectance > 1.0 + 1e-12:
+            raise ValueError(
+                f"reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got {self.reflectance:g}"
+            )
+
+    @classmethod
+    def lambertian(cls, albedo: float) -> Material:
+        """A matt surface: no mirror-like part."""
+        return cls(0.0, albedo)
+
+    @classmethod
+    def dielectric(
+        cls,
+        permittivity: Permittivity,
+        *,
+        roughness: float = 0.0,
+        thickness: float | None = None,
+        scattering: float | None = None,
+        name: str | None = None,
+        source: str | None = None,
+        valid_frequency: tuple[float, float] | None = None,
+    ) -> Material:
+        """What Fresnel says of a permittivity, at the angle of every hit and the centre of the radar's band.
+
+        Parameters
+        ----------
+        permittivity : complex, ItuPermittivity or ColeCole
+            Relative permittivity ``eps' - j eps''``, or its law over frequency.
+        roughness : float
+            Rms height of the surface [m]: what it turns out of phase is scattered after Lambert's law.
+        thickness : float, optional
+            Of a slab with air behind it [m]; default: a half-space.
+        scattering : float, optional
+            In place of roughness: the part S, 0 to 1, of the reflected field that is scattered, ``S**2`` of its power,
+            at every angle.
+        name, source, valid_frequency
+            See the attributes; simulating outside the frequencies (lowest, highest) [Hz] warns.
+        """
+        material = cls()
+        material._put(
+            permittivity=as_permittivity(permittivity),
+            name=name,
+            source=source,
+            valid_frequency=None if valid_frequency is None else _band(valid_frequency),
+        )
+        material._finish(roughness, thickness, scattering)
+        return material
+
+    def with_surface(
+        self, *, roughness: float = 0.0, thickness: float | None = None, scattering: float | None = None
+    ) -> Material:
+        """The same dielectric with another surface, or as a slab; parameters as for `dielectric`."""
+        if self.permittivity is None:
+            raise ValueError(f"permittivity: expected a dielectric, got {self!r}")
+        return Material.dielectric(
+            self.permittivity,
+            roughness=roughness,
+            thickness=thickness,
+            scattering=scattering,
+            name=self.name,
+            source=self.source,
+            valid_frequency=self.valid_frequency,
+        )
+
+    @property
+    def reflectance(self) -> float:
+        """Power that comes back in either way, over incident power; of a dielectric as `reflection`."""
+        return abs(self.reflection) ** 2 + self.albedo
+
+    def response(
+        self, frequency: float, cos_incidence: ArrayLike = 1.0, *, polarization: str | None = None
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Reflection coefficient of the mirror-like part and albedo at a frequency [Hz] and angles of incidence.
+
+        Parameters
+        ----------
+        frequency : float
+            Frequency [Hz].
+        cos_incidence : array_like
+            Cosines of the angle of incidence, any shape.
+        polarization : None, "te" or "tm"
+            None: what a radar without a polarisation gets, ``(r_TE - r_TM) / 2``; "te", the field across the plane of
+            incidence: ``r_TE``; "tm", the field in it: ``-r_TM``, so that both are -1 for a perfect conductor.
+
+        Returns
+        -------
+        reflection : complex128, albedo : float64
+            As the cosines.
+        """
+        if polarization not in _SEEN:
+            raise ValueError(f"polarization: expected None, 'te' or 'tm', got {polarization!r}")
+        cosines = np.asarray(cos_incidence, dtype=np.float64)
+        if not ((cosines >= 0.0) & (cosines <= 1.0)).all():
+            bad = cosines[~((cosines >= 0.0) & (cosines <= 1.0))].flat[0]
+            raise ValueError(f"cos_incidence: expected cosines from 0 to 1, got {bad:g}")
+        at = check.positive("frequency", frequency, "Hz")
+        te, tm = _SEEN[polarization]
+        flat = np.ascontiguousarray(cosines.ravel())
+        reflection, albedo = self._core_at(at).response(flat, wavelength=SPEED_OF_LIGHT / at, te=te, tm=tm)
+        return reflection.reshape(cosines.shape), albedo.reshape(cosines.shape)
+
+    def is_valid_at(self, frequency: float) -> bool:
+        """Whether the numbers were published for a frequency [Hz], as far as anything is known of that."""
+        lowest, highest = self.valid_frequency or (-np.inf, np.inf)
+        return lowest <= frequency <= highest
+
+    def _core_at(self, frequency: float) -> _core.Material:
+        """What the core takes, at a frequency [Hz]."""
+        if self.permittivity is None:
+            return _core.Material.constant((self.reflection.real, self.reflection.imag), self.albedo)
+        eps = permittivity_at(self.permittivity, frequency)
+        return _core.Material.dielectric(
+            (eps.real, eps.imag),
+            roughness=self.roughness or None,
+            scattering=self.scattering,
+            thickness=self.thickness,
+        )
+
+    def _finish(self, roughness: float, thickness: float | None, scattering: float | None) -> None:
+        """Put what a dielectric has besides its permittivity, and what it does at normal incidence."""
+        height = check.non_negative("roughness", roughness, "m")
+        part = None if scattering is None else check.number("scattering", scattering)
+        if part is not None and not 0.0 <= part <= 1.0:
+            raise ValueError(f"scattering: expected a number from 0 to 1, got {scattering!r}")
+        if part is not None and height > 0.0:
+            raise ValueError(f"scattering: expected either scattering or roughness, got both ({part:g}, {height:g} m)")
+        self._put(
+            roughness=height,
+            thickness=None if thickness is None else check.positive("thickness", thickness, "m"),
+            scattering=part,
+        )
+        reflection, albedo = self.response(_REFERENCE_FREQUENCY)
+        self._put(reflection=complex(reflection), albedo=float(albedo))
+
+    def _put(self, **values: object) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+def _band(value: tuple[float, float]) -> tuple[float, float]:
+    lowest, highest = check.array("valid_frequency", value, (2,)).tolist()
+    if not 0.0 < lowest <= highest:
+        raise ValueError(f"valid_frequency: expected lowest and highest frequency [Hz], got {value!r}")
+    return lowest, highest

@@ -1,0 +1,173 @@
+"""Bodies, points, people and arms of scene files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from radarcore.geometry import shapes
+from radarcore.geometry.files import load_mesh, load_meshes
+from radarcore.geometry.mesh import Mesh
+from radarcore.models.people.human import Human
+from radarcore.models.robots.arm import RobotArm
+from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.library import near_names
+from radarcore.scene.material import Material
+from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.materials import material_of, named_material
+from radarcore.scenefile.build.motions import Carriers, joint_motion_of, motion_of
+from radarcore.scenefile.read import place, unknown
+from radarcore.scenefile.tables import (
+    ArmTable,
+    BodyTable,
+    HumanTable,
+    MaterialTable,
+    MeshTable,
+    PlacedTable,
+    PointTable,
+    SceneTable,
+)
+
+_Read = TypeVar("_Read")
+AnyTable = BodyTable | PointTable | HumanTable | ArmTable
+
+
+class Parts:
+    """Builds bodies, points, people and arms, each after what carries it."""
+
+    def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
+        self._directory = directory
+        self._materials = known
+        self._carriers: Carriers = {}
+
+    def build(self, table: SceneTable) -> tuple[list[Body | PointTarget], Carriers]:
+        """All parts in the order of the tables, and what can carry the sensor."""
+        kinds: dict[str, list[Any]] = {
+            "body": table.body,
+            "point": table.point,
+            "human": table.human,
+            "arm": table.arm,
+        }
+        waiting: dict[str, AnyTable] = {
+            place(kind, i, entry.name): entry for kind, entries in kinds.items() for i, entry in enumerate(entries)
+        }
+        order = list(waiting)
+        _check_names(waiting)
+        built: dict[str, list[Body] | list[PointTarget]] = {}
+        while waiting:
+            # What is attached waits until its carrier is there.
+            ready = [where for where, entry in waiting.items() if self._has_carrier(entry)]
+            if not ready:
+                where, entry = next(iter(waiting.items()))
+                with located(f"{where}: "):
+                    raise ValueError(self._no_carrier(entry, waiting))
+            for where in ready:
+                with located(f"{where}: "):
+                    built[where] = self._part(waiting.pop(where))
+        return [part for where in order for part in built[where]], self._carriers
+
+    def _has_carrier(self, entry: AnyTable) -> bool:
+        return not isinstance(entry, PlacedTable) or entry.attached_to is None or entry.attached_to in self._carriers
+
+    def _no_carrier(self, entry: AnyTable, waiting: dict[str, AnyTable]) -> str:
+        assert isinstance(entry, PlacedTable)  # the others have no carrier
+        assert entry.attached_to is not None  # or it would not wait
+        waiting_names = {other.name for other in waiting.values()}
+        if entry.attached_to.partition("/")[0] in waiting_names:
+            return f"attached_to: expected what is not attached to this in turn, got {entry.attached_to!r}"
+        return f"attached_to: unknown {unknown(entry.attached_to, self._carriers)}"
+
+    def _part(self, entry: AnyTable) -> list[Body] | list[PointTarget]:
+        if isinstance(entry, PointTable):
+            return [PointTarget(entry.position, entry.rcs, entry.velocity, name=entry.name)]
+        if isinstance(entry, BodyTable):
+            return self._bodies(entry)
+        return self._human(entry) if isinstance(entry, HumanTable) else self._arm(entry)
+
+    def _bodies(self, table: BodyTable) -> list[Body]:
+        """One body, or one for each material of an OBJ file that is to have several."""
+        motion = motion_of(table, self._carriers)
+        if table.name is not None:
+            self._carriers[table.name] = motion
+        rest = self._material(table.material)
+        if table.materials is None:
+            return [Body(self._mesh(table.shape), material=rest, motion=motion, name=table.name)]
+        with located("materials: "):
+            own = {name: self._material(value) for name, value in table.materials.items()}
+            meshes = self._meshes(table.shape)
+            for name in own:
+                if name not in meshes:
+                    raise ValueError(f"no material {name!r} in the file; {near_names(name, meshes)}")
+        prefix = "" if table.name is None else f"{table.name}/"
+        return [
+            Body(mesh, material=own.get(name, rest), motion=motion, name=f"{prefix}{name or 'rest'}")
+            for name, mesh in meshes.items()
+        ]
+
+    def _material(self, value: str | MaterialTable) -> Material:
+        if isinstance(value, MaterialTable):
+            with located("material."):
+                return material_of(value)
+        with located("material: "):
+            return named_material(value, self._materials)
+
+    def _mesh(self, table: Any) -> Mesh:
+        if isinstance(table, MeshTable):
+            return self._read(table, load_mesh, lambda mesh: len(mesh.triangles))
+        make: Callable[..., Mesh] = getattr(shapes, table.kind)
+        return make(**table.model_dump(exclude={"kind"}, exclude_none=True))
+
+    def _meshes(self, table: Any) -> dict[str, Mesh]:
+        """The parts of an OBJ file by their materials."""
+        if not isinstance(table, MeshTable):
+            raise ValueError(f"expected a shape of kind 'mesh' with an OBJ file, got {table.kind!r}")
+        return self._read(table, partial(load_meshes, split_by="material"), len)
+
+    def _read(self, table: MeshTable, load: Callable[..., _Read], size: Callable[[_Read], int]) -> _Read:
+        sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
+        path = self._directory / sizes.pop("path")
+        with located("path: "):
+            if not path.is_file():
+                raise FileNotFoundError(f"expected a mesh file, got none at {path}")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what they say is an error here
+                read = load(path, **sizes)
+            if size(read) == 0:
+                raise ValueError(f"expected a mesh with faces, got none in {path}")
+        return read
+
+    def _human(self, table: HumanTable) -> list[Body]:
+        human = Human(**table.model_dump(exclude={"name", "material", "meshes"}))
+        make = human.mesh_bodies if table.meshes else human.bodies
+        bodies = make(material=self._material(table.material), name=table.name)
+        self._carriers |= {body.name: body.motion for body in bodies if body.name is not None}
+        return bodies
+
+    def _arm(self, table: ArmTable) -> list[Body]:
+        arm = self._arm_model(table)
+        with located("joints."):
+            joints = joint_motion_of(arm, table)
+        moving = arm.moving(joints, base=motion_of(table, self._carriers))
+        self._carriers |= {f"{table.name}/{link}": moving.link_motion(link) for link in arm.links}
+        return moving.bodies(material=self._material(table.material), name=table.name)
+
+    def _arm_model(self, table: ArmTable) -> RobotArm:
+        if table.model == "ur10":
+            return RobotArm.ur10_meshes() if table.meshes else RobotArm.ur10()
+        if table.meshes:
+            raise ValueError("meshes: expected false for a URDF file, which names its own meshes, got true")
+        with located("model: "):
+            return RobotArm.from_urdf(self._directory / table.model)
+
+
+def _check_names(tables: dict[str, AnyTable]) -> None:
+    """Refuse a name that two parts have: attachments and truth could not tell them apart."""
+    seen: dict[str, str] = {}
+    for where, table in tables.items():
+        if table.name is not None and table.name in seen:
+            raise ValueError(f"{where}: name: expected a name of its own, got that of {seen[table.name]}")
+        if table.name is not None:
+            seen[table.name] = where

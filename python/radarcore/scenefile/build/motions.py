@@ -1,0 +1,101 @@
+"""Poses and motions of scene files."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radarcore.geometry.pose import Pose
+from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
+from radarcore.models.robots.joint import JointAngles
+from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.line import cartesian_line
+from radarcore.motion.attached import Attached
+from radarcore.motion.linear import Linear
+from radarcore.motion.protocol import Motion
+from radarcore.motion.trajectory import Trajectory
+from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.read import unknown
+from radarcore.scenefile.tables import (
+    ArmTable,
+    JointTrajectoryTable,
+    LinearTable,
+    LineTable,
+    PlacedTable,
+    PoseTable,
+    SensorTable,
+)
+
+Carriers = dict[str, Motion]
+"""Motions by name, for what is attached to them."""
+
+
+def _pose(table: PoseTable) -> Pose:
+    given = [name for name in ("rpy_deg", "quaternion", "look_at") if getattr(table, name) is not None]
+    if len(given) > 1:
+        raise ValueError(f"{given[1]}: expected one of rpy_deg, quaternion and look_at, got also {given[0]}")
+    if table.look_at is not None:
+        if table.look_at[:2] == table.position[:2]:
+            raise ValueError("look_at: expected a point not straight above or below (use rpy_deg for that)")
+        return Pose.look_at(table.position, table.look_at)
+    if table.quaternion is not None:
+        return Pose.from_quaternion(table.position, table.quaternion)
+    return Pose.from_rpy(table.position, np.deg2rad(table.rpy_deg or (0.0, 0.0, 0.0)))
+
+
+def motion_of(table: PlacedTable, carriers: Carriers) -> Motion:
+    """The motion in the world."""
+    own: Motion
+    if table.motion is None or isinstance(table.motion, LinearTable):
+        with located("pose."):
+            own = _pose(table.pose)
+        if table.motion is not None:
+            own = Linear(own, table.motion.velocity, table.motion.angular_velocity)
+    else:
+        if "pose" in table.model_fields_set:
+            raise ValueError("pose: expected none together with a trajectory, which has its own poses")
+        poses = []
+        for k, pose in enumerate(table.motion.poses):
+            with located(f"motion.poses[{k}]."):
+                poses.append(_pose(pose))
+        with located("motion."):
+            own = Trajectory(table.motion.times, poses)
+    return own if table.attached_to is None else Attached(carriers[table.attached_to], own)
+
+
+def sensor_motion_of(table: SensorTable, carriers: Carriers) -> Motion:
+    """The motion of the sensor in the world; `along_z` puts it on the flange of an arm."""
+    if table.attached_to is not None and table.attached_to not in carriers:
+        raise ValueError(f"attached_to: unknown {unknown(table.attached_to, carriers)}")
+    if table.along_z is None:
+        return motion_of(table, carriers)
+    if table.attached_to is None:
+        raise ValueError(
+            "along_z: expected attached_to as well: the link of an arm, or the body, that carries the sensor"
+        )
+    if other := {"pose", "motion"} & table.model_fields_set:
+        raise ValueError(f"along_z: expected it alone, got {' and '.join(sorted(other))} as well")
+    return Attached(carriers[table.attached_to], Pose([0.0, 0.0, table.along_z]) @ RADAR_AT_TOOL0)
+
+
+def joint_motion_of(arm: RobotArm, table: ArmTable) -> JointTrajectory | JointAngles:
+    """Joint angles of an arm: at rest, along a trajectory, or along a line of the tool."""
+    joints = table.joints
+    if isinstance(joints, LineTable):
+        options = joints.model_dump(exclude={"kind", "start_deg"})
+        return cartesian_line(arm, _joint_angles(arm, "start_deg", joints.start_deg), **options)
+    if not isinstance(joints, JointTrajectoryTable):
+        return _joint_angles(arm, "angles_deg", joints.angles_deg)
+    if len(joints.angles_deg) != len(joints.times):
+        raise ValueError(f"angles_deg: expected {len(joints.times)} lists, one per time, got {len(joints.angles_deg)}")
+    rows = [_joint_angles(arm, f"angles_deg[{k}]", row) for k, row in enumerate(joints.angles_deg)]
+    return JointTrajectory(joints.times, np.array(rows).reshape(len(rows), -1), arm=arm)
+
+
+def _joint_angles(arm: RobotArm, name: str, values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Joint angles [rad]; m for joints that slide."""
+    if len(values) != len(arm.joint_names):
+        raise ValueError(
+            f"{name}: expected {len(arm.joint_names)} values ({', '.join(arm.joint_names)}), got {len(values)}"
+        )
+    units = [1.0 if joint.kind == "prismatic" else np.deg2rad(1.0) for joint in arm.moving_joints]
+    return np.array(values) * units

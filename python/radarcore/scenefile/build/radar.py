@@ -1,0 +1,96 @@
+"""Radars of scene files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.tables import PatternTable, RadarTable
+
+_WAVEFORM_KEYS = (
+    "start_frequency",
+    "stop_frequency",
+    "slope",
+    "sample_rate",
+    "num_samples",
+    "num_chirps",
+    "chirp_interval",
+    "chirp_times",
+    "frame_interval",
+    "adc_delay",
+)
+# Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz].
+_LOWEST_FREQUENCY, _HIGHEST_FREQUENCY = 1e8, 3e12
+
+
+def radar_of(table: RadarTable, directory: Path) -> Radar:
+    """The radar of a table; files of patterns are relative to the directory."""
+    given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
+    waveform = {name: given[name] for name in _WAVEFORM_KEYS if name in given}
+    for name in ("start_frequency", "stop_frequency"):
+        if not _LOWEST_FREQUENCY <= waveform.get(name, _LOWEST_FREQUENCY) <= _HIGHEST_FREQUENCY:
+            raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {waveform[name]:g}")
+    others: dict[str, Any] = {
+        name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization") if name in given
+    }
+    if table.pattern is not None:
+        with located("pattern."):
+            others["pattern"] = _pattern(table.pattern, directory)
+    for name in ("tx_patterns", "rx_patterns"):
+        if name in given:
+            others[name] = []
+            for k, entry in enumerate(given[name]):
+                with located(f"{name}[{k}]."):
+                    others[name].append(_pattern(entry, directory))
+    if table.receiver is not None:
+        with located("receiver."):
+            others["receiver"] = Receiver(**table.receiver.model_dump())
+    if table.preset is not None:
+        preset = bgt60tr13c(**waveform)
+        kept = {
+            name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
+        }
+        return Radar(preset.waveform, **(kept | others))
+    return Radar(_waveform(waveform), **others)
+
+
+def _waveform(values: dict[str, Any]) -> Waveform:
+    for name in ("start_frequency", "sample_rate", "num_samples"):
+        if name not in values:
+            raise ValueError(f"{name}: expected a value, or a preset, got none")
+    if ("slope" in values) == ("stop_frequency" in values):
+        got = "both" if "slope" in values else "none"
+        raise ValueError(f"slope: expected either slope or stop_frequency, got {got}")
+    return Waveform(**values) if "slope" in values else Waveform.from_sweep(**values)
+
+
+def _pattern(table: PatternTable, directory: Path) -> Pattern:
+    given = table.model_fields_set
+    if "path" in given:
+        if other := given - {"path"}:
+            raise ValueError(f"path: expected it alone, got {' and '.join(sorted(other))} as well")
+        with located("path: "):
+            return TabulatedPattern.load(directory / str(table.path))
+    azimuth, elevation = table.azimuth_deg, table.elevation_deg
+    widths = table.beamwidth_azimuth_deg, table.beamwidth_elevation_deg
+    if azimuth is not None or elevation is not None or isinstance(table.gain_db, list):
+        if azimuth is None or elevation is None or not isinstance(table.gain_db, list):
+            missing = "azimuth_deg" if azimuth is None else "elevation_deg" if elevation is None else "gain_db"
+            got = "none" if getattr(table, missing) is None else getattr(table, missing)
+            raise ValueError(f"{missing}: expected a list, as all three keys of a table are, got {got}")
+        if widths != (None, None):
+            raise ValueError("azimuth_deg: expected either a table or beam widths, got both")
+        return TabulatedPattern.from_degrees(azimuth, elevation, table.gain_db)
+    gain_db = 0.0 if table.gain_db is None else table.gain_db
+    if widths == (None, None):
+        return IsotropicPattern(gain_db)
+    if widths[0] is None or widths[1] is None:
+        missing = "beamwidth_azimuth_deg" if widths[0] is None else "beamwidth_elevation_deg"
+        raise ValueError(f"{missing}: expected both beam widths or none [degrees], got one")
+    return GaussianPattern(gain_db, widths[0], widths[1])

@@ -1,0 +1,1 @@
+"""The protocol ComLib of Infineon's older radar boards."""

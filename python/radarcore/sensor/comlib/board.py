@@ -1,0 +1,522 @@
+"""A board that speaks ComLib: the host's side of the conversation."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.sensor.board import BoardInfo, Lost, RawFrame
+from radarcore.sensor.comlib.messages import (
+    Adc,
+    AdcSettings,
+    Base,
+    Damage,
+    Direction,
+    Endpoint,
+    EndpointType,
+    Firmware,
+    Fmcw,
+    FmcwSettings,
+    Format,
+    Frame,
+    HostParser,
+    Info,
+    Message,
+    ProtocolStatus,
+    Reading,
+    SignalPart,
+    Status,
+    StatusMessage,
+    decode_endpoints,
+    decode_number,
+    encode_byte,
+    encode_number,
+    status_text,
+)
+from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
+from radarcore.sensor.transport import Stream
+
+_TIMEOUT = 1.0
+"""For the answer to a request [s]."""
+
+_BOARD_TIMEOUT = 10.0
+"""Silence after which a board that has lost step listens again [s]."""
+
+_CONFUSED = (
+    ProtocolStatus.BAD_START,
+    ProtocolStatus.NO_SUCH_ENDPOINT,
+    ProtocolStatus.EMPTY_PAYLOAD,
+    ProtocolStatus.PAYLOAD_TOO_LARGE,
+    ProtocolStatus.BAD_END_MARKER,
+)
+"""Status of endpoint 0 after which a board discards everything up to a silence."""
+
+_READ_SIZE = 16384
+
+_RATE_TOLERANCE = 1e-3
+"""Largest error of a measured sample rate: durations in whole ns of chirps that differ by 64 samples or more."""
+
+
+class ComLibBoard:
+    """A `Board` behind ComLib: the XMC boards with BGT60 and 24 GHz radars of 2016 to 2021.
+
+    It is known by its answer to the query of endpoints, not by its USB ids. Its radar is real, I of I and Q; other
+    boards are refused. Public facts leave open
+
+    - the sample rate and the TX mode of the BGT60 boards (endpoint RadarSoli): `configure` measures the rate by the
+      durations of two chirps and refuses another;
+    - how chirps follow each other: back to back, it is assumed;
+    - where in the ramp the samples lie: in its middle, it is assumed.
+
+    The constructor leaves the stream open where it raises.
+
+    Parameters
+    ----------
+    stream : Stream
+        Connection, which `close` gives back.
+    timeout : float
+        For the answer to a request [s].
+    board_timeout : float
+        Silence after which a board that has lost step listens again [s].
+
+    Raises
+    ------
+    SensorError
+        The board's firmware is too old, or lacks what is needed.
+    SensorTimeoutError, ProtocolError
+        Whatever is there does not speak ComLib.
+    """
+
+    info: BoardInfo
+
+    def __init__(self, stream: Stream, *, timeout: float = _TIMEOUT, board_timeout: float = _BOARD_TIMEOUT) -> None:
+        self._stream = stream
+        self._timeout = check.positive("timeout", timeout, "s")
+        self._board_timeout = check.non_negative("board_timeout", board_timeout, "s")
+        self._parser = HostParser()
+        self._messages: list[Message] = []
+        self._lock = threading.Lock()
+        self._turn = threading.Lock()
+        self._is_out_of_step = self._is_board_confused = False
+        self._is_measuring = self._is_frame_due = False
+        self._ready: list[RawFrame | Lost] = []
+        self._last_number: int | None = None
+        self._index = 0
+        self._interval_us = 0
+        self._shape = (0, 0, 0)
+        self._closed = False
+
+        # What endpoints has it?
+        stream.discard()
+        endpoints = self._probe()
+        types = [endpoint.type for endpoint in endpoints]
+        if EndpointType.IRDR in types and EndpointType.RBAS not in types:
+            raise SensorError(
+                f"{stream.name}: the board speaks the ComLib of 2016/17 ('Sensing Interface v5.0', endpoint iRDR), "
+                f"which radarcore does not; it needs firmware with the endpoints RBAS and RFMC"
+            )
+        for needed in (EndpointType.RBAS, EndpointType.RFMC):
+            if needed not in types:
+                letters = ", ".join(endpoint.letters for endpoint in endpoints) or "none"
+                raise SensorError(f"{stream.name}: expected an FMCW radar with endpoint {needed.name}, got {letters}")
+        self._base = types.index(EndpointType.RBAS) + 1
+        self._fmcw = types.index(EndpointType.RFMC) + 1
+        self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
+
+        # What can it do? It may have been left measuring.
+        self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+        firmware = Firmware.decode(self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
+        self._limits = Info.decode(self._ask(self._base, Base.GET_INFO, Base.INFO))
+        chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
+        self.info = BoardInfo(
+            port=stream.name,
+            protocol="comlib",
+            name=firmware.description or self._limits.description,
+            chip=chip[0] if chip else "",
+            firmware=f"{firmware.major}.{firmware.minor}.{firmware.build}",
+            serial_number="",
+        )
+
+    def configure(self, radar: Radar, *, rx_mask: int | None = None, tx_power: int | None = None) -> Radar:
+        """The radar that the board can do nearest to `radar`; it is in force from the next `start` on.
+
+        The ramp has the slope of `radar` up to the frequency limits of the board, and lasts as long as the board's
+        chirp. Receivers, pattern and power are taken over as they are.
+
+        Parameters
+        ----------
+        radar : Radar
+            One TX; one RX for every enabled receiver; real, or what comes is.
+        rx_mask : int, optional
+            Enabled receivers, the first in the lowest bit; default: the first ones.
+        tx_power : int, optional
+            Power step of the board; default: as it is.
+
+        Raises
+        ------
+        ValueError
+            For what no setting of the board comes near to.
+        RequestError
+            For what the board refuses.
+        """
+        wave = radar.waveform
+        rx_mask = self._rx_mask(radar, rx_mask)
+        if tx_power is not None and check.count("tx_power", tx_power, 0) > self._limits.max_tx_power:
+            raise ValueError(f"tx_power: expected 0 to {self._limits.max_tx_power}, got {tx_power}")
+        if not wave.has_uniform_chirps:
+            raise ValueError("waveform: expected chirps at equal intervals, got a list of chirp_times")
+        lowest, highest = self._limits.min_frequency_khz * 1e3, self._limits.max_frequency_khz * 1e3
+        if not lowest <= wave.start_frequency <= highest:
+            raise ValueError(
+                f"start_frequency: expected {lowest:g} to {highest:g} Hz, the limits of {self.info.name}, "
+                f"got {wave.start_frequency:g}"
+            )
+
+        with self._exclusive():
+            self._stop()
+            self._interval_us = 0
+            # The order of the vendor's host: frames off, frequencies, rate, format.
+            self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+            power = self._fmcw_settings().tx_power if tx_power is None else tx_power
+            self._set_ramp(wave, power, wave.adc_delay + wave.num_samples / wave.sample_rate)
+            if self._adc is not None:
+                settings = self._adc_settings(self._adc)._replace(sample_rate=round(wave.sample_rate))
+                self._set(self._adc, settings.encode())
+            self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
+            sample_rate = self._sample_rate(wave, rx_mask)
+            # The ramp lasts as long as the chirp, which follows from rate and format.
+            duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
+            ramp = self._set_ramp(wave, power, duration)
+            slope = decode_number(self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
+            shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
+
+        # What the board is set to.
+        self._interval_us = max(1, shortest, min(round(wave.frame_interval * 1e6), 0xFFFFFFFF))
+        self._shape = (rx_mask.bit_count(), wave.num_chirps, wave.num_samples)
+        if slope == 0.0:
+            slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
+        is_down = ramp.direction == Direction.DOWN
+        achieved = Waveform(
+            start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
+            slope=-slope if is_down else slope,
+            sample_rate=sample_rate,
+            num_samples=wave.num_samples,
+            num_chirps=wave.num_chirps,
+            chirp_interval=duration,
+            frame_interval=self._interval_us / 1e6,
+            adc_delay=0.5 * max(0.0, duration - wave.num_samples / sample_rate),
+        )
+        noise_figure_db = None if radar.receiver is None else radar.receiver.noise_figure_db
+        return Radar(
+            achieved,
+            tx=radar.tx,
+            rx=radar.rx,
+            pattern=radar.pattern,
+            tx_patterns=radar.tx_patterns,
+            rx_patterns=radar.rx_patterns,
+            tx_power_dbm=radar.tx_power_dbm,
+            receiver=Receiver(output="real", noise_figure_db=noise_figure_db),
+        )
+
+    def start(self) -> None:
+        """Begin to measure; frames count from 0."""
+        if not self._interval_us:
+            raise SensorError(f"{self.info.port}: not configured; call configure first")
+        with self._exclusive():
+            self._stop()
+            self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
+            self._last_number = None
+            self._is_measuring = True
+
+    def read(self, timeout: float) -> list[RawFrame | Lost]:
+        """Frames that have come since the last call, with what was lost between them, in order.
+
+        Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
+        """
+        with self._exclusive():
+            if not self._is_measuring:
+                raise SensorError(f"{self.info.port}: not measuring; call start first")
+            if not self._ready:
+                with contextlib.suppress(SensorTimeoutError):
+                    self._read_frame(check.non_negative("timeout", timeout, "s"))
+            ready, self._ready = self._ready, []
+            return ready
+
+    def stop(self) -> None:
+        """End measuring; does nothing where nothing is measured."""
+        with self._exclusive():
+            self._stop()
+
+    def details(self) -> dict[str, Any]:
+        """Nothing: the settings that are known are those of the radar."""
+        return {}
+
+    def temperature(self) -> float:
+        """Temperature of the chip [degrees Celsius]."""
+        if not self._limits.num_sensors:
+            raise SensorError(f"{self.info.port}: {self.info.name} has no temperature sensor")
+        with self._exclusive():
+            request = encode_byte(Base.GET_TEMPERATURE, 0)
+            return Reading.decode(self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
+
+    def close(self) -> None:
+        """Stop, and give the port back; may be called twice."""
+        # A board that is gone or confused must not keep the port from being closed.
+        if not (self._closed or self._is_out_of_step):
+            with contextlib.suppress(SensorError):
+                self.stop()
+        self._closed = True
+        self._stream.close()
+
+    # Settings
+
+    def _rx_mask(self, radar: Radar, rx_mask: int | None) -> int:
+        """Mask of the enabled receivers, where the antennas are possible."""
+        if len(radar.tx) != 1:
+            raise ValueError(
+                f"tx: expected one antenna, got {len(radar.tx)}; the endpoint that sets the TX mode of BGT60 boards "
+                f"(RadarSoli) is not public"
+            )
+        num_rx = self._limits.num_rx
+        if rx_mask is None:
+            if len(radar.rx) > num_rx:
+                raise ValueError(
+                    f"rx: expected at most {num_rx} antennas, as {self.info.name} has, got {len(radar.rx)}"
+                )
+            return (1 << len(radar.rx)) - 1
+        if check.count("rx_mask", rx_mask) >= 1 << num_rx:
+            raise ValueError(f"rx_mask: expected at most 0x{(1 << num_rx) - 1:x}, got 0x{rx_mask:x}")
+        if rx_mask.bit_count() != len(radar.rx):
+            raise ValueError(f"rx_mask: expected {len(radar.rx)} receivers, as in rx, got {rx_mask.bit_count()}")
+        return rx_mask
+
+    def _set_ramp(self, wave: Waveform, power: int, duration: float) -> FmcwSettings:
+        """Ramp of the waveform's slope for a time [s], within the limits of the board; returns what is set."""
+        start, stop = (
+            min(max(round(frequency * 1e-3), self._limits.min_frequency_khz), self._limits.max_frequency_khz)
+            for frequency in (wave.start_frequency, wave.start_frequency + wave.slope * duration)
+        )
+        if start == stop:
+            limits = f"{self._limits.min_frequency_khz * 1e3:g} to {self._limits.max_frequency_khz * 1e3:g} Hz"
+            raise ValueError(f"start_frequency: expected room for a ramp within {limits}, got {wave.start_frequency:g}")
+        direction = Direction.UP if wave.slope > 0.0 else Direction.DOWN
+        wanted = FmcwSettings(min(start, stop), max(start, stop), direction, power)
+        self._set(self._fmcw, wanted.encode())
+        settings = self._fmcw_settings()
+        if settings.direction != direction or settings.lower_khz >= settings.upper_khz:
+            raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {settings}")
+        return settings
+
+    def _set_format(self, wanted: Format) -> None:
+        try:
+            self._set(self._base, wanted.encode())
+        except RequestError as error:
+            if error.status == Status.SIGNAL_PART_NOT_AVAILABLE:
+                raise RequestError(
+                    f"{error}: the board has no real samples, and radarcore reads no other", error.status
+                ) from None
+            raise
+        answer = Format.decode(self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
+        if answer.signal_part != SignalPart.I:
+            raise SensorError(
+                f"{self._stream.name}: expected real samples (signal part {SignalPart.I.value}), got signal part "
+                f"{answer.signal_part}; radarcore reads no I/Q samples of ComLib boards"
+            )
+        if answer != wanted:
+            raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {answer}")
+
+    def _sample_rate(self, wave: Waveform, rx_mask: int) -> float:
+        """Sample rate of the board [Hz]; ValueError where it is another than the waveform's and cannot be set."""
+        if self._adc is not None:
+            return float(self._adc_settings(self._adc).sample_rate)
+        # Chirps of n and of other samples differ by the time of the samples between them.
+        other = wave.num_samples // 2 if wave.num_samples >= 128 else wave.num_samples + 64
+        durations = []
+        for num_samples in (other, wave.num_samples):
+            self._set_format(Format(num_samples, wave.num_chirps, rx_mask))
+            durations.append(self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION))
+        difference = (durations[1] - durations[0]) * (1 if wave.num_samples > other else -1)
+        if difference <= 0:
+            raise ProtocolError(
+                f"{self._stream.name}: chirps of {other} and {wave.num_samples} samples last {durations[0]} and "
+                f"{durations[1]} ns; expected the one with more samples to last longer"
+            )
+        rate = abs(wave.num_samples - other) / (difference / 1e9)
+        if abs(rate / wave.sample_rate - 1.0) > _RATE_TOLERANCE:
+            raise ValueError(
+                f"sample_rate: expected {rate:.4g} Hz, which the board is set to, got {wave.sample_rate:g}; the "
+                f"endpoint that sets the sample rate of BGT60 boards (RadarSoli) is not public"
+            )
+        return wave.sample_rate
+
+    def _fmcw_settings(self) -> FmcwSettings:
+        return FmcwSettings.decode(self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))
+
+    def _adc_settings(self, endpoint: int) -> AdcSettings:
+        return AdcSettings.decode(self._ask(endpoint, Adc.GET_SETTINGS, Adc.SETTINGS))
+
+    def _number(self, request: int, code: int) -> int:
+        return decode_number(self._ask(self._base, request, code))
+
+    # Frames
+
+    def _stop(self) -> None:
+        if self._is_measuring:
+            self._is_measuring = False
+            self._ready.clear()
+            self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+            self._ready.clear()
+
+    def _read_frame(self, timeout: float) -> None:
+        """Ask for a frame where none is due, and put it into `_ready` when it has come."""
+        if not self._is_frame_due:
+            self._send(self._base, encode_byte(Base.GET_FRAME, 1))
+            self._is_frame_due = True
+        try:
+            messages = self._answer(self._base, timeout)
+        except SensorTimeoutError:
+            raise SensorTimeoutError(f"{self._stream.name}: no frame came in {timeout:g} s") from None
+        except SensorError:
+            self._is_frame_due = False
+            raise
+        self._is_frame_due = False
+        host_time = time.time()
+        for message in messages:
+            if message.endpoint == self._base and message.code == Base.FRAME:
+                self._put_frame(Frame.decode(message.payload), host_time)
+
+    def _put_frame(self, frame: Frame, host_time: float) -> None:
+        codes = frame.codes[..., 0]
+        if frame.data_format or codes.shape != self._shape:
+            raise ProtocolError(
+                f"{self._stream.name}: expected a real frame of [rx, chirp, sample] {self._shape}, got "
+                f"{codes.shape} of data format {frame.data_format}"
+            )
+        # Frames of ADC codes have 12 bits.
+        if frame.resolution != 12:
+            raise ProtocolError(f"{self._stream.name}: expected samples of 12 bit, got {frame.resolution}")
+        # The number of the first frame after a start is not known; a board without trigger may repeat a number.
+        if self._last_number is None:
+            self._index = 0
+        else:
+            step = (frame.number - self._last_number) % 2**32
+            if 1 < step < 2**31:
+                between = (
+                    f"between frames {self._last_number} and {frame.number} of the board: asked for late, or damaged"
+                )
+                self._ready.append(Lost(step - 1, between))
+                self._index += step - 1
+            self._index += 1
+        self._last_number = frame.number
+        self._ready.append(RawFrame(codes, self._index, host_time))
+
+    # Conversation
+
+    @contextlib.contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        """One conversation at a time; a thread that reads frame after frame lets others in between."""
+        with self._turn:
+            self._lock.acquire()
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def _probe(self) -> list[Endpoint]:
+        """Endpoints; a second try where the first meets the end of what another program has asked for."""
+        try:
+            return decode_endpoints(self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+        except ProtocolError:
+            return decode_endpoints(self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+
+    def _ask(self, endpoint: int, request: int | bytes, code: int) -> bytes:
+        """Payload with `code` of the answer to a request, among others that may come with it."""
+        payload = bytes([request]) if isinstance(request, int) else request
+        for message in self._exchange(endpoint, payload):
+            if message.endpoint == endpoint and message.code == code:
+                return message.payload
+        raise ProtocolError(
+            f"{self._stream.name}: expected answer 0x{code:02x} of endpoint {endpoint} to 0x{payload[0]:02x}, got none"
+        )
+
+    def _set(self, endpoint: int, payload: bytes) -> None:
+        self._exchange(endpoint, payload)
+
+    def _exchange(self, endpoint: int, payload: bytes) -> list[Message]:
+        """Messages that answer a request, once its status is OK."""
+        if self._is_frame_due:
+            # No request before the answer to the last one. What is wrong with that, the next frame has again.
+            try:
+                self._read_frame(self._interval_us / 1e6 + self._timeout)
+            except SensorTimeoutError:
+                self._is_frame_due = False
+                self._is_out_of_step = self._is_board_confused = True
+            except SensorError:
+                pass
+        self._send(endpoint, payload)
+        try:
+            return self._answer(endpoint, self._timeout)
+        except SensorTimeoutError:
+            # Perhaps it has lost step, and what it said of that is lost too.
+            self._is_out_of_step = self._is_board_confused = True
+            raise
+
+    def _send(self, endpoint: int, payload: bytes) -> None:
+        if self._is_out_of_step:
+            self._await_silence()
+        self._messages = []
+        self._stream.write(Message(endpoint, payload).encode(), self._timeout)
+
+    def _answer(self, endpoint: int, timeout: float) -> list[Message]:
+        """Messages up to the status of `endpoint`; what has come before a time-out stays for the next call."""
+        deadline = time.monotonic() + timeout
+        while True:
+            data = self._stream.read(_READ_SIZE, max(0.0, deadline - time.monotonic()))
+            for item in self._parser.feed(data):
+                if isinstance(item, Damage):
+                    self._is_out_of_step = True
+                    raise ProtocolError(f"{self._stream.name}: not ComLib: {item.reason}")
+                if isinstance(item, Message):
+                    self._messages.append(item)
+                elif item.endpoint == endpoint or (item.endpoint == 0 and item.status):
+                    return self._finish(endpoint, item)
+            if not data and time.monotonic() >= deadline:
+                raise SensorTimeoutError(f"{self._stream.name}: no answer in {timeout:g} s")
+
+    def _finish(self, endpoint: int, item: StatusMessage) -> list[Message]:
+        if item.status:
+            if item.endpoint == 0 and item.status in _CONFUSED:
+                self._is_out_of_step = self._is_board_confused = True
+            text = status_text(item.endpoint, item.status)
+            raise RequestError(f"{self._stream.name}: endpoint {endpoint} refused a request: {text}", item.status)
+        messages, self._messages = self._messages, []
+        return messages
+
+    def _await_silence(self) -> None:
+        """Throw away what comes until the line is silent, and a confused board has had the time to listen again."""
+        listens = StatusMessage(0, ProtocolStatus.SILENCE).encode()
+        limit = time.monotonic() + self._timeout + (self._board_timeout if self._is_board_confused else 0.0)
+        last = b""
+        while True:
+            data = self._stream.read(_READ_SIZE, self._timeout)
+            last = last[1 - len(listens) :] + data
+            if listens in last:
+                self._is_board_confused = False
+            now = time.monotonic()
+            if not data and (now >= limit or not self._is_board_confused):
+                break
+            if now >= limit + self._timeout:
+                raise SensorTimeoutError(
+                    f"{self._stream.name}: the line is never silent; unplug the board, or it is no ComLib"
+                )
+        self._parser.reset()
+        self._is_out_of_step = self._is_board_confused = False

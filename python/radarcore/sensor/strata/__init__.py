@@ -1,0 +1,1 @@
+"""The protocol Strata of Infineon's radar boards."""

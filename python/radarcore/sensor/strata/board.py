@@ -1,0 +1,361 @@
+"""A BGT60TR13C on a board that speaks Strata: life cycle, and radar frames out of slices."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from radarcore.radar.radar import Radar
+from radarcore.sensor import bgt60
+from radarcore.sensor.board import BoardInfo, Lost, RawFrame
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
+from radarcore.sensor.packing import unpack_msb
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.byte_stream import Damage
+from radarcore.sensor.strata.link import Link
+from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
+from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
+
+_SFCTL_AT_PROBE = 0x100000
+"""Normal timing of MISO, two wait cycles: what a register can be read with."""
+
+_TEMPERATURE_AGE = 0.1
+"""A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
+
+_SADC_TRIES = 1000
+# Idle mode, with clock and supply for the temperature sensor; then the sensor on; then measure.
+_SADC_POWER = (0x19000000, 0x1F000BE0, 0x11000000, 0x13001000, 0x17000F80, 0x09800000, 0x011F8271, 0x0D000000)
+_SADC_ENABLE = (0x17000D80,)
+_SADC_START = (0x0F010F10,)
+
+_JITTER = 1000
+"""Time stamps of interrupts are not nearer to the truth [us]."""
+
+_MOST_RESTARTS = 10
+"""Restarts without a frame in between before giving up."""
+
+
+class StrataBoard:
+    """Host's side of a board with a BGT60TR13C; a `Board`.
+
+    Slices are whole frames, or whole parts of one (`bgt60.choose_slice_size`). Where packets are missing, the frames
+    they belong to are reported as lost: by time stamps, or else by the counters of packets. A frame of several slices
+    cannot be put together again safely then, nor after an error of the board: measuring is started anew.
+
+    Raises
+    ------
+    SensorError
+        When there is no board that speaks Strata 4, or none with this chip.
+    """
+
+    def __init__(self, link: Link, *, timeout: float = 1.0) -> None:
+        self._link = link
+        self._settings: bgt60.Settings | None = None
+        self._slice_size = 0
+        self._assembler: SliceAssembler | None = None
+        self._is_running = False
+        # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
+        self._conversation = threading.RLock()
+        self._temperature: tuple[float, float] = (-np.inf, np.nan)
+        self.info = self._open(timeout)
+
+    def _open(self, timeout: float) -> BoardInfo:
+        """Stop what may be running, ask for versions, reset the chip and look what it is."""
+        ask = self._link.ask
+        # Any answer will do here, but there has to be one.
+        version = Version.decode(ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
+        if version.protocol_major != 4:
+            advice = "update the board's firmware" if version.protocol_major < 4 else "update radarcore"
+            raise ProtocolError(
+                f"{self._link.name}: expected protocol 4 of Strata, got "
+                f"{version.protocol_major}.{version.protocol_minor}; {advice}"
+            )
+        self._try(Request.write(Code.DATA, Data.STOP, 0))
+        try:
+            count = ask(Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1))[0]
+        except RequestError:
+            count = 0
+        if count == 0:
+            raise SensorError(f"{self._link.name}: expected a board with a radar of the BGT60 family, got none")
+        uuid = self._try(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16)) or bytes(16)
+        name = self._try(Request.transfer(Code.BOARD_INFO, Info.NAME, 0)) or bytes(4)
+
+        self._pins_reset()
+        self._execute([bgt60.write_word(bgt60.SFCTL, _SFCTL_AT_PROBE)])
+        self._link.discard()
+        chip = bgt60.chip_name(self._read_register(bgt60.CHIP_ID))
+        if chip != "BGT60TR13C":
+            raise SensorError(f"{self._link.name}: expected a BGT60TR13C, got {chip}, whose registers are others")
+        return BoardInfo(
+            port=self._link.name,
+            protocol="strata",
+            name=packets.decode_board_info(name)[2] or "Strata board",
+            chip=chip,
+            firmware=version.firmware,
+            serial_number=packets.uuid_text(uuid) if any(uuid) else "",
+        )
+
+    def configure(self, radar: Radar, **options: Any) -> Radar:
+        """Settings for the next start; `options` are those of `bgt60.Settings.from_radar`."""
+        settings = bgt60.Settings.from_radar(radar, **options)
+        slice_size = bgt60.choose_slice_size(settings)
+        bgt60.registers(settings, slice_size)  # refuses what the chip cannot do
+        self.stop()
+        self._settings = bgt60.achieved(settings)
+        self._requested, self._slice_size = settings, slice_size
+        return self._settings.to_radar()
+
+    def start(self) -> None:
+        """Tell the board how to read, then set all registers and begin."""
+        if self._settings is None:
+            raise SensorError(f"{self._link.name}: expected configure(radar) before measuring")
+        with self._conversation:
+            self.stop()
+            self._index = 0
+            self._num_restarts = 0
+            self._begin()
+
+    def _begin(self) -> None:
+        image = bgt60.registers(self._requested, self._slice_size)
+        # A FIFO that has overflown before would end the data at once.
+        self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
+        self._is_running = True
+        self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(self._slice_size)))
+        self._link.ask(Request.write(Code.DATA, Data.START, 0))
+        while self._link.packets(0.0):
+            pass  # of an earlier measurement: this one has not begun
+        self._execute(bgt60.start_words(image))
+        self._assembler = SliceAssembler(self._slice_size * 3 // 2)
+        self._parts: list[Slice] = []
+        self._expected: int | None = None  # counter of the next slice's first packet
+        self._last: Slice | None = None
+        self._missing = ""  # why packets are missing since the last slice
+        self._arrived = time.monotonic()
+
+    def read(self, timeout: float) -> list[RawFrame | Lost]:
+        """Frames since the last call, and what was lost between them."""
+        found: list[RawFrame | Lost] = []
+        assembler = self._assembler
+        if assembler is None:
+            raise SensorError(f"{self._link.name}: expected start() before frames are read")
+        for packet in self._link.packets(timeout):
+            if isinstance(packet, Damage):
+                self._missing = self._missing or packet.reason
+                continue
+            for item in assembler.feed(packet):
+                if isinstance(item, SliceLost):
+                    self._missing = self._missing or item.reason
+                elif isinstance(item, StreamError):
+                    code = item.error
+                    text = code if isinstance(code, str) else packets.status_text(code)
+                    found.append(self._restart(f"the board stopped: {text}"))
+                    return found
+                elif len(item.data) != self._slice_size * 3 // 2:
+                    self._missing = self._missing or f"a slice of {len(item.data)} bytes"
+                else:
+                    found += self._frames(item)
+                    if self._assembler is not assembler:  # started anew
+                        return found
+        return found
+
+    def _frames(self, item: Slice) -> list[RawFrame | Lost]:
+        """Frames that are whole with a slice."""
+        found: list[RawFrame | Lost] = []
+        settings = self._running
+        num_samples = self._samples_per_frame
+        gap = 0 if self._expected is None else (item.first_counter - self._expected) % 65536
+        if item == self._last:
+            return []  # sent twice
+        if self._slice_size < num_samples and not self._is_in_step(item, gap, num_samples // self._slice_size):
+            return [self._restart(self._missing or "packets are missing")]
+        if gap > 0 or (self._missing and self._expected is None):
+            frames_per_slice = self._slice_size // num_samples
+            lost = self._num_lost(item, gap) * frames_per_slice
+            if lost > 0:
+                found.append(Lost(lost, self._missing or "packets are missing"))
+                self._index += lost
+        self._missing = ""
+        self._expected = (item.first_counter + item.num_packets) % 65536
+        self._last = item
+        self._arrived = time.monotonic()
+
+        self._parts.append(item)
+        if len(self._parts) * self._slice_size < num_samples:
+            return found
+        samples = np.concatenate([unpack_msb(part.data) for part in self._parts])
+        self._parts = []
+        self._num_restarts = 0
+        shape = (settings.num_chirps, settings.num_samples, settings.rx_mask.bit_count())
+        number = len(samples) // num_samples
+        now = time.time()
+        for first, frame in enumerate(samples.reshape(number, *shape)):
+            # The time stamp is that of the end of the slice.
+            left = (number - 1 - first) * settings.frame_time + settings.num_chirps * settings.chirp_time
+            stamp = None if item.timestamp is None else 1e-6 * item.timestamp - left
+            cube = np.ascontiguousarray(frame.transpose(2, 0, 1))
+            found.append(RawFrame(cube, self._index, now, stamp))
+            self._index += 1
+        return found
+
+    def _num_lost(self, item: Slice, gap: int) -> int:
+        """Slices of whole frames between the last slice and this one; `gap` is what the counter is ahead."""
+        if self._last is None:
+            return 1  # how many came before only the board knows
+        if (elapsed := _elapsed(self._last, item)) is not None:
+            frames_per_slice = self._slice_size // self._samples_per_frame
+            interval = 1e6 * self._running.frame_time * frames_per_slice
+            return max(round(elapsed / interval) - 1, 0)
+        # A counter that goes back says nothing.
+        return max(gap // item.num_packets, 1) if gap < 0x8000 else 1
+
+    def _is_in_step(self, item: Slice, gap: int, slices_per_frame: int) -> bool:
+        """Whether a slice is surely the next part of a frame."""
+        if gap > 0 or (self._missing and self._expected is None):
+            return False
+        if self._last is None or (elapsed := _elapsed(self._last, item)) is None:
+            return True
+        # Chirps pause between frames, which tells where a frame begins.
+        active = self._running.num_chirps * self._running.chirp_time
+        within, between = (
+            1e6 * active / slices_per_frame,
+            1e6 * (self._running.frame_time - active * (1.0 - 1.0 / slices_per_frame)),
+        )
+        is_first = len(self._parts) == 0
+        nearest_is_between = abs(elapsed - between) < abs(elapsed - within)
+        return nearest_is_between == is_first or abs(between - within) < _JITTER
+
+    def _restart(self, reason: str) -> Lost:
+        """Begin anew; the frames that would have been measured meanwhile are lost."""
+        with self._conversation:
+            if not self._is_running:  # ended meanwhile
+                return Lost(1, reason)
+            self._num_restarts += 1
+            if self._num_restarts > _MOST_RESTARTS:
+                raise SensorError(f"{self._link.name}: {reason}, again after {_MOST_RESTARTS} restarts")
+            began = self._arrived
+            self.stop()
+            self._begin()
+        lost = max(1, round((time.monotonic() - began) / self._running.frame_time))
+        self._index += lost
+        return Lost(lost, f"{reason}; measuring was started anew")
+
+    def stop(self) -> None:
+        """Stop the data, then the chip, and throw away what is still on its way."""
+        with self._conversation:
+            if not self._is_running:
+                return
+            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
+            image = bgt60.registers(self._requested, self._slice_size)
+            self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
+            self._is_running = False  # and not before: who is interrupted above stops again
+            self._link.discard()
+
+    def details(self) -> dict[str, Any]:
+        """Settings of the chip, under the names that Infineon's recordings have for them."""
+        settings = self._running
+        return {
+            "infineon": {
+                "aaf_cutoff_Hz": 500000,
+                "hp_cutoff_Hz": round(settings.highpass_cutoff),
+                "if_gain_dB": settings.if_gain_db,
+                "tx_power_level": settings.tx_power_level,
+                "firmware_version": self.info.firmware,
+                "uuid": str(int(self.info.serial_number.replace("-", "") or "0", 16)),
+            }
+        }
+
+    def temperature(self) -> float:
+        """Temperature of the chip [degrees Celsius]; at most 0.1 s old."""
+        with self._conversation:
+            when, value = self._temperature
+            if time.monotonic() - when >= _TEMPERATURE_AGE:
+                value = self._measure_temperature()
+                self._temperature = (time.monotonic(), value)
+            return value
+
+    def _measure_temperature(self) -> float:
+        if self._is_running:
+            return bgt60.temperature_of(self._read_register(bgt60.SADC_RESULT) & 0x3FF)
+        # Idle: power the chip for its sensor, and reset it afterwards.
+        self._execute(_SADC_POWER)
+        self._await(bgt60.STAT0, 1 << 2, 1 << 2)
+        self._execute(_SADC_ENABLE)
+        self._await(bgt60.STAT0, 1, 1)
+        self._execute(_SADC_START)
+        result = self._await(bgt60.SADC_RESULT, 1 << 10, 0)
+        self._pins_reset()
+        return bgt60.temperature_of(result & 0x3FF)
+
+    def _await(self, address: int, mask: int, value: int) -> int:
+        for _ in range(_SADC_TRIES):
+            if (found := self._read_register(address)) & mask == value:
+                return found
+        raise SensorError(f"{self._link.name}: the temperature sensor did not settle")
+
+    def close(self) -> None:
+        """Stop and give the port back."""
+        try:
+            self.stop()
+        except SensorError:
+            pass  # a board that is gone has stopped
+        finally:
+            self._link.close()
+
+    @property
+    def _samples_per_frame(self) -> int:
+        settings = self._running
+        return settings.num_samples * settings.num_chirps * settings.rx_mask.bit_count()
+
+    @property
+    def _running(self) -> bgt60.Settings:
+        assert self._settings is not None  # `start` has looked
+        return self._settings
+
+    def _read_register(self, address: int) -> int:
+        values = packets.decode_values(
+            self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands([address << 25])))
+        )
+        if len(values) != 1:
+            raise ProtocolError(f"{self._link.name}: expected one register, got {len(values)}")
+        return values[0] & 0xFFFFFF
+
+    def _execute(self, words: Iterable[int]) -> None:
+        """Send words to the chip."""
+        self._on_chip(Request.write(*_EXECUTE, packets.encode_commands(words)))
+
+    def _on_chip(self, request: Request) -> bytes:
+        """The answer; asked again where the first one only tells that the FIFO has overflown before."""
+        try:
+            return self._link.ask(request)
+        except RequestError as error:
+            if error.status != Status.UNEXPECTED_VALUE:
+                raise
+            return self._link.ask(request)
+
+    def _pins_reset(self) -> None:
+        self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
+
+    def _try(self, request: Request) -> bytes | None:
+        """The answer, or None where the board does not know the request."""
+        try:
+            return self._link.ask(request)
+        except RequestError as error:
+            if error.status in _UNKNOWN:
+                return None
+            raise
+
+
+def _elapsed(earlier: Slice, later: Slice) -> int | None:
+    """Time between two slices [us]; None where their time stamps do not tell: none, or a clock that has gone back."""
+    if earlier.timestamp is None or later.timestamp is None or later.timestamp < earlier.timestamp:
+        return None
+    return later.timestamp - earlier.timestamp
+
+
+_EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
+_RESETS = bgt60.FSM_RESET | bgt60.FIFO_RESET
+_UNKNOWN = (Status.NOT_IMPLEMENTED, Status.NOT_CONFIGURED, Status.BAD_VALUE)

@@ -1,0 +1,274 @@
+"""Strata requests and data packets over a port: one thread reads what the board sends, as fast as it comes."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from contextlib import suppress
+from typing import Protocol
+
+from radarcore.sensor.errors import (
+    ProtocolError,
+    RequestError,
+    SensorDisconnectedError,
+    SensorError,
+    SensorTimeoutError,
+)
+from radarcore.sensor.strata import packets as strata
+from radarcore.sensor.strata.byte_stream import Damage, HostParser
+from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Request, Response, Status
+from radarcore.sensor.transport import Stalled, Stream, VendorPort
+
+_REQUEST_TIMEOUT = 1.0
+# Every request may be made again: where an answer is damaged, that costs less than a measurement.
+_RETRIES = 2
+# An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
+_LATE = 0.1
+_READ_SIZE = 512 * 31
+# Bytes are waited for so long at once; so long a thread that is asked to end may take.
+_POLL = 0.1
+# Packets kept for whoever takes them: several seconds of any frames.
+_MOST_PACKETS = 4096
+
+
+class Link(Protocol):
+    """Requests to a board, and the data packets it sends."""
+
+    name: str
+    most_payload: int
+
+    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+        """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent."""
+
+    def packets(self, timeout: float) -> list[DataPacket | Damage]:
+        """Data packets since the last call, and damage among them; waits for the first up to `timeout` [s]."""
+
+    def discard(self) -> None:
+        """Throw away data packets until none come any more."""
+
+    def close(self) -> None:
+        """Give the port back."""
+
+
+class _Inbox:
+    """Data packets on their way from the thread that reads to the one that takes them."""
+
+    def __init__(self) -> None:
+        self._queue: queue.Queue[DataPacket | Damage | SensorError] = queue.Queue()
+        self._failure: SensorError | None = None
+
+    def put(self, item: DataPacket | Damage) -> None:
+        """Keep it, as long as there is room; beyond that the counter of the next packet tells what is missing."""
+        if self._queue.qsize() < _MOST_PACKETS:
+            self._queue.put(item)
+
+    def fail(self, error: SensorError) -> None:
+        """Nothing more will come."""
+        self._failure = error
+        self._queue.put(error)
+
+    def check(self) -> None:
+        if self._failure is not None:
+            raise type(self._failure)(*self._failure.args) from self._failure
+
+    def take(self, timeout: float) -> list[DataPacket | Damage]:
+        items: list[DataPacket | Damage] = []
+        try:
+            item = self._queue.get(timeout=timeout) if timeout > 0.0 else self._queue.get_nowait()
+            while not isinstance(item, SensorError):
+                items.append(item)
+                item = self._queue.get_nowait()
+        except queue.Empty:
+            return items
+        if not items:
+            self._queue.put(item)  # for the next call as well
+            self.check()
+        else:
+            self._queue.put(item)
+        return items
+
+    def discard(self, quiet: float) -> None:
+        deadline = time.monotonic() + 2.0
+        with suppress(SensorDisconnectedError):  # nothing more will come; the next request tells
+            while time.monotonic() < deadline and self.take(quiet):
+                pass
+
+
+class _Reading:
+    """What both links share: a thread that polls the port, and the packets it has found."""
+
+    def __init__(self, port: Stream | VendorPort) -> None:
+        self.name = port.name
+        self._inbox = _Inbox()
+        self._asking = threading.Lock()
+        self._closing = port.close
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
+        self._thread.start()
+
+    def packets(self, timeout: float) -> list[DataPacket | Damage]:
+        """Data packets since the last call, and damage among them."""
+        return self._inbox.take(timeout)
+
+    def discard(self) -> None:
+        """Throw away data packets until none come any more."""
+        self._inbox.discard(_POLL)
+
+    def close(self) -> None:
+        """End the thread, close the port."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            self._thread.join()
+        finally:
+            self._closing()
+
+    def _poll(self) -> None:
+        """Wait a little for something to come, and sort it."""
+        raise NotImplementedError
+
+    def _read(self) -> None:
+        try:
+            while not self._is_closed:
+                self._poll()
+        except SensorError as error:
+            self._inbox.fail(error)
+
+
+class StreamLink(_Reading):
+    """Over a byte stream: responses and data packets share the way to the host."""
+
+    most_payload = strata.MAX_REQUEST_PAYLOAD
+
+    def __init__(self, stream: Stream) -> None:
+        self._stream = stream
+        self._parser = HostParser()
+        self._parser_lock = threading.Lock()
+        self._responses: queue.Queue[Response] = queue.Queue()
+        self._num_due = 0  # answers to come; of interrupted requests too
+        super().__init__(stream)
+
+    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+        """Send a request and wait for its answer."""
+        with self._asking:
+            for tries_left in reversed(range(retries + 1)):
+                try:
+                    return _payload(self.name, request, self._response(request, timeout))
+                except SensorTimeoutError:
+                    if tries_left == 0:
+                        raise
+                except RequestError as error:
+                    if tries_left == 0 or error.status < Status.HEADER_INCOMPLETE or error.status > Status.CRC_ERROR:
+                        raise
+            raise AssertionError("unreachable")
+
+    def _response(self, request: Request, timeout: float) -> Response:
+        self._inbox.check()
+        self._forget_answers()
+        self._num_due += 1
+        self._stream.write(strata.encode_request(request), timeout)
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                response = self._responses.get(timeout=min(_POLL, max(deadline - time.monotonic(), 1e-3)))
+                self._num_due -= 1
+                return response
+            except queue.Empty:
+                self._inbox.check()
+                if time.monotonic() >= deadline:
+                    with self._parser_lock:
+                        self._parser.reset()
+                    raise SensorTimeoutError(
+                        f"{self.name}: no answer to {_text(request)} within {timeout:g} s"
+                    ) from None
+
+    def _forget_answers(self) -> None:
+        """Throw away answers to requests that were given up."""
+        with suppress(queue.Empty):
+            while self._num_due > 0:
+                self._responses.get(timeout=_LATE)
+                self._num_due -= 1
+        self._num_due = 0
+        with suppress(queue.Empty):
+            while True:
+                self._responses.get_nowait()
+
+    def _poll(self) -> None:
+        data = self._stream.read(_READ_SIZE, _POLL)
+        with self._parser_lock:
+            found = self._parser.feed(data)
+        for item in found:
+            if isinstance(item, Response):
+                self._responses.put(item)
+            else:
+                self._inbox.put(item)
+
+
+class VendorLink(_Reading):
+    """Over vendor requests and a bulk endpoint."""
+
+    most_payload = strata.MAX_CONTROL_PAYLOAD
+
+    def __init__(self, port: VendorPort) -> None:
+        self._port = port
+        super().__init__(port)
+
+    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+        """Send a request and fetch its answer; transfers of USB have retries of their own."""
+        del retries
+        with self._asking:
+            self._inbox.check()
+            where = (request.request, request.value, request.index)
+            try:
+                if request.kind == Kind.READ:
+                    answer = self._port.control_read(Kind.READ, *where, request.length, timeout)
+                    return _payload(self.name, request, Response(request.kind, 0, answer))
+                self._port.control_write(request.kind, *where, request.payload, timeout)
+                if request.kind == Kind.TRANSFER:
+                    return self._port.control_read(Kind.FETCH, *where, self.most_payload, timeout)
+                return _payload(self.name, request, Response(request.kind, self._status(timeout)))
+            except Stalled as error:
+                status = self._status(timeout)
+                if status == 0:
+                    raise ProtocolError(f"{self.name}: {_text(request)} was refused without a reason") from error
+                raise _refusal(self.name, request, status) from error
+
+    def _status(self, timeout: float) -> int:
+        """Status of the last request."""
+        answer = self._port.control_read(Kind.READ, Code.BOARD_INFO, Info.STATUS, 1, 4, timeout)
+        if len(answer) != 4:
+            raise ProtocolError(f"{self.name}: expected a status of 4 bytes, got {len(answer)}")
+        return answer[1]
+
+    def _poll(self) -> None:
+        data = self._port.read_packet(_READ_SIZE, _POLL)
+        if not data:
+            return
+        try:
+            self._inbox.put(strata.decode_data(data))
+        except ProtocolError as error:
+            self._inbox.put(Damage(len(data), str(error)))
+
+
+def _payload(name: str, request: Request, response: Response) -> bytes:
+    """Payload of a response that fits its request."""
+    if response.status != 0:
+        raise _refusal(name, request, response.status)
+    if response.kind != request.kind:
+        raise ProtocolError(f"{name}: expected an answer of kind 0x{request.kind:02X}, got 0x{response.kind:02X}")
+    expected = {Kind.READ: request.length, Kind.WRITE: 0}.get(Kind(request.kind), len(response.payload))
+    if len(response.payload) != expected:
+        raise ProtocolError(
+            f"{name}: expected {expected} bytes as answer to {_text(request)}, got {len(response.payload)}"
+        )
+    return response.payload
+
+
+def _refusal(name: str, request: Request, status: int) -> RequestError:
+    return RequestError(f"{name}: the board refuses {_text(request)}: {strata.status_text(status)}", status)
+
+
+def _text(request: Request) -> str:
+    return f"request 0x{request.request:02X} (value 0x{request.value:04X}, index 0x{request.index:04X})"

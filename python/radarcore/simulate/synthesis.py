@@ -1,0 +1,250 @@
+"""The beat signal of given paths: the synthesis without a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.radar.waveform import Waveform
+
+Number = TypeVar("Number", np.float64, np.complex128)
+
+METHODS = ("auto", "direct", "grid")
+"""Ways to form the sum over paths."""
+
+SINGLE_PRECISION_TOLERANCE = 1e-6
+"""Tolerances below this give complex128 and float64, others complex64 and float32."""
+
+MAX_THREADS = 1024
+"""More than this the core does not start."""
+
+
+@dataclass(frozen=True)
+class PlanPart:
+    """What is done with one class of paths.
+
+    Attributes
+    ----------
+    paths : "still", "moving" or "all"
+    num_paths : int
+        Over all channels.
+    method : "direct", "recurrence", "lanes" or "grid"
+        Eq. (1) sample by sample; a direct sum by phasor recurrences; range grids of many chirps side by side; the
+        range-velocity grid.
+    precision : "single" or "double"
+    width : int
+        Cells of the kernel that spreads a path on the grid; 0 for direct sums.
+    rows, terms : tuple of int
+        Velocity rows and sets of strengths of the grid, one number per block of chirps; empty for other methods.
+    error : float
+        Predicted rms error relative to l2(amplitudes).
+    memory : int
+        Beside input and result [bytes].
+    """
+
+    paths: str
+    num_paths: int
+    method: str
+    precision: str
+    width: int
+    rows: tuple[int, ...]
+    terms: tuple[int, ...]
+    error: float
+    memory: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What `beat_signal` does with which paths; `print` shows it.
+
+    Attributes
+    ----------
+    parts : tuple of PlanPart
+    error : float
+        Predicted rms error relative to l2(amplitudes), for paths that do not add up in phase. Where they do,
+        `beat_signal` finds out and runs a finer plan.
+    memory : int
+        Beside input and result [bytes].
+    """
+
+    parts: tuple[PlanPart, ...]
+    error: float
+    memory: int
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+    @classmethod
+    def _from_report(cls, report: _core.Report) -> Plan:
+        parts = tuple(
+            PlanPart(paths, count, method, precision, width, tuple(rows), tuple(terms), error, memory)
+            for paths, count, method, precision, width, rows, terms, error, memory in report.parts()
+        )
+        return cls(parts, report.error, report.memory, str(report))
+
+
+def beat_signal(
+    delay: ArrayLike,
+    amplitude: ArrayLike,
+    waveform: Waveform,
+    *,
+    delay_rate: ArrayLike | None = None,
+    delay_acceleration: ArrayLike | None = None,
+    tolerance: float = 1e-4,
+    method: str = "auto",
+    threads: int | None = None,
+) -> NDArray[np.complex64] | NDArray[np.complex128]:
+    """Samples of an ideal I/Q receiver for a set of paths, README eq. (1).
+
+    Sum over the paths of ``conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau**2 / 2))`` with
+    ``tau = delay + delay_rate T + delay_acceleration T**2 / 2``, T since the start of the frame, t since the
+    start of the chirp's ramp.
+
+    Parameters
+    ----------
+    delay : (path,), (channel, path) or (node, channel, path) array_like
+        Two-way delay [s] at the start of the frame; with three axes the delays at ``waveform.delay_times(num_nodes)``,
+        for any motion.
+    amplitude : (path,), (channel, path) or (node, channel, path) array_like of complex
+        Amplitude without the phase of propagation [sqrt(W)]. With three axes: together with delays at nodes, at as many
+        nodes as it has itself.
+    waveform : Waveform
+    delay_rate, delay_acceleration : like `delay`, optional
+        First and second derivative of the delay [s/s], [s/s^2]; not with nodal delays.
+    tolerance : float
+        Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel), 1e-12 to 1e-1; amplitudes at
+        nodes count with their mean power. The rounding of the delays given, and of complex64, is beyond it.
+    method : "auto", "direct" or "grid"
+        Auto: the cheapest that keeps to the tolerance. Direct: every sample of every path in double precision.
+        Grid: the range-velocity grid, however few the paths.
+    threads : int, optional
+        Threads to use; default: all cores. The result does not depend on it.
+
+    Returns
+    -------
+    samples : (channel, chirp, sample) complex64, complex128 for tolerances below 1e-6
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit together, numbers that are not finite, phases beyond 1e12 turns, and a tolerance that
+        the grid cannot reach.
+    TypeError
+        For complex delays and things that are no numbers.
+    MemoryError
+        For samples that do not fit into memory.
+    """
+    samples: NDArray[np.complex64] | NDArray[np.complex128]
+    samples, _ = _core.beat_signal(
+        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
+        waveform=waveform._core,
+        tolerance=check_tolerance(tolerance),
+        method=check.choice("method", method, METHODS),
+        threads=check_threads(threads),
+    )
+    return samples
+
+
+def plan_beat_signal(
+    delay: ArrayLike,
+    amplitude: ArrayLike,
+    waveform: Waveform,
+    *,
+    delay_rate: ArrayLike | None = None,
+    delay_acceleration: ArrayLike | None = None,
+    tolerance: float = 1e-4,
+    method: str = "auto",
+    threads: int | None = None,
+) -> Plan:
+    """What `beat_signal` would do with these arguments, with its error and its memory, without doing it."""
+    report = _core.plan_beat_signal(
+        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
+        waveform=waveform._core,
+        tolerance=check_tolerance(tolerance),
+        method=check.choice("method", method, METHODS),
+        threads=check_threads(threads),
+    )
+    return Plan._from_report(report)
+
+
+def check_tolerance(tolerance: float) -> float:
+    """A tolerance that can be asked for."""
+    bound = check.positive("tolerance", tolerance)
+    if not 1e-12 <= bound <= 1e-1:
+        raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
+    return bound
+
+
+def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
+    """The type of samples that honours a tolerance."""
+    return np.complex128 if check_tolerance(tolerance) < SINGLE_PRECISION_TOLERANCE else np.complex64
+
+
+def check_threads(threads: int | None) -> int | None:
+    """A number of threads, or None for all cores."""
+    if threads is None:
+        return None
+    num_threads = check.count("threads", threads)
+    if num_threads > MAX_THREADS:
+        raise ValueError(f"threads: expected at most {MAX_THREADS}, got {num_threads}")
+    return num_threads
+
+
+def _paths(
+    delay: ArrayLike,
+    amplitude: ArrayLike,
+    waveform: Waveform,
+    delay_rate: ArrayLike | None,
+    delay_acceleration: ArrayLike | None,
+) -> tuple[Any, Any, Any, Any]:
+    """Delays, amplitudes, rates and accelerations as the core takes them: of one shape, or amplitudes without nodes."""
+    if not isinstance(waveform, Waveform):
+        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
+    delays = _numbers("delay", delay, np.float64)
+    amplitudes = _numbers("amplitude", amplitude, np.complex128)
+    is_nodal = delays.ndim == 3
+    shape = delays.shape
+    if is_nodal:
+        shape = (*amplitudes.shape[:1], *shape[1:]) if amplitudes.ndim == 3 else shape[1:]
+    if amplitudes.shape != shape:
+        amplitudes = _like("amplitude", amplitudes, shape)
+    derivatives: list[NDArray[np.float64] | None] = []
+    for name, value in (("delay_rate", delay_rate), ("delay_acceleration", delay_acceleration)):
+        if value is None:
+            derivatives.append(None)
+            continue
+        if is_nodal:
+            raise ValueError(f"{name}: expected none together with delays at nodes {delays.shape}")
+        array = _numbers(name, value, np.float64)
+        derivatives.append(array if array.shape == delays.shape else _like(name, array, delays.shape))
+    rate, acceleration = derivatives
+    if acceleration is not None and rate is None:
+        rate = np.zeros_like(delays)
+    return delays, amplitudes, rate, acceleration
+
+
+def _numbers(name: str, value: ArrayLike, dtype: type[Number]) -> NDArray[Number]:
+    if type(value) is np.ndarray and value.dtype == dtype and value.flags.c_contiguous and 1 <= value.ndim <= 3:
+        return value
+    kind = "complex numbers" if dtype is np.complex128 else "real numbers"
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}: {error}") from None
+    if array.dtype.kind not in ("iufc" if dtype is np.complex128 else "iuf"):
+        raise TypeError(f"{name}: expected {kind}, got {array.dtype}")
+    if array.ndim > 3:
+        raise ValueError(f"{name}: expected (path,), (channel, path) or (node, channel, path), got {array.shape}")
+    return np.ascontiguousarray(np.atleast_1d(array), dtype=dtype)
+
+
+def _like(name: str, array: NDArray[Number], shape: tuple[int, ...]) -> NDArray[Number]:
+    try:
+        return np.ascontiguousarray(np.broadcast_to(array, shape))
+    except ValueError:
+        raise ValueError(f"{name}: expected shape {shape} or one that broadcasts to it, got {array.shape}") from None

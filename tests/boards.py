@@ -1,0 +1,119 @@
+"""Emulated boards behind real transports, and frames that can be told apart."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.radar.radar import Radar
+from radarcore.sensor import Sensor, open_sensor
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
+from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
+
+TRANSPORTS = ("cdc", "vendor", "pty")
+
+
+CLI = "import sys\nfrom radarcore.cli.main import main\nsys.exit(main())"
+"""Program that is the command `radarcore`."""
+
+
+def python(program: str, *arguments: object) -> subprocess.Popen[str]:
+    """A process that Ctrl-C ends, also where the tests themselves run in the background of a shell."""
+    interruptible = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    return subprocess.Popen(
+        [sys.executable, "-c", interruptible + program, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+_STEP = 131
+"""Between the first codes of frames; odd, so that the number of a frame follows from its first code."""
+
+
+class Numbered:
+    """Frames whose codes tell their number, modulo 4096."""
+
+    def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
+        wf = radar.waveform
+        return numbered((radar.num_channels, wf.num_chirps, wf.num_samples), index)
+
+
+def numbered(shape: tuple[int, ...], number: int) -> NDArray[np.uint16]:
+    """Codes of a frame."""
+    codes = (7 * np.arange(np.prod(shape)) + _STEP * number) % 4096
+    return codes.astype(np.uint16).reshape(shape)
+
+
+def number_of(codes: NDArray[np.uint16]) -> int:
+    """Number of a frame, modulo 4096; fails where its codes are not those of any."""
+    number = int(codes.flat[0]) * pow(_STEP, -1, 4096) % 4096
+    np.testing.assert_array_equal(codes, numbered(codes.shape, number))
+    return number
+
+
+@contextmanager
+def plugged(controller: Controller, transport: str) -> Iterator[tuple[dict[str, Any], Any]]:
+    """How to open an emulated board, and the board; `replug` of it puts it on the bus again."""
+    if transport == "pty":
+        board: Any = CdcBoard(controller)
+        with PtyPort(board) as port:
+            yield {"port": port.path}, board
+    else:
+        bus = EmulatedBus()
+        board: Any = VendorBoard(controller) if transport == "vendor" else CdcBoard(controller)
+        device = vendor_device(board) if transport == "vendor" else cdc_device(board)
+        bus.plug(device)
+
+        def replug() -> None:
+            board.plug()
+            bus.plug(device)
+
+        board.replug = replug
+        yield {"usb_backend": bus}, board
+    controller.close()
+
+
+@contextmanager
+def opened(controller: Controller, transport: str = "cdc", **options: Any) -> Iterator[Sensor]:
+    """A sensor that is open, to an emulated board; its queue is long enough for boards without a pace."""
+    options.setdefault("queue_size", 10_000)
+    with plugged(controller, transport) as (where, _), open_sensor(**where, **options) as sensor:
+        yield sensor
+
+
+SWING = """
+[radar]
+preset = "bgt60tr13c"
+
+[run]
+stop = 60.0
+resolution = 48
+field_of_view_deg = [20.0, 20.0]
+
+[[body]]
+name = "plate"
+shape = { kind = "plate", width = 0.2, height = 0.2 }
+material = "metal"
+
+[body.motion]
+kind = "trajectory"
+times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+poses = [
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+    { position = [4.0, 0.0, 0.0] },
+    { position = [1.5, 0.0, 0.0] },
+]
+"""

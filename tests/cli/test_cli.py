@@ -1,0 +1,253 @@
+"""The commands as a user runs them: what they write and print, and how they fail."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.cli import plot
+from radarcore.cli.main import main
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+COMMAND = [sys.executable, "-m", "radarcore"]
+
+SCENE = """
+[radar]
+preset = "bgt60tr13c"
+stop_frequency = 60e9
+num_chirps = 8
+
+[[body]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+pose = { position = [1.5, 0.0, 0.0] }
+motion = { kind = "linear", velocity = [-0.5, 0.0, 0.0] }
+
+[run]
+stop = 0.3
+rate = 10.0
+resolution = 48
+"""
+
+
+def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=300)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("recorded")
+    (directory / "scene.toml").write_text(SCENE)
+    rc.load_scene(directory / "scene.toml").record(directory / "recording", progress=False)
+    return directory / "recording"
+
+
+# --- simulate
+
+
+def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(scene: Path, tmp_path: Path) -> None:
+    done = run("simulate", scene, "-o", tmp_path / "new" / "recording", "--threads", "1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "3 frames of 3 x 8 x 64 samples" in done.stdout
+    assert len(done.stdout.splitlines()) == 1
+    recording = rc.Recording.load(tmp_path / "new" / "recording")
+    assert np.array_equal(recording.cube, rc.load_scene(scene).record(progress=False).cube)
+
+
+def test_simulate_prints_json(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["frames"] == 3
+    assert summary["cube_shape"] == [3, 3, 8, 64]
+    assert summary["seconds"] > 0.0
+    assert summary["real_time_factor"] == pytest.approx(0.3 / summary["seconds"])
+
+
+def test_simulate_replaces_a_recording_only_when_told_to(scene: Path, tmp_path: Path) -> None:
+    arguments = ["simulate", str(scene), "-o", str(tmp_path / "recording")]
+    assert main(arguments) == 0
+    before = (tmp_path / "recording" / "cube.npy").stat().st_mtime_ns
+    assert main(arguments) == 1
+    assert (tmp_path / "recording" / "cube.npy").stat().st_mtime_ns == before
+    assert main([*arguments, "--overwrite"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("radius = 0.1", "radius = -0.1", "body[0] 'ball': radius: expected a positive number [m], got -0.1"),
+        ("radius = 0.1", 'radius = "10 cm"', "body[0] 'ball': radius: expected a number [m], got '10 cm'"),
+        ("radius =", "raduis =", "body[0] 'ball': shape: unknown key 'raduis', did you mean 'radius'?"),
+        ("rate = 10.0", "rate = -1", "run: rate: expected a positive number [Hz], got -1.0"),
+        ("stop_frequency = 60e9", "stop_frequency = 60", "radar: stop_frequency: expected 1e8 to 3e12 [Hz]"),
+        ("1.5, 0.0, 0.0", "0.1, 0.0, 0.0", "sensor: pose: expected all antennas at least 1 mm from every surface"),
+    ],
+)
+def test_a_fault_is_reported_in_one_line_and_nothing_is_written(
+    tmp_path: Path, scene: Path, old: str, new: str, message: str
+) -> None:
+    scene.write_text(SCENE.replace(old, new))
+    done = run("simulate", scene, "-o", tmp_path / "new" / "recording")
+    lines = done.stderr.splitlines()
+    assert (done.returncode, done.stdout) == (1, "")
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith(f"radarcore: {scene}: {message}"), done.stderr
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def test_missing_mesh_and_missing_scene_are_one_line(tmp_path: Path, scene: Path) -> None:
+    scene.write_text(SCENE.replace('kind = "sphere", radius = 0.1', 'kind = "mesh", path = "part.obj"'))
+    done = run("simulate", scene, "-o", tmp_path / "recording")
+    part = tmp_path / "part.obj"
+    assert done.stderr == f"radarcore: {scene}: body[0] 'ball': path: expected a mesh file, got none at {part}\n"
+    assert done.returncode == 1
+    done = run("simulate", tmp_path / "none.toml", "-o", tmp_path / "recording")
+    assert done.stderr == f"radarcore: {tmp_path / 'none.toml'}: No such file or directory\n"
+    assert not (tmp_path / "recording").exists()
+
+
+def test_bad_options_write_nothing(tmp_path: Path, scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--threads", "0"]) == 1
+    assert capsys.readouterr().err.startswith("radarcore: threads: expected at least 1")
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording.npz")]) == 1
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> None:
+    scene.write_text(SCENE.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
+    output = tmp_path / "recording"
+    # What is started in the background of a shell ignores interrupts unless it says otherwise.
+    program = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from radarcore.cli.main import main; sys.exit(main())"
+    )
+    command = [sys.executable, "-c", program, "simulate", str(scene), "-o", str(output)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    row = 3 * 8 * 64 * 4  # bytes of a frame
+    deadline = time.monotonic() + 60.0
+    while not ((cube := output / "cube.npy").exists() and cube.stat().st_size > 3 * row):
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors == "radarcore: interrupted; what was recorded so far is readable\n"
+    with pytest.warns(UserWarning, match="of 10000 planned frames"):
+        recording = rc.Recording.load(output)
+    assert len(recording) >= 2
+    assert recording.cube.any(axis=(1, 2, 3)).all()
+
+
+# --- plot
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_every_picture_of_a_scene(scene: Path, tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    picture = tmp_path / "new" / f"{kind}.png"
+    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind", ["overview", *plot.OF_FRAMES, *plot.OF_RECORDINGS])
+def test_every_picture_of_a_recording(recording: Path, tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    picture = tmp_path / f"{kind}.png"
+    assert main(["plot", str(recording), "-o", str(picture), "--kind", kind, "--frame", "-1"]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_help_names_every_picture() -> None:
+    text = " ".join(run("plot", "--help").stdout.split())
+    assert all(kind in text for kind in plot.KINDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--kind", "depth"], "expected a scene file for a picture of kind 'depth', got a recording"),
+        (["--frame", "3"], "frame: expected an index below 3, got 3"),
+        (["-o", "picture.txt"], "picture.txt: expected a picture (.png, .pdf, .svg, .jpg), got suffix '.txt'"),
+    ],
+)
+def test_plot_says_what_is_wrong(
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str,
+) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    monkeypatch.chdir(tmp_path)
+    assert main(["plot", str(recording), "-o", "picture.png", *arguments]) == 1
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+# --- info, schema
+
+
+def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
+    scene: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    facts = []
+    for source in (scene, recording):
+        assert main(["info", str(source), "--json"]) == 0
+        facts.append(json.loads(capsys.readouterr().out))
+    of_scene, of_recording = facts
+    assert of_scene["bodies"] == of_recording["bodies"] == ["ball"]
+    assert of_scene["frames"] == of_recording["frames"] == 3
+    assert of_recording["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    waveform = rc.load_scene(scene).radar.waveform
+    for one in facts:
+        assert one["range bin [m]"] == waveform.range_resolution
+        assert one["samples"] == "real"
+        assert one["antenna pattern"] == "Gaussian, 3.5 dBi, 65 x 40 degrees"
+
+
+def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:
+    for source in (scene, recording):
+        done = run("info", source)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "ball" in done.stdout
+        assert "range bin [m]" in done.stdout
+
+
+def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(tmp_path)]) == 1
+    assert "expected a recording" in capsys.readouterr().err
+    assert main(["info", str(tmp_path / "none")]) == 1
+    assert "no such recording" in capsys.readouterr().err
+
+
+def test_schema_is_text_or_json() -> None:
+    text = run("schema").stdout
+    assert "body[].shape.radius" in text
+    found = json.loads(run("schema", "--json").stdout)
+    assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm"} == set(found["properties"])
+
+
+def test_reader_that_leaves_early_is_no_error() -> None:
+    done = subprocess.run(
+        f"'{sys.executable}' -m radarcore schema | head -n 1", shell=True, capture_output=True, text=True, check=False
+    )
+    assert done.stderr == ""
+    assert len(done.stdout.splitlines()) == 1

@@ -1,0 +1,114 @@
+"""The demo command, run as a user does, without and with the real robot meshes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.cli.demo import experiment
+from radarcore.cli.main import main
+from radarcore.comparison import targets
+from radarcore.models import robots
+
+needs_robots = pytest.mark.skipif(
+    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
+)
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "radarcore", *arguments], capture_output=True, text=True, check=False, timeout=300
+    )
+
+
+def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    lines: list[str] = []
+    result = experiment.run(tmp_path, duration=0.25, with_robots=False, say=lines.append)
+    cylinder, person = result["targets"]
+    assert (cylinder["name"], person["name"]) == ("cylinder", "person")
+    assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 10
+    assert person["num_frames"] == 10
+    assert person["num_range_within"] > 5
+    assert person["num_velocity_within"] > 5
+    recording = rc.Recording.load(tmp_path / "recording")
+    assert recording.cube.shape == (10, 3, 64, 128)
+    assert recording.cube.dtype == np.float32
+    assert (tmp_path / "experiment.png").read_bytes().startswith(b"\x89PNG")
+    assert any("x real time" in line for line in lines)
+    assert rc.load_scene(tmp_path / "scene.toml").run.stop == 5.0  # the whole experiment, to be changed and run again
+
+
+def test_cylinder_is_tracked_while_the_arm_moves_and_the_person_is_near(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
+    simulation = rc.load_scene(tmp_path / "scene.toml")
+    recording = simulation.simulator().record(2.0, 2.1, 40.0, progress=False)
+    assert recording.truth is not None
+    np.testing.assert_allclose(recording.truth.select(["cylinder"]).velocity, -0.25, atol=1e-3)
+    found = targets.track(recording, "cylinder")
+    c = targets.compare(recording, "cylinder", "cylinder", found)
+    assert c.num_frames == c.num_range_within == c.num_velocity_within == 4
+    assert np.abs(found.velocity + 0.25).max() < 0.1  # of the arm's motion itself, not only of the gate
+
+
+def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cylinder(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
+    simulation = rc.load_scene(tmp_path / "scene.toml")
+    rate = simulation.radar_motion.rate_at(2.5)
+    np.testing.assert_allclose(rate[:, 3], [0.25, 0.0, 0.0], atol=1e-4)  # the line's own bound
+    np.testing.assert_allclose(simulation.radar_motion.at(2.5).rotation, np.eye(3), atol=1e-3)  # angles of 3 digits
+
+
+@needs_robots
+def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path) -> None:
+    result = experiment.run(tmp_path, duration=0.05, with_robots=True, say=lambda _: None)
+    assert result["frames"] == 2
+    assert result["triangles"] > 100_000  # 5862 of the arm, 109 000 of the man
+    cylinder = result["targets"][0]
+    assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 2
+
+
+@needs_robots
+def test_human_stands_upright_on_the_floor() -> None:
+    corners = np.concatenate([link.vertices @ link.pose[:3, :3].T + link.pose[:3, 3] for link in robots.human_links()])
+    assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-12)
+    assert 1.6 < corners[:, 2].max() < 1.9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--ray-budget", "0"], "ray_budget: expected at least 1, got 0"),
+        (["--duration", "-1"], "duration: expected a positive number [s], got -1.0"),
+        (["--duration", "nan"], "duration: expected a finite number [s], got nan"),
+        (["-o", "/dev/null/demo"], "/dev/null/demo"),
+    ],
+)
+def test_bad_input_is_one_line_without_a_traceback(arguments: list[str], message: str) -> None:
+    done = run("demo", "--no-robots", *arguments)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_help_names_the_commands_and_no_command_is_an_error() -> None:
+    assert "demo" in run("--help").stdout
+    assert run().returncode == 2
+
+
+def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = iter(range(2))
+    original = rc.Simulator.frame
+
+    def interrupted(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
+        if next(frames, None) is None:
+            raise KeyboardInterrupt
+        return original(self, time)
+
+    monkeypatch.setattr(rc.Simulator, "frame", interrupted)
+    assert main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
+    with pytest.warns(UserWarning, match="2 of 200 planned frames"):
+        assert len(rc.Recording.load(tmp_path / "recording")) == 2

@@ -1,0 +1,140 @@
+"""`radarcore sensor`, as typed."""
+
+import json
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from boards import SWING, Numbered
+from radarcore.cli.main import main
+from radarcore.sensor import transport, virtual_board
+from radarcore.sensor.emulator.pty import PtyPort
+
+
+@pytest.fixture
+def port():
+    with virtual_board(Numbered(), speed=4.0) as board, PtyPort(board) as pty:
+        yield pty.path
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "swing.toml"
+    narrow = SWING.replace('"bgt60tr13c"', '"bgt60tr13c"\nstop_frequency = 59e9')
+    path.write_text(
+        narrow.replace("stop = 60.0", "stop = 0.2").replace("resolution = 48", "rate = 20.0\nresolution = 16")
+    )
+    return path
+
+
+def test_info_says_what_the_board_is(port, capsys):
+    assert main(["sensor", "info", port]) == 0
+    text = capsys.readouterr().out
+    for part in (port, "strata", "BGT60TR13C", "2.6.0", "24.9"):
+        assert part in text
+    assert main(["sensor", "info", port, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["chip"] == "BGT60TR13C"
+
+
+def test_list_without_boards_says_so(capsys, monkeypatch):
+    monkeypatch.setattr(transport, "find_ports", lambda **_: [])
+    assert main(["sensor", "list"]) == 1
+    assert "no radar board answers" in capsys.readouterr().err
+
+
+def test_list_names_boards_and_what_else_was_asked(port, capsys, monkeypatch):
+    found = transport.Port("serial", port, 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
+    gone = transport.Port("serial", "/dev/none", 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
+    monkeypatch.setattr(transport, "find_ports", lambda **_: [gone, found])
+    assert main(["sensor", "list"]) == 0
+    assert capsys.readouterr().out.startswith(f"{port}: Radar Baseboard MCU7 (MCU A), BGT60TR13C, firmware 2.6.0")
+    assert main(["sensor", "list", "--json"]) == 0
+    assert [entry["port"] for entry in json.loads(capsys.readouterr().out)] == [port]
+
+
+def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path, scene):
+    output = tmp_path / "rec"
+    arguments = ["--rate", "20", "--chirps", "8", "--samples", "32", "--gain", "40", "--power", "9", "--frames", "7"]
+    assert main(["sensor", "record", port, "-o", str(output), *arguments]) == 0
+    text = capsys.readouterr().out
+    assert "BGT60TR13C, firmware 2.6.0" in text
+    assert "frame interval      50 ms asked, 50.0" in text  # the nearest that the chip's timers can do
+    assert "7 frames in " in text
+    recording = rc.Recording.load(output)
+    assert recording.cube.shape == (7, 3, 8, 32)
+    settings = recording.source["infineon"]
+    assert (settings["if_gain_dB"], settings["tx_power_level"]) == (40, 9)
+
+    # Not twice, unless wanted; the radar of a scene file.
+    assert main(["sensor", "record", port, "-o", str(output), "--frames", "2"]) == 1
+    assert "--overwrite" in capsys.readouterr().err
+    again = ["--frames", "2", "--overwrite", "--radar", str(scene), "--chirps", "4"]
+    assert main(["sensor", "record", port, "-o", str(output), *again]) == 0
+    assert rc.Recording.load(output).cube.shape == (2, 3, 4, 64)
+
+
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
+def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tmp_path, scene):
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    rec = tmp_path / "rec"
+    assert main(["sensor", "record", port, "-o", str(rec), "--chirps", "8", "--frames", "5"]) == 0
+    for name, source in (("port", port), ("rec", rec), ("scene", scene)):
+        output = tmp_path / name
+        assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
+        assert str(output) in capsys.readouterr().out
+        pictures = list(output.glob("*.png"))
+        assert pictures
+        assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"
+
+
+def test_report_is_json(capsys, tmp_path):
+    pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
+    assert main(["sensor", "report"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert {"radarcore", "system", "ports", "usb"} <= report.keys()
+    path = tmp_path / "report.json"
+    assert main(["sensor", "report", "-o", str(path)]) == 0
+    assert json.loads(path.read_text())["radarcore"] == rc.__version__
+    assert str(path) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["info", "/dev/none"], "/dev/none"),
+        (["record", "/dev/none", "-o", "rec"], "/dev/none"),
+        (["record", "PORT", "-o", "rec", "--rate", "0"], "--rate: expected a positive number"),
+        (["record", "PORT", "-o", "rec", "--rate", "1000"], "frame_interval: expected at least"),
+        (["record", "PORT", "-o", "rec", "--gain", "70"], "if_gain_db: expected 18 dB to 60 dB, got 70 dB"),
+        (["record", "PORT", "-o", "rec", "--duration", "-1"], "duration: expected a positive number"),
+        (["record", "PORT", "-o", "rec", "--radar", "none.toml"], "none.toml"),
+        (["view", "none.toml"], "none.toml"),
+        (["view", "no/such/recording"], "no such recording, scene file or port"),
+        (["serve", "none.toml"], "none.toml"),
+        (["serve", "no/such/recording"], "no/such/recording"),
+    ],
+)
+def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sensor", *(port if word == "PORT" else word for word in arguments)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not (tmp_path / "rec").exists() or not any((tmp_path / "rec").iterdir())
+
+
+def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, scene):
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "rec")]) == 0
+    assert main(["sensor", "serve", str(tmp_path / "rec")]) == 1
+    assert "expected at least one frame with codes of an ADC" in capsys.readouterr().err
+
+
+def test_cube_of_a_view_may_be_any(tmp_path):
+    """A window follows whatever a recording holds: one chirp, I/Q."""
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    waveform = rc.bgt60tr13c().waveform.replace(num_chirps=1)
+    cube = np.random.default_rng(0).normal(size=(3, 1, 1, 64)).astype(np.complex64)
+    rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
+    assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
+    assert list((tmp_path / "out").glob("*.png"))

@@ -1,0 +1,125 @@
+"""Gait: the paper's control points, tables of angles at two speeds, and what joins without a jump."""
+
+import numpy as np
+import pytest
+
+from radarcore.models.people import gait
+
+SPEEDS = (0.05, 0.3, 0.5, 0.8, 1.0, 1.3, 1.5, 2.3, 3.0)
+FUNCTIONS = (gait.limb_angles, gait.trunk_angles, gait.root_translation)
+
+
+def every_angle(phase, relative_speed, derivative=0):
+    """Limb and trunk angles, (angle, phase) [degrees]."""
+    limb = gait.limb_angles(phase, relative_speed, derivative)
+    trunk = gait.trunk_angles(phase, relative_speed, derivative)
+    return np.array([*limb, *trunk])
+
+
+@pytest.mark.parametrize(
+    ("relative_speed", "name", "expected"),
+    [
+        (1.0, "hip", (22.037, 0.046, -15, 12.344)),
+        (1.0, "knee", (3, 3, 16.283, 70)),
+        (1.0, "ankle", (-3, -8.669, 8, -11.235)),
+        (1.0, "elbow", (11.407, 20.792, 34.987, 21.981)),
+        (1.0, "thorax", (1.453, -0.138, -1.453, 0.138)),
+        (1.0, "shoulder", (-11.82, -1.94, 7.94, -1.94)),
+        (1.5, "hip", (23.211, 0.827, -15, 12.826)),
+        (1.5, "knee", (3.356, 4.809, 16.565, 69.306)),
+        (1.5, "ankle", (-2.412, -8.068, 7.021, -9.972)),
+        (1.5, "elbow", (13.678, 26.673, 46.960, 27.349)),
+        (1.5, "thorax", (2.179, -0.207, -2.179, 0.207)),
+        (1.5, "roll", (0, -4.042, 0, 4.042)),
+    ],
+)
+def test_angles_of_the_published_formulas(relative_speed, name, expected):
+    phase = np.arange(4) / 4
+    limb, trunk = gait.limb_angles(phase, relative_speed), gait.trunk_angles(phase, relative_speed)
+    angles = getattr(limb if name in limb._fields else trunk, name)
+    np.testing.assert_allclose(angles, expected, atol=5.01e-4)  # half of the last digit printed
+
+
+@pytest.mark.parametrize("relative_speed", SPEEDS)
+def test_curves_pass_through_their_control_points(relative_speed):
+    for name, points in gait.control_points(relative_speed).items():
+        phase, expected = np.array(points).T
+        limb, trunk = gait.limb_angles(phase, relative_speed), gait.trunk_angles(phase, relative_speed)
+        angles = getattr(limb if name in limb._fields else trunk, name)
+        # Phases are kept to 1e-12 of a cycle, in which an angle changes by less than 1e-9 degrees.
+        np.testing.assert_allclose(angles, expected, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("relative_speed", SPEEDS)
+def test_roll_is_the_papers_four_pieces(relative_speed):
+    t = np.linspace(0.0, 1.0, 1001)[:-1]
+    a = 1.66 * relative_speed
+    pieces = [
+        a * (np.cos(2 * np.pi * t * 10 / 3) - 1),
+        -a * (1 + np.cos(2 * np.pi * (t - 0.15) * 10 / 7)),
+        a * (1 - np.cos(2 * np.pi * (t - 0.5) * 10 / 3)),
+        a * (1 + np.cos(2 * np.pi * (t - 0.65) * 10 / 7)),
+    ]
+    expected = np.select([t < 0.15, t < 0.5, t < 0.65, t >= 0.65], pieces)
+    np.testing.assert_allclose(gait.trunk_angles(t, relative_speed).roll, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("relative_speed", SPEEDS)
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_derivatives_are_those_of_the_values(function, relative_speed):
+    # Away from the joins of pieces, where the second derivative jumps.
+    joins = [t for points in gait.control_points(relative_speed).values() for t, _ in points] + [0.15, 0.5, 0.65, 1.0]
+    t, step = np.random.default_rng(1).random(500), 1e-6
+    t = t[np.abs((t[:, None] - np.array(joins) + 0.5) % 1.0 - 0.5).min(axis=1) > 2 * step]
+    later, earlier = (np.array(function(t + h, relative_speed)) for h in (step, -step))
+    derivative = np.array(function(t, relative_speed, 1))
+    # Third derivatives reach 1e6 times the angles where points are close together, rounding is 1e-8.
+    np.testing.assert_allclose((later - earlier) / (2 * step), derivative, rtol=1e-6, atol=2e-5)
+
+
+@pytest.mark.parametrize("relative_speed", SPEEDS)
+def test_angles_and_rates_join_from_cycle_to_cycle(relative_speed):
+    for derivative, tolerance in ((0, 1e-6), (1, 1e-3)):  # 1e-9 of a cycle times the next derivative
+        before, after = every_angle(np.array([1.0 - 1e-9, 1e-9]), relative_speed, derivative).T
+        np.testing.assert_allclose(before, after, atol=tolerance)
+    t = np.random.default_rng(2).uniform(-3.0, 3.0, 100)
+    for function in FUNCTIONS:
+        now, later = np.array(function(t, relative_speed)), np.array(function(t + 7.0, relative_speed))
+        np.testing.assert_allclose(now, later, atol=1e-9)
+
+
+@pytest.mark.parametrize("relative_speed", SPEEDS)
+def test_curves_do_not_swing_beyond_their_points(relative_speed):
+    t = np.linspace(0.0, 1.0, 2001)
+    for name, points in gait.control_points(relative_speed).items():
+        limb, trunk = gait.limb_angles(t, relative_speed), gait.trunk_angles(t, relative_speed)
+        angles = getattr(limb if name in limb._fields else trunk, name)
+        lowest, highest = np.sort([angle for _, angle in points])[[0, -1]]
+        assert lowest - 1e-9 <= angles.min() <= angles.max() <= highest + 1e-9, name
+
+
+def test_speed_changes_angles_without_a_jump_except_the_hips_at_1_3():
+    t = np.linspace(0.0, 1.0, 2001)
+    for change, hips_jump in ((0.5, 0.0), (1.3, 0.65)):
+        jumps = np.abs(every_angle(t, change + 1e-9) - every_angle(t, change - 1e-9)).max(axis=1)
+        assert jumps[0] == pytest.approx(hips_jump, abs=0.02)  # a doubled point parts there and changes its slope
+        assert jumps[1:].max() < 1e-5  # 1e-9 of a change of speed
+        root = np.abs(gait.root_translation(t, change + 1e-9) - gait.root_translation(t, change - 1e-9))
+        assert root.max() < 1e-8
+
+
+def test_cycle_of_a_walk_at_1_4_m_per_s():
+    relative_speed = 1.4 / (0.53 * 1.75)
+    duration = gait.cycle_duration(relative_speed)
+    assert duration == pytest.approx(1.0956, abs=5e-5)
+    # Swing and double support of the paper: 0.248 Dc + 0.143 s and 0.252 Dc - 0.143 s.
+    stance = gait.stance_fraction(relative_speed)
+    assert (1 - stance) * duration == pytest.approx(0.248 * duration + 0.143)
+    assert (2 * stance - 1) * duration == pytest.approx(0.504 * duration - 0.286)
+
+
+@pytest.mark.parametrize("relative_speed", [0.0, -1.0, 3.01, float("nan")])
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_speed_outside_the_model_is_named(function, relative_speed):
+    with pytest.raises(ValueError, match="relative_speed: expected more than 0 and at most 3 hip heights per second"):
+        function(0.0, relative_speed)

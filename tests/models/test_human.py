@@ -1,0 +1,370 @@
+"""A walking person: speeds of the joints from published tables, symmetry, exact velocities, closed bodies."""
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.models import robots
+from radarcore.models.people import gait
+from radarcore.models.people.human import SEGMENTS, Human
+from solids import area_vectors, is_closed, volume
+
+needs_robots = pytest.mark.skipif(
+    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
+)
+
+# A point of the body that the tables name: segment and place in its axes, over body height.
+POINTS = {
+    "root": ("pelvis", (0, 0, 0)),
+    "head": ("head", (0, 0, 0.130)),
+    "wrist": ("right_hand", (0, 0, 0)),
+    "knee": ("right_shank", (0, 0, 0)),
+    "ankle": ("right_foot", (0, 0, 0)),
+    "toe": ("right_foot", (0.75 * 0.152, 0, -0.039)),
+}
+MIRROR = np.diag([1.0, -1.0, 1.0])
+CURVED = ((0, 0), (3, 0), (3, 3), (1, 4))
+
+
+def place(human, segment, time, point=(0, 0, 0)):
+    """Position of a point of a segment [m]."""
+    return human.segment_motion(segment).at(time).apply(human.height * np.asarray(point, dtype=float))
+
+
+def velocity(human, segment, time, point=(0, 0, 0)):
+    """Velocity of a point of a segment [m/s]."""
+    rate = human.segment_motion(segment).rate_at(time)
+    return rate[:, :3] @ (human.height * np.asarray(point, dtype=float)) + rate[:, 3]
+
+
+def lowest(bodies, time):
+    return min(body.motion.at(time).apply(body.mesh.vertices)[:, 2].min() for body in bodies)
+
+
+# Slowest and fastest forward over a cycle [m/s]; in the stance the ankle should rest, so it tells how much it slides.
+FORWARD_SPEEDS = {
+    0.8: {
+        "root": (0.63, 0.97),
+        "head": (0.39, 1.21),
+        "wrist": (0.33, 1.55),
+        "knee": (0.23, 1.72),
+        "ankle": (-0.41, 3.40),
+        "toe": (-0.86, 4.30),
+        "stance": (-0.28, 0.23),
+    },
+    1.2: {
+        "root": (0.99, 1.41),
+        "head": (0.71, 1.69),
+        "wrist": (0.33, 2.45),
+        "knee": (0.54, 2.38),
+        "ankle": (-0.30, 4.36),
+        "toe": (-0.96, 5.45),
+        "stance": (-0.17, 0.44),
+    },
+    1.4: {
+        "root": (1.18, 1.62),
+        "head": (0.88, 1.92),
+        "wrist": (0.26, 2.93),
+        "knee": (0.71, 2.71),
+        "ankle": (-0.25, 4.85),
+        "toe": (-1.11, 6.04),
+        "stance": (-0.14, 0.50),
+    },
+}
+
+
+@pytest.mark.parametrize("speed", FORWARD_SPEEDS)
+def test_forward_speed_of_joints_over_a_cycle(speed):
+    human = Human(height=1.75, speed=speed)
+    phases = np.linspace(0.0, 1.0, 1001)
+    forward = np.array(
+        [
+            [velocity(human, segment, phase * human.cycle_duration, point)[0] for segment, point in POINTS.values()]
+            for phase in phases
+        ]
+    )
+    speeds = dict(zip(POINTS, forward.T, strict=True))
+    speeds["stance"] = speeds["ankle"][(phases >= 0.15) & (phases <= 0.45)]
+    for name, expected in FORWARD_SPEEDS[speed].items():
+        # Two digits are printed.
+        assert (speeds[name].min(), speeds[name].max()) == pytest.approx(expected, abs=0.01), name
+
+
+def test_joints_at_the_right_heel_strike_are_where_the_published_chain_has_them():
+    human = Human(height=1.75, speed=1.4)
+    expected = {
+        "ankle": (0.3311, -0.1155, 0.0909),
+        "toe": (0.5407, -0.0933, 0.0860),
+        "wrist": (-0.1459, -0.2038, 0.8397),
+        "head": (0.0447, 0.0157, 1.7107),
+    }
+    # The lift is the same for all: taken from the pelvis, which the gait puts at a known height.
+    root = 0.53 * 1.75 * (1.0 + gait.root_translation(0.0, human.relative_speed)[2])
+    lift = place(human, "pelvis", 0.0) - [0, 0, root]
+    for name, position in expected.items():
+        segment, point = POINTS[name]
+        np.testing.assert_allclose(place(human, segment, 0.0, point)[2] - lift[2], position[2], atol=1e-4)
+        np.testing.assert_allclose(place(human, segment, 0.0, point)[:2], position[:2], atol=1e-4)
+    left_ankle = place(human, "left_foot", 0.0) - [0, 0, lift[2]]
+    np.testing.assert_allclose(left_ankle, (-0.3530, 0.1483, 0.1086), atol=1e-4)
+    assert 0.02 < lift[2] < 0.06  # how far the soles would sink
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0, 2.5])
+def test_left_is_the_mirror_image_of_right_half_a_cycle_later(speed):
+    human = Human(speed=speed)
+    half = 0.5 * human.cycle_duration
+    ahead = np.array([speed * half, 0.0, 0.0])
+    for segment in SEGMENTS:
+        other = segment.replace("left_", "right_") if "left_" in segment else segment.replace("right_", "left_")
+        for t in (0.0, 0.2, 0.9):
+            pose, later = human.segment_motion(segment).at(t), human.segment_motion(other).at(t + half)
+            np.testing.assert_allclose(MIRROR @ pose.position, later.position - ahead, atol=1e-12)
+            np.testing.assert_allclose(MIRROR @ pose.rotation @ MIRROR, later.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.4, 2.7])
+def test_every_segment_advances_by_one_cycle_at_the_mean_speed(speed):
+    human = Human(speed=speed)
+    duration = human.cycle_duration
+    motions = [human.segment_motion(segment) for segment in SEGMENTS]
+    for motion in motions:
+        first, second = motion.at(0.123), motion.at(0.123 + duration)
+        np.testing.assert_allclose(second.position - first.position, [speed * duration, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(second.rotation, first.rotation, atol=1e-12)
+    # The trapezoidal rule over a period: only the jumps of acceleration at the control points are left.
+    times = np.linspace(0.0, duration, 201)[:-1]
+    velocities = np.array([[motion.rate_at(t)[:, 3] for motion in motions] for t in times])
+    np.testing.assert_allclose(velocities.mean(axis=0), np.tile([speed, 0, 0], (16, 1)), atol=2e-3 * speed)
+
+
+@pytest.mark.parametrize("path", [((0, 0), (10, 0)), CURVED])
+@pytest.mark.parametrize("speed", [0.4, 1.4, 2.6])
+def test_velocities_are_the_derivatives_of_the_poses(speed, path):
+    human = Human(speed=speed, path=path, start_time=0.3, phase=0.2)
+    step = 1e-5
+    for time in np.random.default_rng(3).uniform(-1.0, 8.0 / speed, 20):
+        for segment in SEGMENTS:
+            motion = human.segment_motion(segment)
+            later, earlier = motion.at(time + step), motion.at(time - step)
+            difference = np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position])
+            np.testing.assert_allclose(motion.rate_at(time), difference / (2 * step), atol=1e-6)
+
+
+def test_velocities_do_not_jump_in_turns():
+    human = Human(path=CURVED)
+    shoulder = human.segment_motion("left_upper_arm")
+    rates = np.array([shoulder.rate_at(t) for t in np.linspace(0.0, human.path.length / human.speed, 2001)])
+    # 3 ms at less than 30 1/s^2 and m/s^2; turns of constant radius would jump by 1.4 / 0.4 = 3.5 1/s.
+    assert np.abs(np.diff(rates, axis=0)).max() < 0.1
+
+
+def test_pelvis_follows_the_path_and_faces_along_it():
+    human = Human(path=CURVED, start_time=2.0)
+    sway = 0.04 * 1.75  # 0.021 and 0.032 hip heights
+    for time in np.linspace(0.0, 10.0, 40):
+        point = human.path.at(1.4 * (time - 2.0))
+        pose = human.segment_motion("pelvis").at(time)
+        assert np.hypot(*(pose.position[:2] - [point.position.real, point.position.imag])) < sway
+        ahead = np.array([np.cos(point.heading), np.sin(point.heading), 0.0])
+        assert pose.rotation[:, 0] @ ahead > np.cos(np.deg2rad(8.0))  # torsion of 4 degrees RV
+
+
+def test_person_walks_in_before_and_out_after_the_path():
+    human = Human(path=[[0, 0], [4, 0], [4, 4]], start_time=1.0)
+    coming, gone = human.segment_motion("trunk").at(-4.0), human.segment_motion("trunk").at(11.0)
+    np.testing.assert_allclose(coming.position[:2], [-5 * 1.4, 0], atol=0.1)
+    np.testing.assert_allclose(gone.position[:2], [4, 4 + 10 * 1.4 - human.path.length], atol=0.1)
+
+
+def test_phase_and_start_time_shift_the_walk():
+    human, shifted = Human(), Human(start_time=2.0, phase=0.25)
+    quarter = 0.25 * human.cycle_duration
+    for segment in SEGMENTS:
+        at_start, pose = shifted.segment_motion(segment).at(2.0), human.segment_motion(segment).at(quarter)
+        np.testing.assert_allclose(at_start.rotation, pose.rotation, atol=1e-12)
+        np.testing.assert_allclose(at_start.position, pose.position - [1.4 * quarter, 0, 0], atol=1e-12)
+
+
+def test_taller_person_at_the_same_relative_speed_is_the_same_picture_larger():
+    small, large = Human(height=1.0, speed=0.8), Human(height=2.0, speed=1.6)
+    for segment in SEGMENTS:
+        a, b = small.segment_motion(segment).at(0.4), large.segment_motion(segment).at(0.4)
+        np.testing.assert_allclose(2.0 * a.position[2], b.position[2], atol=0.02)  # the lift: feet differ in build
+        np.testing.assert_allclose(2.0 * a.position[:2], b.position[:2], atol=1e-12)
+        np.testing.assert_allclose(a.rotation, b.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5, 1.4, 2.7])
+def test_lowest_point_of_a_cycle_touches_the_floor(speed):
+    human = Human(speed=speed)
+    feet = [body for body in human.bodies() if body.name.endswith("foot")]
+    times = np.linspace(0.0, human.cycle_duration, 401) if speed else [0.0]
+    heights = [lowest(feet, t) for t in times]
+    assert min(heights) == pytest.approx(0.0, abs=3e-4)  # facets of the spheroids
+    assert speed > 2.0 or max(heights) < 0.04  # one foot is always near the floor, but for a race
+
+
+def test_bodies_are_closed_spheroids_of_the_weight_of_a_person():
+    bodies = Human(height=1.75, mass=70.0).bodies(name="walker")
+    assert [body.name for body in bodies] == [f"walker/{segment}" for segment in SEGMENTS]
+    for body in bodies:
+        assert is_closed(body.mesh), body.name
+        middle = body.mesh.vertices.mean(axis=0)
+        outwards = body.mesh.vertices[body.mesh.triangles].mean(axis=1) - middle
+        assert (area_vectors(body.mesh) * outwards).sum(axis=1).min() > 0.0, body.name
+        assert body.material == rc.materials["skin"]
+    assert sum(volume(body.mesh) for body in bodies) == pytest.approx(66.4e-3, rel=0.01)
+    # Semi-axes of the published table [m].
+    sizes = {body.name.split("/")[1]: np.ptp(body.mesh.vertices, axis=0) / 2 for body in bodies}
+    np.testing.assert_allclose(sizes["left_thigh"], (0.086, 0.086, 0.2145), atol=1e-3)
+    np.testing.assert_allclose(sizes["right_shank"], (0.058, 0.058, 0.215), atol=1e-3)
+    np.testing.assert_allclose(sizes["left_forearm"], (0.043, 0.043, 0.128), atol=1e-3)
+
+
+def test_mass_and_material_are_the_users():
+    metal = rc.materials["metal"]
+    light, heavy = (Human(mass=mass).bodies(metal, subdivisions=2) for mass in (50.0, 100.0))
+    for a, b in zip(light, heavy, strict=True):
+        assert b.mesh.volume == pytest.approx(2.0 * a.mesh.volume)
+        assert a.material == b.material == metal
+    assert Human(height=1.75).mass == 70.0
+    assert Human(height=1.0).mass == pytest.approx(70.0 / 1.75**2)
+
+
+def test_standing_person_is_upright_and_known_to_be_still():
+    human = Human(speed=0.0, path=[[2, 1], [2, 5]])
+    bodies = human.bodies()
+    assert rc.Scene(bodies).is_static
+    corners = np.concatenate([body.motion.at(0.0).apply(body.mesh.vertices) for body in bodies])
+    assert corners[:, 2].min() == pytest.approx(0.0, abs=3e-4)
+    assert corners[:, 2].max() == pytest.approx(1.75, abs=1e-3)
+    np.testing.assert_allclose(corners[:, :2].mean(axis=0), [2, 1], atol=0.1)
+    np.testing.assert_allclose(human.segment_motion("trunk").at(5.0).rotation[:, 0], [0, 1, 0], atol=1e-12)
+
+
+def test_threads_see_the_same_person():
+    from concurrent.futures import ThreadPoolExecutor
+
+    human, alone = Human(path=CURVED), Human(path=CURVED)
+    times = np.random.default_rng(4).uniform(0.0, 5.0, 200).tolist() * 2
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(human.segment_motion("left_foot").rate_at, times))
+    for time, rate in zip(times, together, strict=True):
+        np.testing.assert_array_equal(rate, alone.segment_motion("left_foot").rate_at(time))
+
+
+def test_radar_sees_a_person_come():
+    waveform = rc.Waveform.from_sweep(
+        start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=128, num_chirps=64, chirp_interval=3e-4
+    )
+    human = Human(path=[[5, 0], [0, 0]])
+    sensor = rc.Pose([0.0, 0.0, 1.2])
+    simulator = rc.Simulator(rc.Scene(human.bodies()), rc.Radar(waveform), radar_motion=sensor, resolution=96)
+    peak = rc.strongest_peak(simulator.frame(1.0).cube, waveform)
+    assert peak.range == pytest.approx(5.0 - 1.4, abs=0.3)  # half of a trunk
+    assert -1.92 < peak.velocity < -0.88  # between slowest and fastest of the trunk
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"height": 0.0}, ValueError, r"height: expected a positive number \[m\], got 0"),
+        ({"height": "tall"}, TypeError, r"height: expected a number \[m\], got 'tall'"),
+        ({"speed": -1.0}, ValueError, r"speed: expected zero or a positive number \[m/s\], got -1"),
+        ({"speed": 3.5}, ValueError, r"speed: expected at most 2.78 m/s for a height of 1.75 m .* got 3.5"),
+        ({"speed": float("nan")}, ValueError, r"speed: expected a finite number \[m/s\]"),
+        ({"mass": 0.0}, ValueError, r"mass: expected a positive number \[kg\]"),
+        ({"start_time": None}, TypeError, r"start_time: expected a number \[s\]"),
+        ({"phase": float("inf")}, ValueError, "phase: expected a finite number"),
+        ({"path": [[0, 0]]}, ValueError, "path: expected at least two waypoints, got 1"),
+        ({"path": [[0, 0], [4, 0], [0, 0]]}, ValueError, "turn of 180 degrees at waypoint 1"),
+        ({"turn_radius": -1.0}, ValueError, r"turn_radius: expected a positive number \[m\]"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Human(**arguments)
+
+
+@pytest.mark.parametrize("height", [0.9, 1.63, 1.75, 1.99])
+def test_fastest_speed_is_the_one_the_message_names(height):
+    human = Human(height=height, speed=3.0 * (0.53 * height))
+    assert human.relative_speed == pytest.approx(3.0)
+    assert np.isfinite(human.segment_motion("head").at(1.0).position).all()
+
+
+def test_unknown_segment_is_named():
+    with pytest.raises(ValueError, match=r"name: expected one of 'pelvis', .* got 'tail'"):
+        Human().segment_motion("tail")
+
+
+def urdf_angles(human, time):
+    """Angles [rad] of the real man's joints, by name, for the gait at a time."""
+    phase, relative_speed = time / human.cycle_duration, human.relative_speed
+    trunk = gait.trunk_angles(phase, relative_speed)
+    angles = {
+        "middle_lumbar_Z": -trunk.lean,
+        "middle_lumbar_X": -trunk.roll,
+        "middle_thoracic_Y": trunk.torsion - trunk.thorax,
+    }
+    for side, shift in (("right", 0.0), ("left", 0.5)):
+        limb = gait.limb_angles(phase + shift, relative_speed)
+        angles |= {f"{side}_{joint}_Z": getattr(limb, joint) for joint in limb._fields}
+    return {joint: float(np.deg2rad(angle)) for joint, angle in angles.items()}
+
+
+@needs_robots
+def test_real_meshes_move_as_the_joints_of_their_own_model_do():
+    human = Human(height=1.8)
+    bodies = {body.name.split("/")[1]: body for body in human.mesh_bodies()}
+    standing = {link.name: link for link in robots.human_links()}
+    scale = 1.8 / max((link.vertices @ link.pose[2, :3] + link.pose[2, 3]).max() for link in standing.values())
+    for time in (0.0, 0.2, 0.5, 0.9):
+        links = {link.name: link.pose for link in robots.human_links(urdf_angles(human, time))}
+        pelvis, model_pelvis = bodies["pelvis"].motion.at(time), links["middle_pelvis/pelvis_mesh"]
+        for name, segment, angle_deg, distance in (
+            # The legs hang on the pelvis: exact. The trunk's roll, torsion and lean, 7 degrees at most, come in another
+            # order, which turns it by up to 1 degree more or less: 2 cm at the hands.
+            ("left_foot/foot_mesh", "left_foot", 1e-9, 1e-9),
+            ("right_lowerleg/knee_mesh", "right_shank", 1e-9, 1e-9),
+            ("right_hand/hand_mesh", "right_hand", 1.0, 0.02),
+            ("middle_head/head_mesh", "head", 1.0, 0.02),
+        ):
+            moved = bodies[segment].motion.at(time)
+            turned = pelvis.rotation.T @ moved.rotation
+            ours_to_isb = standing[name].pose[:3, :3]
+            expected = ours_to_isb @ model_pelvis[:3, :3].T @ links[name][:3, :3] @ ours_to_isb.T
+            np.testing.assert_allclose(turned, expected, atol=np.deg2rad(angle_deg))
+            # These meshes sit at the origins of their links; the pelvis' is 5 cm below.
+            offset = model_pelvis[:3, :3].T @ (links[name][:3, 3] - model_pelvis[:3, 3]) - [0.0, 0.05, 0.0]
+            moved_by = pelvis.rotation.T @ (moved.position - pelvis.position)
+            np.testing.assert_allclose(moved_by, scale * (ours_to_isb @ offset), atol=distance, err_msg=segment)
+
+
+@needs_robots
+def test_real_meshes_are_closed_upright_and_on_the_floor():
+    human = Human(height=1.7, path=[[0, 0], [0, 5]])
+    bodies = human.mesh_bodies(name="man")
+    assert [body.name for body in bodies] == [f"man/{segment}" for segment in SEGMENTS]
+    assert all(is_closed(body.mesh) and volume(body.mesh) > 0.0 for body in bodies)
+    heights = [lowest(bodies, t) for t in np.linspace(0.0, human.cycle_duration, 33)]
+    assert 0.0 <= min(heights) + 1e-5 < 2e-3
+    corners = np.concatenate([body.motion.at(0.3).apply(body.mesh.vertices) for body in bodies])
+    assert 1.6 < corners[:, 2].max() < 1.76  # on the ball of the foot
+    # They turn as the spheroids do, and the joints of the limbs are near theirs.
+    for body, segment in zip(bodies, SEGMENTS, strict=True):
+        for time in (0.0, 0.3, 0.7):
+            pose, other = body.motion.at(time), human.segment_motion(segment).at(time)
+            np.testing.assert_allclose(pose.rotation, other.rotation, atol=1e-12)
+            assert "_" not in segment or np.linalg.norm(pose.position - other.position) < 0.1, segment
+
+
+@needs_robots
+def test_real_meshes_standing_are_those_of_the_model():
+    human = Human(speed=0.0, path=[[0, 0], [1, 0]])
+    bodies = human.mesh_bodies()
+    assert rc.Scene(bodies).is_static
+    corners = np.concatenate([body.motion.at(0.0).apply(body.mesh.vertices) for body in bodies])
+    assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-9)
+    assert corners[:, 2].max() == pytest.approx(1.75, abs=1e-7)  # OBJ files carry eight digits

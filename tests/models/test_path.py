@@ -1,0 +1,87 @@
+"""Paths on the floor: unit speed, heading and curvature that fit the positions, corners cut as promised."""
+
+import numpy as np
+import pytest
+
+from radarcore.models.people.path import FloorPath
+
+WINDING = [[0, 0], [3, 0], [3, 3], [1, 5], [-4, 5], [-5, 4.9]]
+
+
+def sampled(path, distances):
+    points = [path.at(s) for s in distances]
+    return tuple(np.array(values) for values in zip(*points, strict=True))
+
+
+def test_path_without_turns_is_the_line_through_its_waypoints():
+    path = FloorPath([[1, 2], [2, 2], [4, 2]])
+    assert path.length == 3.0
+    for distance in (-2.0, 0.0, 1.5, 3.0, 10.0):
+        assert path.at(distance) == (1 + 2j + distance, 0.0, 0.0)
+
+
+def test_path_begins_and_ends_at_its_first_and_last_waypoint():
+    path = FloorPath(WINDING)
+    assert path.at(0.0).position == 0.0
+    assert path.at(path.length).position == pytest.approx(-5 + 4.9j, abs=1e-12)
+    # Shorter than the polygon, longer than its corners cut square.
+    polygon = np.linalg.norm(np.diff(WINDING, axis=0), axis=1).sum()
+    assert 0.9 * polygon < path.length < polygon
+
+
+def test_path_turns_as_its_heading_and_curvature_say():
+    path = FloorPath(WINDING, turn_radius=0.3)
+    distance = np.linspace(-1.0, path.length + 1.0, 100_001)
+    step = distance[1] - distance[0]
+    position, heading, curvature = sampled(path, distance)
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    # Largest change of curvature in a step: the sharpness of the turn by the smallest angle, 1 / (radius^2 angle).
+    change = step / (0.3**2 * np.arctan(0.1))
+    np.testing.assert_allclose(np.diff(position) / step, np.exp(1j * middle), atol=step * change)
+    np.testing.assert_allclose(np.diff(heading) / step, 0.5 * (curvature[1:] + curvature[:-1]), atol=0.5 * change)
+    assert np.abs(np.diff(curvature)).max() <= (1 + 1e-6) * change  # no jump
+    assert np.abs(curvature).max() == pytest.approx(1 / 0.3, rel=1e-3)
+
+
+def test_right_angle_takes_1_9_radii_of_each_leg():
+    path = FloorPath([[0, 0], [2, 0], [2, 2]], turn_radius=0.5)
+    distance = np.linspace(0.0, path.length, 10_001)
+    _, _, curvature = sampled(path, distance)
+    assert distance[curvature > 0.0][0] == pytest.approx(2 - 1.87 * 0.5, abs=1e-3)
+
+
+def test_path_reversed_is_the_same_line():
+    path, back = FloorPath(WINDING), FloorPath(WINDING[::-1])
+    assert path.length == pytest.approx(back.length, abs=1e-12)
+    for distance in np.linspace(-1.0, path.length + 1.0, 50):
+        there, again = path.at(distance), back.at(path.length - distance)
+        assert there.position == pytest.approx(again.position, abs=1e-12)
+        assert there.curvature == pytest.approx(-again.curvature, abs=1e-9)
+
+
+def test_full_round_ends_with_its_heading_a_whole_turn_later():
+    path = FloorPath([[0, 0], [2, 0], [2, 2], [0, 2], [0, -2]])
+    assert path.at(path.length).heading == pytest.approx(1.5 * np.pi, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "turn_radius", "error", "message"),
+    [
+        ([[0, 0]], 0.4, ValueError, "path: expected at least two waypoints, got 1"),
+        ([[0, 0, 0], [1, 0, 0]], 0.4, ValueError, r"path: expected shape \(n, 2\), got \(2, 3\)"),
+        ([[0, 0], [1, 0], [1, 0]], 0.4, ValueError, "waypoints apart from each other, got the same at 1 and 2"),
+        ([[0, 0], [np.nan, 0]], 0.4, ValueError, "path: expected finite numbers"),
+        ("north", 0.4, TypeError, "path: expected numbers"),
+        ([[0, 0], [5, 0], [0, 0]], 0.4, ValueError, "turn of 180 degrees at waypoint 1 .* two right angles"),
+        (
+            [[0, 0], [5, 0], [5, 1], [0, 1]],
+            0.4,
+            ValueError,
+            r"waypoint 2 .* from waypoint 1 to 2 has: expected at least 1.5 m, got 1; give a smaller turn_radius",
+        ),
+        ([[0, 0], [1, 0]], 0.0, ValueError, r"turn_radius: expected a positive number \[m\], got 0"),
+    ],
+)
+def test_bad_paths_are_named(waypoints, turn_radius, error, message):
+    with pytest.raises(error, match=message):
+        FloorPath(waypoints, turn_radius)

@@ -1,0 +1,551 @@
+"""The live view: what it shows is where the truth is, it does not grow, and it ends cleanly however frames end."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore import plot
+from radarcore.processing.stream import Stream
+from radarcore.recording.frame import Frame, Truth
+from radarcore.units import SPEED_OF_LIGHT
+from reference import beat_signal_reference
+
+matplotlib = pytest.importorskip("matplotlib")
+backend_bases = pytest.importorskip("matplotlib.backend_bases")
+imread = pytest.importorskip("matplotlib.image").imread
+
+INTERVAL = 0.05  # [s], of frames
+NOISE = 1e-6  # standard deviation of a sample, sqrt(W): echoes stand 41 dB over it
+
+
+def radar(*, real: bool = True, slope: float = 100e12, **changes: Any) -> rc.Radar:
+    """Two channels; bins of 4.7 cm, and of 0.39 m/s with 16 chirps."""
+    settings: dict[str, Any] = {"num_samples": 64, "num_chirps": 16, "chirp_interval": 400e-6} | changes
+    wf = rc.Waveform(start_frequency=60e9, slope=slope, sample_rate=2e6, frame_interval=INTERVAL, **settings)
+    return rc.Radar(wf, rx=[[0, 0, 0], [0, 0.0025, 0]], receiver=rc.Receiver(output="real") if real else None)
+
+
+RADAR = radar()
+
+
+def frame(
+    range_: float = 0.8, velocity: float = -0.9, number: int = 0, of: rc.Radar = RADAR, *, static: float = 0.0
+) -> Frame:
+    """An echo that is `range_` away in the middle of the frame, noise, and what leaks, `static` times as strong."""
+    wf = of.waveform
+    start = np.array([range_ - 0.5 * wf.duration * velocity, 0.03])
+    rates = 2.0 * np.array([velocity, 0.0]) / SPEED_OF_LIGHT
+    cube = beat_signal_reference(2.0 * start / SPEED_OF_LIGHT, [1e-5, 1e-5 * static], wf, rates)
+    samples = np.broadcast_to(cube, (2, *cube.shape[1:]))
+    rng = np.random.default_rng(number)
+    noise = NOISE * (rng.standard_normal(samples.shape) + 1j * rng.standard_normal(samples.shape))
+    values = (samples + noise).astype(np.complex64)
+    return Frame(values.real.copy() if of.is_real else values, number * INTERVAL, of)
+
+
+def approach(num_frames: int, first: int = 0, **options: Any) -> list[Frame]:
+    """A target that comes nearer at 0.12 m/s from 0.8 m: 6 mm per frame, 2.5 waves there and back."""
+    return [frame(0.8 - 0.12 * INTERVAL * i, -0.12, i, **options) for i in range(first, first + num_frames)]
+
+
+def stream(frames: Iterable[Frame], **options: Any) -> Stream:
+    """What the view knows after some frames, without drawing."""
+    taken: Stream | None = None
+    for each in frames:
+        taken = taken or Stream(each.radar, **options)
+        taken.take(each)
+    assert taken is not None
+    return taken
+
+
+def shown(live: plot.LiveView) -> dict[str, Any]:
+    """The axes by their title."""
+    return {ax.get_title().partition(",")[0]: ax for ax in live.figure.axes if ax.get_title()}
+
+
+def texts(live: plot.LiveView) -> str:
+    return "\n".join(text.get_text() for ax in live.figure.axes for text in ax.texts)
+
+
+def columns(live: plot.LiveView) -> NDArray[np.bool_]:
+    """Which columns of the history are drawn in colours, oldest first; grey has three equal parts, black is none."""
+    pixels = shown(live)["Range over time"].images[0].get_array()[..., :3]
+    return np.asarray((pixels != pixels[..., :1]).any(axis=(0, 2)))
+
+
+def num_artists(live: plot.LiveView) -> int:
+    return len(live.figure.findobj())
+
+
+@pytest.mark.parametrize("real", [True, False], ids=["real", "iq"])
+@pytest.mark.parametrize("slope", [100e12, -100e12], ids=["up", "down"])
+@pytest.mark.parametrize("velocity", [-2.2, -0.9, 0.0, 1.7])
+def test_moving_target_is_detected_where_it_is(real: bool, slope: float, velocity: float) -> None:
+    of = radar(real=real, slope=slope, adc_delay=2e-6)
+    (found,) = stream([frame(0.83, velocity, of=of)], remove_static=False).detections
+    # The parabola on a four times finer grid is good to 0.02 bins. At 2.2 m/s the Doppler frequency moves the beat
+    # frequency by 0.03 bins, up or down with the slope.
+    assert abs(found.range - 0.83) <= 0.02 * of.waveform.range_resolution
+    assert abs(found.velocity - velocity) <= 0.02 * of.waveform.velocity_resolution
+
+
+def test_detection_is_marked_and_listed() -> None:
+    live = plot.LiveView(RADAR, remove_static=False)
+    live.update(frame(0.8, -0.9))
+    (found,) = live.detections
+    rings = [line for line in shown(live)["Range and velocity"].lines if line.get_marker() == "o"]
+    for ring in rings:
+        np.testing.assert_array_equal(ring.get_xydata(), [[found.velocity, found.range]])
+    assert len(rings) == 2  # one is the other's outline
+    assert f"1\n{found.range:.2f}\n{found.velocity:+.2f}\n{found.level_db:.0f}" in texts(live)
+    assert "-0.00" not in texts(live)
+
+    # Its cell is the brightest of the map, and of the newest column.
+    level = np.nanargmax(shown(live)["Range and velocity"].images[0].get_array()[..., :3].sum(axis=2, dtype=int))
+    picture = shown(live)["Range and velocity"].images[0]
+    left, right, nearest, farthest = picture.get_extent()
+    rows, width = picture.get_array().shape[:2]
+    row, column = np.unravel_index(level, (rows, width))
+    assert abs(nearest + (row + 0.5) * (farthest - nearest) / rows - 0.8) <= 0.5 * RADAR.waveform.range_resolution
+    assert abs(left + (column + 0.5) * (right - left) / width + 0.9) <= 0.5 * RADAR.waveform.velocity_resolution
+    newest = shown(live)["Range over time"].images[0].get_array()[:, -1, :3].sum(axis=1, dtype=int)
+    assert newest[row] == newest.max()
+
+
+def test_simulated_point_is_detected_where_its_truth_is() -> None:
+    of = rc.bgt60tr13c(num_chirps=16)
+    scene = rc.Scene([rc.PointTarget([0.6, 0.05, 0.0], rcs=0.1, velocity=[0.8, 0.0, 0.0], name="hand")])
+    frames = list(rc.Simulator(scene, of, resolution=8).frames(0.0, 0.3, 20.0))
+    truth = frames[-1].truth
+    assert truth is not None
+    strongest = max(stream(frames).detections, key=lambda found: found.level_db)
+    assert abs(strongest.range - truth.range[0]) <= 0.1 * of.waveform.range_resolution
+    assert abs(strongest.velocity - truth.velocity[0]) <= 0.1 * of.waveform.velocity_resolution
+
+
+def test_two_targets_are_listed_by_range_and_their_sidelobes_are_not() -> None:
+    near, far = frame(0.5, 1.2), frame(1.1, -1.5, 1)
+    found = stream([Frame(5.0 * near.cube + far.cube, 0.0, RADAR)], remove_static=False).detections
+    assert [round(each.range, 1) for each in found] == [0.5, 1.1]
+    # Both have the same noise.
+    assert found[0].level_db - found[1].level_db == pytest.approx(20.0 * np.log10(5.0), abs=0.5)
+
+
+def test_level_is_power_over_the_noise_of_a_cell() -> None:
+    # One real tone of amplitude a in white noise of variance s^2, Hann windows with the mean square 3/8: the cell
+    # has (a/2)^2 (N/2)^2 (M/2)^2 over s^2 (3/8) N (3/8) M, once per channel. The median of the sum of two
+    # exponential variables is 1.678 times the mean of one.
+    levels = [stream([frame(number=i)], remove_static=False).detections[0].level_db for i in range(20)]
+    wf = RADAR.waveform
+    ratio = (0.5e-5) ** 2 * wf.num_samples * wf.num_chirps / 16.0 / (NOISE**2 * (3.0 / 8.0) ** 2)
+    expected = 10.0 * np.log10(2.0 * ratio / 1.678)
+    assert np.mean(levels) == pytest.approx(expected, abs=0.4)  # half a cell off the maximum costs 0.1 dB on each axis
+
+
+def test_noise_alone_has_no_detections() -> None:
+    rng = np.random.default_rng(3)
+    for number in range(20):
+        noise = rng.standard_normal(frame().cube.shape).astype(np.float32)
+        assert stream([Frame(noise, number * INTERVAL, RADAR)], remove_static=False).detections == []
+
+
+def test_static_echoes_are_shown_or_removed() -> None:
+    live = plot.LiveView(RADAR)
+    for i in range(4):
+        live.update(frame(0.8, 0.0, i))
+    assert live.detections == ()
+    assert "removed" in shown(live)["Range over time"].get_title()
+    assert columns(live).any()
+
+    live.remove_static = False
+    assert not columns(live).any()
+    live.update(frame(0.8, 0.0, 4))
+    assert len(live.detections) == 1
+    assert "shown" in shown(live)["Range over time"].get_title()
+
+
+def test_slow_target_is_found_behind_leakage_40_db_above_it() -> None:
+    (found,) = stream(approach(20, static=100.0)).detections
+    assert abs(found.range - (0.8 - 0.12 * INTERVAL * 19)) <= 0.25 * RADAR.waveform.range_resolution
+
+
+def test_history_scrolls_by_time_and_shows_pauses() -> None:
+    taken = stream(approach(10), history=2.0)  # 40 columns of a frame each
+    expected = np.zeros(40, dtype=bool)
+    expected[-10:] = True
+    np.testing.assert_array_equal(np.isfinite(taken.history).all(axis=1), expected)
+    np.testing.assert_array_equal(np.isfinite(taken.history).any(axis=1), expected)
+
+    for each in approach(5, first=15):  # five frames are missing
+        taken.take(each)
+    expected[-20:] = True
+    expected[-10:-5] = False
+    np.testing.assert_array_equal(np.isfinite(taken.history).all(axis=1), expected)
+
+    for number in (1000, 3):  # a long pause, and a source that starts again
+        taken.take(frame(number=number))
+        assert np.isfinite(taken.history).all(axis=1).nonzero()[0].tolist() == [39]
+
+
+def test_history_has_no_holes_where_frames_are_slow_and_uneven() -> None:
+    rng = np.random.default_rng(5)
+    times = 3.3 * INTERVAL * np.arange(8) + 0.3 * INTERVAL * rng.random(8)
+    taken = stream((Frame(frame(number=i).cube, t, RADAR) for i, t in enumerate(times)), history=2.0)
+    filled = np.isfinite(taken.history).all(axis=1)
+    assert filled[np.argmax(filled) :].all()
+    assert filled.sum() == 1 + round((times[-1] - times[0]) / INTERVAL)
+
+
+def test_frames_of_the_same_moment_share_a_column() -> None:
+    taken = stream(Frame(frame(number=i).cube, 0.1 * i * INTERVAL, RADAR) for i in range(4))
+    assert np.isfinite(taken.history).all(axis=1).sum() == 1
+
+
+def test_headline_tells_number_time_rate_and_losses() -> None:
+    live = plot.LiveView(RADAR, title="Hall $2")
+    assert "frame" not in texts(live)
+    for each in approach(3):
+        live.update(each)
+    first = frame(number=8)
+    live.update(Frame(first.cube, first.time, RADAR, stats={"lost_before": 5}))
+    # Four frames received in 8 intervals of 50 ms.
+    assert "frame 8   ·   0.40 s   ·   7.5 frames/s   ·   5 lost" in texts(live)
+    assert "Hall $2" in texts(live)
+
+
+def test_updates_add_no_artists_and_no_memory() -> None:
+    live = plot.LiveView(RADAR, history=2.0)
+    frames = [frame(0.8 - 0.002 * i, -0.9, i) for i in range(60)]
+    for each in frames[:10]:
+        live.update(each)
+    live.draw()
+    artists = num_artists(live)
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for each in frames[10:]:
+            live.update(each)
+        live.draw()
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert num_artists(live) == artists
+    one_picture = 4 * 40 * 129  # bytes: keeping one of every frame would be 50 of them
+    assert grown <= 20 * one_picture
+
+
+def test_partial_drawing_leaves_the_picture_of_a_whole_one() -> None:
+    live = plot.LiveView(RADAR)
+    for each in approach(6, static=1.0):
+        live.update(each)
+        live.draw()
+    painted: Any = live.figure.canvas
+    partial = np.array(painted.buffer_rgba())
+    painted.draw()
+    whole = np.array(painted.buffer_rgba())
+    for name in ("Range and velocity", "Range over time"):
+        box = shown(live)[name].bbox.padded(-2)  # within the spines
+        rows = slice(len(whole) - int(box.y1), len(whole) - int(box.y0))
+        columns = slice(int(box.x0), int(box.x1))
+        assert whole[rows, columns].std() > 5.0
+        np.testing.assert_array_equal(partial[rows, columns], whole[rows, columns])
+
+
+@pytest.mark.parametrize("num_chirps", [1, 2])
+def test_frames_without_velocity_show_range_alone(num_chirps: int) -> None:
+    of = radar(num_chirps=num_chirps)
+    live = plot.LiveView(of, remove_static=False)
+    live.update(frame(0.8, 0.0, of=of))
+    (found,) = live.detections
+    assert abs(found.range - 0.8) <= 0.1 * of.waveform.range_resolution  # noise 29 dB below it: 0.02 bins
+    assert np.isnan(found.velocity)
+    assert "Range and velocity" not in shown(live)
+    profile = shown(live)["Range"].lines[0]
+    peak = profile.get_xdata()[np.argmax(profile.get_ydata())]
+    assert abs(peak - 0.8) <= 0.5 * of.waveform.range_resolution
+    assert "–" in texts(live)
+
+
+def test_unevenly_spaced_chirps_show_range_alone() -> None:
+    of = radar(num_chirps=3, chirp_interval=None, chirp_times=[0.0, 4e-4, 1e-3])
+    live = plot.LiveView(of, remove_static=False)
+    live.update(frame(0.8, 0.0, of=of))
+    assert "Range" in shown(live)
+    assert len(live.detections) == 1
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf], ids=["silence", "nan", "inf"])
+def test_frames_without_content_show_nothing_and_do_not_spoil_the_next(value: float) -> None:
+    taken = stream(approach(3), remove_static=False)
+    cube = np.zeros_like(frame().cube)
+    cube[0, 3, 5] = value
+    taken.take(Frame(cube, 3 * INTERVAL, RADAR))
+    assert taken.detections == []
+    assert np.isfinite(taken.level).all() == (value == 0.0)
+    for each in approach(3, first=4):
+        taken.take(each)
+    assert len(taken.detections) == 1
+    taken.remove_static = True
+    for each in approach(3, first=7):
+        taken.take(each)
+    assert len(taken.detections) == 1
+
+
+def test_frame_that_is_not_finite_is_drawn_as_missing() -> None:
+    live = plot.LiveView(RADAR, history=2.0)
+    live.update(frame())
+    live.update(Frame(np.full_like(frame().cube, np.nan), INTERVAL, RADAR))
+    live.draw()
+    assert columns(live)[-2:].tolist() == [True, False]
+    pixels = shown(live)["Range and velocity"].images[0].get_array()[..., :3]
+    assert (pixels == pixels[0, 0, 0]).all()
+    assert 150 < pixels[0, 0, 0] < 250
+
+
+@pytest.mark.parametrize("real", [True, False], ids=["real", "iq"])
+@pytest.mark.parametrize("num_samples", [1, 2, 3])
+def test_tiny_frames_have_levels(real: bool, num_samples: int) -> None:
+    of = radar(real=real, num_samples=num_samples, num_chirps=3)
+    taken = stream(frame(number=i, of=of) for i in range(3))
+    assert np.isfinite(taken.level).all()
+    assert taken.level.shape == (12, len(taken.ranges))
+
+
+def test_frames_of_one_sample_are_drawn() -> None:
+    of = radar(num_samples=1, num_chirps=1)
+    live = plot.LiveView(of)
+    live.update(frame(of=of))
+    live.draw()
+
+
+def test_silly_arguments_are_refused() -> None:
+    for name, value in (("max_range", -1.0), ("history", 0.0), ("threshold_db", np.nan), ("max_detections", -1)):
+        with pytest.raises(ValueError, match=name):
+            plot.LiveView(RADAR, **{name: value})
+    with pytest.raises(TypeError, match="radar: expected Radar"):
+        plot.LiveView("bgt60tr13c")  # type: ignore[arg-type]
+    live = plot.LiveView(RADAR, max_detections=0)
+    live.update(frame())
+    assert live.detections == ()
+    with pytest.raises(ValueError, match="frame: expected one of the radar of the view"):
+        live.update(frame(of=radar(num_samples=32)))
+    with pytest.raises(TypeError, match="frame: expected Frame, got int"):
+        live.update(3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="every"):
+        plot.view([], every=0.0)
+    with pytest.raises(TypeError, match="frames: expected Frame, got int"):
+        plot.view([3], output="nowhere")  # type: ignore[list-item]
+
+
+def test_pictures_are_written_by_the_time_of_frames_and_at_the_end(tmp_path: Path) -> None:
+    said: list[str] = []
+    frames = approach(25)
+    assert plot.view(frames, output=tmp_path / "a" / "b", every=0.5, title="Room", say=said.append) == 25
+    names = sorted(path.name for path in (tmp_path / "a" / "b").iterdir())
+    assert names == ["view-000010.png", "view-000020.png", "view-000024.png"]
+    for name in names:
+        picture = imread(tmp_path / "a" / "b" / name)
+        assert picture.shape[1] == 1100
+        assert picture[..., :3].std() > 0.1  # a blank one has 0
+    assert said[0].endswith("a picture every 0.5 s")
+    assert said[-1].endswith("3 pictures of 25 frames")
+
+
+def test_simulated_frames_show_what_is_static_and_measured_ones_do_not(tmp_path: Path) -> None:
+    def last(truth: Truth | None) -> NDArray[Any]:
+        frames = [Frame(frame(0.8, 0.0, i).cube, i * INTERVAL, RADAR, truth) for i in range(3)]
+        plot.view(frames, output=tmp_path)
+        return np.asarray(imread(tmp_path / "view-000002.png"))
+
+    zero = np.zeros(1)
+    measured, simulated = last(None), last(Truth(("wall",), zero + 0.8, zero, zero, zero))
+    # The list of detections lies below the maps.
+    rows = slice(int(0.83 * len(measured)), None)
+    assert (simulated[rows, :, :3] < 0.5).sum() > 1.02 * (measured[rows, :, :3] < 0.5).sum()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere a window does not need DISPLAY")
+def test_without_a_display_pictures_go_to_out_view(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    said: list[str] = []
+    plot.view(approach(2), say=said.append)
+    assert (tmp_path / "out" / "view" / "view-000001.png").is_file()
+    assert "no display" in said[0]
+
+
+def test_backend_without_windows_writes_pictures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DISPLAY", ":1")
+    monkeypatch.setitem(matplotlib.rcParams, "backend", "Agg")
+    plot.view(approach(2))
+    assert (tmp_path / "out" / "view" / "view-000001.png").is_file()
+
+
+def test_no_frames_make_no_pictures(tmp_path: Path) -> None:
+    said: list[str] = []
+    assert plot.view([], output=tmp_path / "none", say=said.append) == 0
+    assert not (tmp_path / "none").exists()
+    assert said == ["no frames came"]
+
+
+def interrupted(error: BaseException) -> Iterator[Frame]:
+    yield from approach(3)
+    raise error
+
+
+def test_ctrl_c_ends_with_the_last_picture(tmp_path: Path) -> None:
+    assert plot.view(interrupted(KeyboardInterrupt()), output=tmp_path) == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["view-000002.png"]
+
+
+def test_error_of_the_source_is_raised_after_the_last_picture(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="unplugged"):
+        plot.view(interrupted(OSError("unplugged")), output=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["view-000002.png"]
+
+
+def play(frames: Any, *, paced: bool = False, hold: bool = False) -> tuple[int, plot.LiveView | None]:
+    """What a window does, on a canvas without one: its event loop, callbacks and blitting are real."""
+    from radarcore.plot.live.view import _figure
+    from radarcore.plot.live.window import _play
+
+    figure, made = _figure(), []
+
+    def live(first: Frame) -> plot.LiveView:
+        made.append(plot.LiveView(first.radar, figure=figure))
+        return made[0]
+
+    given = frames(figure.canvas) if callable(frames) else frames
+    return _play(given, live, figure, paced=paced, hold=hold), made[0] if made else None
+
+
+def test_window_takes_every_frame_and_ends_with_them() -> None:
+    number, live = play(approach(40))
+    assert number == 40
+    assert live is not None
+    assert columns(live).sum() == 40
+    assert play([])[0] == 0
+
+
+def test_window_ends_when_it_is_closed_though_frames_go_on() -> None:
+    def frames(canvas: Any) -> Iterator[Frame]:
+        for i in range(100_000):
+            yield frame(number=i)
+            if i == 5:
+                canvas.callbacks.process("close_event", backend_bases.CloseEvent("close_event", canvas))
+            time.sleep(0.002)
+
+    number, _ = play(frames)
+    assert number < 100_000
+
+
+def test_held_window_stays_until_it_is_closed() -> None:
+    began: list[float] = []
+
+    def frames(canvas: Any) -> Iterator[Frame]:
+        import threading
+
+        yield from approach(2)
+        began.append(time.perf_counter())
+        closing = backend_bases.CloseEvent("close_event", canvas)
+        threading.Timer(0.3, canvas.callbacks.process, ("close_event", closing)).start()
+
+    assert play(frames, hold=True)[0] == 2
+    assert time.perf_counter() - began[0] >= 0.3
+
+
+def test_window_passes_on_what_the_source_raises_but_not_ctrl_c() -> None:
+    with pytest.raises(OSError, match="unplugged"):
+        play(interrupted(OSError("unplugged")), hold=True)
+    assert play(interrupted(KeyboardInterrupt()))[0] <= 3
+
+
+def test_window_ends_at_ctrl_c_and_leaves_its_handling_as_it_was() -> None:
+    def frames(_: Any) -> Iterator[Frame]:
+        yield from approach(3)
+        os.kill(os.getpid(), signal.SIGINT)
+        for i in range(3, 100_000):
+            yield frame(number=i)
+            time.sleep(0.002)
+
+    before = signal.getsignal(signal.SIGINT)
+    assert play(frames)[0] < 100_000
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_paced_frames_come_no_faster_than_their_times() -> None:
+    began = time.perf_counter()
+    play(approach(5), paced=True)
+    assert time.perf_counter() - began >= 4 * INTERVAL
+
+
+def test_key_shows_what_is_static() -> None:
+    def frames(canvas: Any) -> Iterator[Frame]:
+        yield from approach(3)
+        while not any("frame 2" in text.get_text() for ax in canvas.figure.axes for text in list(ax.texts)):
+            time.sleep(0.01)
+        canvas.callbacks.process("key_press_event", backend_bases.KeyEvent("key_press_event", canvas, "m"))
+
+    _, live = play(frames)
+    assert live is not None
+    assert not live.remove_static
+
+
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb, a display without a screen")
+def test_window_opens_shows_frames_and_ends_at_ctrl_c(tmp_path: Path) -> None:
+    pytest.importorskip("tkinter")
+    script = (
+        "import itertools, sys, time\n"
+        "from test_live import frame\n"
+        "from radarcore import plot\n"
+        "def frames():\n"
+        "    for i in itertools.count():\n"
+        "        time.sleep(0.02)\n"
+        "        yield frame(number=i)\n"
+        "        if i == 20:\n"
+        "            print('running', flush=True)\n"
+        "print(plot.view(frames(), title='Window'), 'frames')\n"
+    )
+    with subprocess.Popen(
+        ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as server:
+        try:
+            assert server.stdout is not None
+            display = f":{int(server.stdout.readline())}"
+            environment = os.environ | {
+                "DISPLAY": display,
+                "MPLBACKEND": "TkAgg",
+                "PYTHONPATH": os.pathsep.join(sys.path),
+            }
+            with subprocess.Popen(
+                [sys.executable, "-c", script], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
+            ) as window:
+                try:
+                    assert window.stdout is not None
+                    assert window.stdout.readline() == "running\n"
+                    window.send_signal(signal.SIGINT)
+                    said, _ = window.communicate(timeout=60)
+                finally:
+                    window.kill()
+        finally:
+            server.terminate()
+    assert window.returncode == 0
+    number, word = said.split()
+    assert (int(number) > 0, word) == (True, "frames")
+    assert not (tmp_path / "out").exists()  # no pictures: it was a window

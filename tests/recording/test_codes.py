@@ -1,0 +1,142 @@
+"""Packing of the ADC's codes, their scale, and the chip's test pattern."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
+from radarcore.sensor.packing import pack_lsb, pack_msb, test_pattern, unpack_lsb, unpack_msb
+
+CODES = np.arange(NUM_CODES, dtype=np.uint16)
+
+some_codes = st.lists(st.integers(0, 4095), max_size=33)
+
+
+def test_chip_packs_two_samples_in_three_bytes_most_significant_bit_first() -> None:
+    assert unpack_msb(bytes.fromhex("123456")).tolist() == [0x123, 0x456]
+    assert pack_msb([0x123, 0x456]) == bytes.fromhex("123456")
+    # Every bit of every byte has its own place.
+    assert unpack_msb(bytes.fromhex("800000 010000 008000 001000 000800 000100 000080 000001")).tolist() == [
+        *(0x800, 0, 0x010, 0, 0x008, 0, 0x001, 0),
+        *(0, 0x800, 0, 0x100, 0, 0x080, 0, 0x001),
+    ]
+
+
+def test_comlib_packs_a_stream_of_bits_least_significant_bit_first() -> None:
+    # byte0 = s0[7:0]; byte1 = s0[11:8] | s1[3:0] << 4; byte2 = s1[11:4]
+    assert pack_lsb([0x321, 0x654]) == bytes.fromhex("214365")
+    assert unpack_lsb(bytes.fromhex("214365"), 2).tolist() == [0x321, 0x654]
+    # Three samples end with half a byte of zeros.
+    assert pack_lsb([0xABC, 0x123, 0xDEF]) == bytes.fromhex("BC3A12EF0D")
+    assert unpack_lsb(bytes.fromhex("BC3A12EF0D"), 3).tolist() == [0xABC, 0x123, 0xDEF]
+
+
+@given(values=some_codes)
+def test_comlib_packing_is_the_number_that_the_bits_spell(values: list[int]) -> None:
+    number = sum(value << 12 * i for i, value in enumerate(values))
+    data = number.to_bytes((12 * len(values) + 7) // 8, "little")
+    assert pack_lsb(values) == data
+    assert unpack_lsb(data, len(values)).tolist() == values
+
+
+@given(values=some_codes.filter(lambda values: len(values) % 2 == 0))
+def test_chip_packing_is_the_hex_digits_in_order(values: list[int]) -> None:
+    data = bytes.fromhex("".join(f"{value:03x}" for value in values))
+    assert pack_msb(values) == data
+    assert unpack_msb(data).tolist() == values
+
+
+def test_unpacked_codes_are_writable_uint16_from_any_bytes() -> None:
+    for kind in (bytes, bytearray, memoryview):
+        for unpacked in (unpack_msb(kind(b"\x12\x34\x56")), unpack_lsb(kind(b"\x12\x34\x56"), 2)):
+            assert (unpacked.dtype, unpacked.flags.writeable) == (np.uint16, True)
+    assert unpack_lsb(bytearray(b"\x12\x04"), 1).tolist() == [0x412]
+    assert unpack_lsb(memoryview(b"\x12\x04"), 1).tolist() == [0x412]
+
+
+def test_codes_of_any_shape_and_layout_are_packed_in_c_order() -> None:
+    cube = np.arange(24, dtype=np.int64).reshape(2, 3, 4)
+    assert pack_msb(cube.transpose(2, 1, 0)) == pack_msb(cube.transpose(2, 1, 0).ravel().tolist())
+    assert pack_lsb(cube.transpose(2, 1, 0)) == pack_lsb(cube.transpose(2, 1, 0).ravel().tolist())
+
+
+def test_samples_go_from_minus_one_to_one_in_float32() -> None:
+    samples = to_samples(CODES)
+    assert samples.dtype == np.float32
+    assert (samples[0], samples[-1]) == (-1.0, 1.0)
+    # 2 code / 4095 is rounded to float32 below 2, half a unit of which is 2**-24; the rest is exact or smaller.
+    exact = 2.0 * CODES.astype(np.float64) / 4095.0 - 1.0
+    assert np.abs(samples - exact).max() <= 1.01 * 2.0**-24
+    # float32 by hand: 4096 / 4095 is nearest to 1 + 2049 * 2**-23; 3162 / 4095 to 12954715 * 2**-24.
+    assert samples[2048] == 2049 * 2.0**-23
+    assert samples[1581] == 12954715 * 2.0**-24 - 1.0
+
+
+def test_codes_come_back_from_their_samples() -> None:
+    back = to_codes(to_samples(CODES))
+    assert back.dtype == np.uint16
+    assert np.array_equal(back, CODES)
+    assert np.array_equal(to_codes(2.0 * CODES / 4095.0 - 1.0), CODES)
+    assert to_samples(CODES.reshape(2, -1, 4)).shape == to_codes(np.zeros((2, 512, 4))).shape
+
+
+def test_samples_are_rounded_to_the_nearest_code() -> None:
+    step = 2.0 / 4095.0
+    assert to_codes([-1.0 + 0.49 * step, -1.0 + 0.51 * step, 1.0 - 0.51 * step]).tolist() == [0, 1, 4094]
+
+
+def test_adc_clips_beyond_full_scale() -> None:
+    assert to_codes([-1.0001, -np.inf, 1.0001, np.inf, 1e300]).tolist() == [0, 0, 4095, 4095, 4095]
+
+
+def test_given_samples_are_not_changed() -> None:
+    samples = np.array([0.25, -3.0])
+    to_codes(samples)
+    assert samples.tolist() == [0.25, -3.0]
+
+
+def test_pattern_is_that_of_the_chip() -> None:
+    pattern = test_pattern(5000)
+    first = "001 800 400 200 100 880 440 220 110 888 444 A22"
+    assert " ".join(f"{code:03X}" for code in pattern[:12]) == first
+    assert pattern.dtype == np.uint16
+    assert len(set(pattern[:4095].tolist())) == 4095  # all but 0: the longest period
+    assert np.array_equal(pattern[4095:], pattern[:905])
+
+
+def test_nothing_is_packed_to_nothing() -> None:
+    assert pack_msb([]) == pack_lsb([]) == b""
+    for empty in (unpack_msb(b""), unpack_lsb(b"", 0), test_pattern(0), to_codes([])):
+        assert (empty.shape, empty.dtype) == ((0,), np.uint16)
+    assert to_samples([]).dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments", "error", "message"),
+    [
+        (unpack_msb, (b"1234",), ValueError, "data: expected a multiple of 3 bytes, got 4"),
+        (unpack_lsb, (b"1234", 3), ValueError, "data: expected 5 bytes for 3 samples, got 4"),
+        (unpack_lsb, (b"123", -2), ValueError, "num_samples: expected at least 0, got -2"),
+        (unpack_lsb, (b"123", True), TypeError, "num_samples: expected an integer"),
+        (pack_msb, ([1, 2, 3],), ValueError, "codes: expected an even number of them, got 3"),
+        (pack_msb, ([1, 4096],), ValueError, "codes: expected 0 to 4095, got 4096"),
+        (pack_lsb, ([1, -1],), ValueError, "codes: expected 0 to 4095, got -1"),
+        (pack_lsb, ([1.0],), TypeError, "codes: expected integers, got float64"),
+        (pack_lsb, ([True],), TypeError, "codes: expected integers, got bool"),
+        (to_samples, ([70000],), ValueError, "codes: expected 0 to 4095, got 70000"),
+        (to_samples, (["7"],), TypeError, "codes: expected integers, got <U1"),
+        (to_codes, ([0.0, float("nan")],), ValueError, "samples: expected numbers, got NaN"),
+        (to_codes, ([1j],), TypeError, "samples: expected real numbers, got complex128"),
+        (to_codes, ("a",), TypeError, "samples: expected real numbers"),
+        (test_pattern, (-1,), ValueError, "num_samples: expected at least 0, got -1"),
+    ],
+)
+def test_silly_input_is_refused(call: Any, arguments: tuple[Any, ...], error: type[Exception], message: str) -> None:
+    with pytest.raises(error) as caught:
+        call(*arguments)
+    assert str(caught.value).startswith(message)

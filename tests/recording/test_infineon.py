@@ -1,0 +1,611 @@
+"""Recording folders of Infineon's tools: read, and written to the last byte."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarcore.cli.main import main
+from radarcore.processing.spectra import range_profile
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.codes import to_codes, to_samples
+from radarcore.recording.frame import Truth
+from radarcore.recording.infineon import is_recording
+from radarcore.recording.recording import Recording
+
+FOLDER = "RadarIfxAvian_00"
+FULL_SCALE = {"cube_unit": "full scale"}
+SHAPE: dict[str, Any] = {
+    "aaf_cutoff_Hz": 500000,
+    "chirp_repetition_time_s": 0.0005911249900236726,
+    "end_frequency_Hz": 63500000000,
+    "frame_repetition_time_s": 0.07726884633302689,
+    "hp_cutoff_Hz": 80000,
+    "if_gain_dB": 33,
+    "mimo_mode": "off",
+    "num_chirps_per_frame": 4,
+    "num_samples_per_chirp": 16,
+    "rx_antennas": [1, 2, 3],
+    "sample_rate_Hz": 2000000,
+    "start_frequency_Hz": 58000000000,
+    "tx_antennas": [1],
+    "tx_power_level": 31,
+}
+SENSOR = {"adc_resolution": 12, "description": "BGT60TR13C FMCW Radar Sensor", "uuid": "2810588487792"}
+OLD_NAMES = {"rx_mask": 5, "tx_mask": 1} | {k: v for k, v in SHAPE.items() if not k.endswith("_antennas")}
+
+
+def text(values: Any) -> bytes:
+    return (json.dumps(values, indent=4, sort_keys=True) + "\n").encode()
+
+
+def config(**changes: Any) -> bytes:
+    return text({"device_config": {"fmcw_single_shape": SHAPE | changes}})
+
+
+def array(codes: np.ndarray[Any, Any]) -> bytes:
+    """An NPY file as the recorder writes it: the header fills 1024 bytes."""
+    words = f"{{'descr': '<u2', 'fortran_order': False, 'shape': {codes.shape}, }}"
+    return b"\x93NUMPY\x01\x00" + (1014).to_bytes(2, "little") + words.encode().ljust(1013) + b"\n" + codes.tobytes()
+
+
+def saved(codes: np.ndarray[Any, Any], version: tuple[int, int] = (1, 0)) -> bytes:
+    file = BytesIO()
+    np.lib.format.write_array(file, codes, version)
+    return file.getvalue()
+
+
+def some_codes(num_frames: int = 5, shape: tuple[int, int, int] = (3, 4, 16)) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(0).integers(0, 4096, (num_frames, *shape), dtype=np.uint16)
+
+
+def folder(path: Path, **files: bytes | None) -> Path:
+    """A recording; `files` replaces some by name (dots as underscores), None leaves one out."""
+    names = {"top": "meta.json"} | {
+        name.replace(".", "_"): f"{FOLDER}/{name}"
+        for name in ("format.version", "meta.json", "config.json", "radar.npy")
+    }
+    contents: dict[str, bytes | None] = {
+        "top": text({"date_captured": "2026-01-06T15:16:15+0800", "hostname": "unknown", "ifxdaq_version": "1.0.0"}),
+        "format_version": b"1.0.0\n",
+        "meta_json": text(SENSOR),
+        "config_json": config(),
+        "radar_npy": array(some_codes()),
+    }
+    for key, data in (contents | files).items():
+        if data is not None:
+            (path / names[key]).parent.mkdir(parents=True, exist_ok=True)
+            (path / names[key]).write_bytes(data)
+    return path
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+
+# Reading.
+
+
+def test_recording_has_samples_radar_and_times(tmp_path: Path) -> None:
+    rec = Recording.load(folder(tmp_path / "rec"))
+    assert rec.cube.dtype == np.float32
+    np.testing.assert_array_equal(rec.cube, to_samples(some_codes()))
+    np.testing.assert_array_equal(rec.time, 0.07726884633302689 * np.arange(5))
+    assert rec.truth is None
+    assert rec.lost is None
+    assert rec.source["cube_unit"] == "full scale"
+    wf = rec.radar.waveform
+    assert wf.slope == pytest.approx(5.5e9 / (16 / 2e6 + 3.1125e-6), rel=1e-12)
+    assert (wf.start_frequency, wf.adc_delay, wf.chirp_interval) == (58e9, 3.1125e-6, 0.0005911249900236726)
+    assert wf.start_frequency + wf.slope * (wf.sample_times[-1] + 0.5e-6) == pytest.approx(63.5e9, rel=1e-12)
+    assert rec.radar.is_real
+    np.testing.assert_array_equal(rec.radar.rx, bgt60tr13c().rx)
+
+
+def test_folder_of_the_sensor_is_the_recording_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = folder(tmp_path / "rec")
+    inner = Recording.load(path / FOLDER)
+    assert inner.source == Recording.load(path).source
+    monkeypatch.chdir(path / FOLDER)
+    assert Recording.load(".").source == inner.source
+    # Taken out of its place and renamed, it knows nothing of what is around it.
+    shutil.copytree(path / FOLDER, tmp_path / "alone")
+    (tmp_path / "meta.json").write_text("something else")
+    alone = Recording.load(tmp_path / "alone")
+    np.testing.assert_array_equal(alone.cube, inner.cube)
+    assert "something else" not in str(alone.source)
+
+
+def test_codes_are_kept(tmp_path: Path) -> None:
+    rec = Recording.load(folder(tmp_path / "rec"))
+    assert rec.raw is not None
+    assert rec.raw.dtype == np.uint16
+    np.testing.assert_array_equal(rec.raw, some_codes())
+    np.testing.assert_array_equal(rec[2].raw, some_codes()[2])
+
+
+@pytest.mark.parametrize(("numbers", "rows"), [([1, 3], [0, 2]), ([2], [1]), ([3, 1], [0, 2])])
+def test_some_receivers_have_their_places(tmp_path: Path, numbers: list[int], rows: list[int]) -> None:
+    codes = some_codes(2, (len(numbers), 4, 16))
+    path = folder(tmp_path / "rec", config_json=config(rx_antennas=numbers), radar_npy=array(codes))
+    np.testing.assert_array_equal(Recording.load(path).radar.rx, bgt60tr13c().rx[rows])
+
+
+def test_end_below_start_is_a_down_chirp(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec", config_json=config(start_frequency_Hz=63500000000, end_frequency_Hz=58000000000))
+    assert Recording.load(path).radar.waveform.slope == pytest.approx(-5.5e9 / (16 / 2e6 + 3.1125e-6), rel=1e-12)
+
+
+@pytest.mark.parametrize("values", [OLD_NAMES, {"device_config": OLD_NAMES}])
+def test_names_of_older_tools_are_read_and_kept(tmp_path: Path, values: Any) -> None:
+    path = folder(tmp_path / "rec", config_json=text(values), radar_npy=array(some_codes(2, (2, 4, 16))))
+    rec = Recording.load(path)
+    np.testing.assert_array_equal(rec.radar.rx, bgt60tr13c().rx[[0, 2]])
+    one = Radar(rec.radar.waveform, tx=rec.radar.tx, rx=rec.radar.rx[1:], receiver=rec.radar.receiver)
+    Recording(rec.cube[:, 1:], rec.time, one, None, rec.source).save(tmp_path / "one", "infineon")
+    again = json.loads((tmp_path / "one" / FOLDER / "config.json").read_text())
+    assert again.get("device_config", again) == OLD_NAMES | {"rx_mask": 4}
+
+
+def test_recorder_that_was_killed_leaves_its_whole_frames(tmp_path: Path) -> None:
+    whole = array(some_codes())
+    frame = 3 * 4 * 16 * 2
+    for num_bytes, num_frames in ((1024 + 4 * frame + 7, 4), (1024 + frame, 1), (1024 + 1, 0), (1024, 0)):
+        path = folder(tmp_path / str(num_bytes), radar_npy=whole[:num_bytes])
+        with pytest.warns(UserWarning, match=f"{num_bytes}: {num_frames} of 5 planned frames, its writer") as caught:
+            rec = Recording.load(path)
+        assert caught[0].filename == __file__
+        np.testing.assert_array_equal(rec.raw, some_codes()[:num_frames])
+    # A header that was not put right at the end.
+    late = whole.replace(b"(5, 3, 4, 16)", b"(0, 3, 4, 16)")
+    with pytest.warns(UserWarning, match="late: 5 frames, its writer was interrupted"):
+        rec = Recording.load(folder(tmp_path / "late", radar_npy=late))
+    np.testing.assert_array_equal(rec.raw, some_codes())
+
+
+def test_several_sensors_are_named(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec")
+    shutil.copytree(path / FOLDER, path / "RadarIfxAvian_01")
+    with pytest.raises(ValueError, match="of one sensor, got RadarIfxAvian_00, RadarIfxAvian_01; give one of these"):
+        Recording.load(path)
+    assert Recording.load(path / "RadarIfxAvian_01").source["infineon"]["folder"] == "RadarIfxAvian_01"
+
+
+def test_sensor_of_another_kind_is_warned_of(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec", meta_json=text(SENSOR | {"description": "BGT60UTR11AIP"}))
+    with pytest.warns(UserWarning, match="the sensor is 'BGT60UTR11AIP'; its antennas") as caught:
+        Recording.load(path)
+    assert caught[0].filename == __file__
+
+
+def scene_config(name: str) -> bytes:
+    return text({"device_config": {name: {}}})
+
+
+def without(key: str) -> bytes:
+    return text({"device_config": {"fmcw_single_shape": {k: v for k, v in SHAPE.items() if k != key}}})
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"config_json": None}, f"rec/{FOLDER}: expected a recording, got one without config.json"),
+        ({"radar_npy": None}, f"rec/{FOLDER}: expected a recording, got one without radar.npy"),
+        ({"config_json": b"{\n  'a'"}, r"config\.json, line 2: "),
+        ({"config_json": b""}, r"config\.json, line 1: "),
+        ({"config_json": b"[" * 100_000}, r"config\.json: "),
+        ({"config_json": b"[]"}, r"config\.json: expected an object, got list"),
+        ({"config_json": b"{}"}, "expected a device_config of 'fmcw_single_shape', got none"),
+        (
+            {"config_json": scene_config("fmcw_scene")},
+            "expected a device_config of 'fmcw_single_shape', got 'fmcw_scene'",
+        ),
+        ({"config_json": text({"device_config": []})}, "'fmcw_single_shape', got list"),
+        ({"config_json": text({"device_config": {"fmcw_single_shape": 3}})}, "got 'fmcw_single_shape'"),
+        (
+            {"config_json": without("start_frequency_Hz")},
+            r"config\.json: expected the key 'start_frequency_Hz', got none",
+        ),
+        ({"config_json": without("rx_antennas")}, "expected the key 'rx_antennas', got none"),
+        (
+            {"config_json": config(sample_rate_Hz="fast")},
+            r"config\.json: sample_rate_Hz: expected a number, got 'fast'",
+        ),
+        ({"config_json": config(sample_rate_Hz=10**400)}, r"config\.json: "),
+        ({"config_json": config(num_samples_per_chirp=10**400)}, r"config\.json: "),
+        ({"config_json": config(num_chirps_per_frame=4.5)}, "num_chirps_per_frame: expected an integer, got 4.5"),
+        ({"config_json": config(frame_repetition_time_s=0)}, "frame_repetition_time_s: expected a positive number"),
+        ({"config_json": config(frame_repetition_time_s=1e308)}, "rec: time: expected finite numbers"),
+        ({"config_json": config(chirp_repetition_time_s=1e-6)}, "chirp_interval: expected at least"),
+        ({"config_json": config(rx_antennas=[])}, r"rx_antennas: expected some of the receivers 1, 2, 3.*got \[\]"),
+        ({"config_json": config(rx_antennas=[1, 4])}, r"rx_antennas: .*got \[1, 4\]"),
+        ({"config_json": config(rx_antennas=[[1]])}, r"rx_antennas: .*got \[\[1\]\]"),
+        ({"config_json": config(mimo_mode="tdm")}, "mimo_mode: expected 'off', got 'tdm'"),
+        (
+            {"config_json": config(num_chirps_per_frame=64)},
+            r"\(n, 3, 64, 16\) by its config\.json, got \(5, 3, 4, 16\)",
+        ),
+        ({"meta_json": b"{"}, rf"{FOLDER}/meta\.json, line 1"),
+        ({"meta_json": b"7"}, r"meta\.json: expected an object, got int"),
+        ({"meta_json": text({"adc_resolution": 10})}, "expected an adc_resolution of 12 bits, got 10"),
+        ({"format_version": b"2.0.0\n"}, r"format\.version: expected version 1, got '2.0.0'"),
+        ({"radar_npy": b"no array"}, r"radar\.npy: damaged or not an NPY file"),
+        ({"radar_npy": array(some_codes())[:500]}, r"radar\.npy: damaged or not an NPY file"),
+        ({"radar_npy": saved(to_samples(some_codes()))}, r"radar\.npy: expected uint16, got float32"),
+        ({"radar_npy": saved(np.asfortranarray(some_codes()))}, "in Fortran order"),
+        ({"radar_npy": saved(some_codes()[0])}, r"expected shape \(n, 3, 4, 16\)"),
+        (
+            {"radar_npy": array(some_codes() | 4096)},
+            r"radar\.npy, from frame 0: codes: expected 0 to 4095, got 8180",
+        ),
+    ],
+)
+def test_what_is_damaged_is_refused_by_name(tmp_path: Path, files: Any, message: str) -> None:
+    path = folder(tmp_path / "rec", **files)
+    with pytest.raises(ValueError, match=message) as error:
+        Recording.load(path)
+    assert str(path) in str(error.value)
+
+
+def test_damage_anywhere_is_a_value_error_or_a_recording(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    whole = folder(tmp_path / "rec")
+    for trial in range(300):
+        file = whole / FOLDER / ("config.json", "radar.npy")[trial % 2]
+        data = bytearray(original := file.read_bytes())
+        reach = min(len(data), 128)  # of an array's file, the header
+        for _ in range(rng.integers(1, 4)):
+            data[rng.integers(reach)] = rng.integers(256)
+        file.write_bytes(data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                assert isinstance(Recording.load(whole), Recording)
+            except ValueError:
+                pass
+            except Exception as error:
+                pytest.fail(f"trial {trial}: {error!r} from {bytes(data[:reach])!r}")
+        file.write_bytes(original)
+
+
+# Writing what was read.
+
+QUIRKS: dict[str, dict[str, bytes | None]] = {
+    "as the recorder writes": {},
+    "CRLF": {"config_json": config().replace(b"\n", b"\r\n"), "format_version": b"1.0.0\r\n"},
+    "byte-order mark": {"config_json": b"\xef\xbb\xbf" + config(), "meta_json": b"\xef\xbb\xbf" + text(SENSOR)},
+    "unknown keys in another order": {
+        "config_json": json.dumps(
+            {
+                "zoo": {"a": [1.50, None]},
+                "device_config": {"fmcw_single_shape": dict(reversed(SHAPE.items())), "x": 1e-3},
+            }
+        ).encode()
+    },
+    "no UTF-8": {"top": b'{"username": "J\xf6rg"}'},
+    "top text that is no JSON": {"top": b"lorem"},
+    "no texts but the settings": {"top": None, "format_version": None, "meta_json": None},
+    "numbers as floats": {"config_json": config(num_chirps_per_frame=4.0, sample_rate_Hz=2e6)},
+    "float noise in times": {"config_json": config(frame_repetition_time_s=0.10000000149011612)},
+    "short header": {"radar_npy": saved(some_codes())},
+    "header of version 2": {"radar_npy": saved(some_codes(), (2, 0))},
+    "most significant byte first": {"radar_npy": saved(some_codes().astype(">u2"))},
+    "no frames": {"radar_npy": array(some_codes(0))},
+    "one receiver": {"config_json": config(rx_antennas=[2]), "radar_npy": array(some_codes(3, (1, 4, 16)))},
+    "two receivers": {"config_json": config(rx_antennas=[3, 1]), "radar_npy": array(some_codes(3, (2, 4, 16)))},
+    "one chirp": {"config_json": config(num_chirps_per_frame=1), "radar_npy": array(some_codes(3, (3, 1, 16)))},
+}
+
+
+@pytest.mark.parametrize("files", QUIRKS.values(), ids=QUIRKS)
+def test_loaded_recording_is_written_to_the_last_byte(tmp_path: Path, files: dict[str, bytes | None]) -> None:
+    path = folder(tmp_path / "rec", **files)
+    Recording.load(path).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(path)
+    # Also by way of the other formats.
+    for other in ("own", "own.npz"):
+        Recording.load(path).save(tmp_path / other)
+        Recording.load(tmp_path / other).save(tmp_path / f"by {other}", format="infineon")
+        assert contents(tmp_path / f"by {other}") == contents(path)
+    # And in its own place.
+    before = contents(path)
+    Recording.load(path).save(path, format="infineon", overwrite=True)
+    assert contents(path) == before
+
+
+def test_number_of_the_folder_is_kept(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec")
+    (path / FOLDER).rename(path / "RadarIfxAvian_03")
+    Recording.load(path).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(path)
+
+
+def test_fewer_frames_get_a_header_that_fits(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec", radar_npy=saved(some_codes()))
+    rec = Recording.load(path)
+    Recording(rec.cube[1:3], rec.time[1:3], rec.radar, None, rec.source).save(tmp_path / "some", format="infineon")
+    assert (tmp_path / "some" / FOLDER / "radar.npy").read_bytes() == array(some_codes()[1:3])
+    assert (tmp_path / "some" / FOLDER / "config.json").read_bytes() == config()
+
+
+def test_settings_that_do_not_fit_a_changed_radar_are_made_anew(tmp_path: Path) -> None:
+    given = config(num_chirps_per_frame=4, vendor_key="stays")
+    rec = Recording.load(folder(tmp_path / "rec", config_json=given))
+    slower = Radar(
+        rec.radar.waveform.replace(num_chirps=2, frame_interval=0.2, chirp_interval=1e-3),
+        tx=rec.radar.tx,
+        rx=rec.radar.rx[:2],
+        receiver=rec.radar.receiver,
+    )
+    changed = Recording(rec.cube[:, :2, :2], 0.2 * np.arange(5), slower, None, rec.source)
+    changed.save(tmp_path / "new", format="infineon")
+    times = {"chirp_repetition_time_s": 1e-3, "frame_repetition_time_s": 0.2}
+    expected = config(num_chirps_per_frame=2, rx_antennas=[1, 2], vendor_key="stays", **times)
+    assert (tmp_path / "new" / FOLDER / "config.json").read_bytes() == expected
+    assert (tmp_path / "new" / FOLDER / "meta.json").read_bytes() == text(SENSOR)
+    again = Recording.load(tmp_path / "new")
+    assert again.radar.waveform == slower.waveform
+    np.testing.assert_array_equal(again.raw, some_codes()[:, :2, :2])
+    assert rec.source == Recording.load(tmp_path / "rec").source  # the loaded one is as it was
+
+
+def test_positions_from_a_calibration_leave_the_texts_as_they_are(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec")
+    rec = Recording.load(path)
+    moved = Radar(rec.radar.waveform, rx=rec.radar.rx + 1e-4, receiver=rec.radar.receiver)
+    Recording(rec.cube, rec.time, moved, None, rec.source).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(path)
+
+
+def test_source_that_was_tampered_with_writes_nowhere_else(tmp_path: Path) -> None:
+    rec = Recording.load(folder(tmp_path / "rec"))
+    kept = rec.source["infineon"]
+    for changes in (
+        {"folder": "../out"},
+        {"folder": 7},
+        {"texts": kept["texts"] | {"../evil.json": "x", f"{FOLDER}/radar.npy": "x", "meta.json": 5}},
+        {"texts": "none"},
+        {"header": "no header"},
+        {"header": 3},
+        {"header": "\ud800"},
+    ):
+        place = tmp_path / "place" / "again"
+        source = rec.source | {"infineon": kept | changes}
+        Recording(rec.cube, rec.time, rec.radar, None, source).save(place, format="infineon")
+        np.testing.assert_array_equal(Recording.load(place).raw, some_codes())
+        assert [file.name for file in place.parent.iterdir()] == ["again"]
+        shutil.rmtree(place)
+    Recording(rec.cube, rec.time, rec.radar, None, rec.source | {"infineon": []}).save(tmp_path / "x", "infineon")
+    damaged = rec.source | {"infineon": kept | {"texts": {f"{FOLDER}/config.json": "{"}}}
+    with pytest.raises(ValueError, match=r"source, config\.json, line 1"):
+        Recording(rec.cube, rec.time, rec.radar, None, damaged).save(tmp_path / "y", "infineon")
+
+
+# Writing what comes from elsewhere.
+
+
+def full_scale(num_frames: int = 3, radar: Radar | None = None, **source: Any) -> Recording:
+    radar = bgt60tr13c(num_samples=16, num_chirps=4) if radar is None else radar
+    wf = radar.waveform
+    shape = (num_frames, radar.num_channels, wf.num_chirps, wf.num_samples)
+    cube = np.random.default_rng(1).uniform(-1.0, 1.0, shape).astype(np.float32)
+    return Recording(cube, wf.frame_interval * np.arange(num_frames), radar, None, FULL_SCALE | source)
+
+
+def test_samples_in_full_scale_become_a_recording_of_the_vendor(tmp_path: Path) -> None:
+    rec = full_scale(infineon={"if_gain_dB": 50, "firmware_version": "2.5.0", "hostname": "lab"})
+    rec.save(tmp_path / "deep" / "rec", format="infineon")
+    files = contents(tmp_path / "deep" / "rec")
+    assert sorted(files) == sorted(
+        ["meta.json", *(f"{FOLDER}/{name}" for name in ("config.json", "format.version", "meta.json", "radar.npy"))]
+    )
+    expected = config(if_gain_dB=50, chirp_repetition_time_s=591.125e-6, frame_repetition_time_s=77.26885e-3)
+    assert files[f"{FOLDER}/config.json"] == expected
+    assert files[f"{FOLDER}/format.version"] == b"1.0.0\n"
+    assert files[f"{FOLDER}/radar.npy"] == array(to_codes(rec.cube))
+    sensor = json.loads(files[f"{FOLDER}/meta.json"])
+    assert sensor["adc_resolution"] == 12
+    assert sensor["firmware_version"] == "2.5.0"
+    place = json.loads(files["meta.json"])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d{4}", place["date_captured"])
+    assert place["hostname"] == "lab"
+    assert all(isinstance(value, str) for value in place.values())
+
+    again = Recording.load(tmp_path / "deep" / "rec")
+    assert again.radar == rec.radar
+    np.testing.assert_array_equal(again.raw, rec.raw)
+    np.testing.assert_allclose(again.cube, rec.cube, atol=1.0001 / 4095)  # half a code
+    np.testing.assert_array_equal(again.time, rec.time)
+
+
+def test_achieved_rate_and_down_chirp_come_back(tmp_path: Path) -> None:
+    radar = bgt60tr13c(start_frequency=61.2e9, stop_frequency=60.5e9, sample_rate=80e6 / 133, num_samples=16)
+    full_scale(1, radar).save(tmp_path / "rec", format="infineon")
+    again = Recording.load(tmp_path / "rec").radar.waveform
+    assert again.sample_rate == radar.waveform.sample_rate
+    assert again.slope == pytest.approx(radar.waveform.slope, rel=1e-12)
+
+
+def test_simulated_samples_in_watts_are_refused_with_what_is_missing(tmp_path: Path) -> None:
+    rec = full_scale()
+    simulated = Recording(rec.cube, rec.time, rec.radar, None, {})
+    with pytest.raises(ValueError, match=r"expected real samples in full scale.*got float32 in sqrt\(W\).*an ADC"):
+        simulated.save(tmp_path / "rec", format="infineon")
+    complex_cube = Recording(rec.cube.astype(np.complex64), rec.time, rec.radar, None, FULL_SCALE)
+    with pytest.raises(ValueError, match="got complex64 in full scale"):
+        complex_cube.save(tmp_path / "rec", format="infineon")
+    assert not (tmp_path / "rec").exists()
+
+
+WAVEFORM = Waveform(
+    start_frequency=60e9, slope=1e14, sample_rate=2e6, num_samples=16, num_chirps=4, adc_delay=3.1125e-6
+)
+RX = bgt60tr13c().rx
+
+
+@pytest.mark.parametrize(
+    ("radar", "message"),
+    [
+        (Radar(WAVEFORM.replace(adc_delay=0.0), rx=RX), "expected an adc_delay of 3.1125e-06 s.*got 0"),
+        (Radar(WAVEFORM, tx=np.zeros((2, 3)), rx=RX), "expected one transmitter.*got 2"),
+        (Radar(WAVEFORM.replace(chirp_times=[0.0, 1e-4, 3e-4, 4e-4]), rx=RX), "chirps at equal intervals"),
+        (Radar(WAVEFORM.replace(chirp_times=[1e-4, 2e-4, 3e-4, 4e-4]), rx=RX), "from the start of the frame"),
+        (Radar(WAVEFORM, rx=[[0.0, 0.01, 0.0]]), r"expected receivers of a BGT60TR13C.*got \[\[0.0, 0.01, 0.0\]\]"),
+        (Radar(WAVEFORM, rx=RX[::-1]), "expected receivers of a BGT60TR13C in their order"),
+        (Radar(WAVEFORM, rx=RX[[0, 0]]), "expected receivers of a BGT60TR13C in their order"),
+    ],
+)
+def test_radar_that_the_layout_cannot_describe_is_refused(tmp_path: Path, radar: Radar, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        full_scale(1, radar).save(tmp_path / "rec", format="infineon")
+    assert not (tmp_path / "rec").exists()
+
+
+@pytest.mark.parametrize(
+    ("value", "message"), [(1.5, "samples from -1 to 1, got 1.5 from frame 64 on"), (np.nan, "NaN")]
+)
+def test_samples_that_have_no_code_are_refused_and_leave_nothing(tmp_path: Path, value: float, message: str) -> None:
+    rec = full_scale(70)
+    rec.cube[69, 0, 0, 0] = value
+    with pytest.raises(ValueError, match=message):
+        rec.save(tmp_path / "rec", format="infineon")
+    assert not (tmp_path / "rec").exists()
+
+
+def test_what_the_layout_has_no_place_for_is_warned_of(tmp_path: Path) -> None:
+    rec = full_scale()
+    truth = Truth(("arm",), *np.zeros((4, 3, 1)))
+    lossy = Recording(rec.cube, [5.0, 5.1, 9.0], rec.radar, truth, rec.source, lost=[0, 0, 40])  # type: ignore[arg-type]
+    with pytest.warns(UserWarning, match="has no truth, no lost frames, no times of frames") as caught:
+        lossy.save(tmp_path / "rec", format="infineon")
+    assert caught[0].filename == __file__
+    later = Recording(rec.cube, rec.time + 1.7e9, rec.radar, None, rec.source, lost=[0, 0, 0])  # type: ignore[arg-type]
+    later.save(tmp_path / "later", format="infineon")
+
+
+@pytest.mark.parametrize(
+    ("prepare", "message"),
+    [
+        (lambda path: path.write_text("precious"), "got a file, not a directory"),
+        (lambda path: (path / "thesis").mkdir(parents=True), "not empty and no recording of RadarIfxAvian_00"),
+        (lambda path: full_scale().save(path), "not empty and no recording of RadarIfxAvian_00"),
+        (lambda path: (path / "RadarIfxAvian_01").mkdir(parents=True), "no recording of RadarIfxAvian_00"),
+    ],
+)
+def test_what_is_no_such_recording_is_never_overwritten(tmp_path: Path, prepare: Any, message: str) -> None:
+    prepare(tmp_path / "rec")
+    before = contents(tmp_path)
+    with pytest.raises(FileExistsError, match=message):
+        full_scale().save(tmp_path / "rec", format="infineon", overwrite=True)
+    assert contents(tmp_path) == before
+
+
+def test_recording_is_replaced_only_when_asked_and_other_files_stay(tmp_path: Path) -> None:
+    path = folder(tmp_path / "rec")
+    (path / "notes.txt").write_text("precious")
+    before = contents(path)
+    without_texts = Recording.load(folder(tmp_path / "bare", top=None, meta_json=None, format_version=None))
+    with pytest.raises(FileExistsError, match=r"overwrite=True replaces it.*rec"):
+        without_texts.save(path, format="infineon")
+    assert contents(path) == before
+    without_texts.save(path, format="infineon", overwrite=True)
+    assert contents(path) == contents(tmp_path / "bare") | {"notes.txt": b"precious"}
+    # Nor does the other format write over it.
+    with pytest.raises(FileExistsError, match="not empty and no recording"):
+        full_scale().save(path, overwrite=True)
+
+
+SAVE_ON_SMALL_DISK = """
+import resource, sys
+from radarcore.recording import Recording
+
+rec = Recording.load(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))  # room for texts and the header
+rec.save(sys.argv[2], format="infineon", overwrite=True)
+"""
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None:
+    path, place = folder(tmp_path / "rec"), tmp_path / "place"
+    place.mkdir()
+    if is_there:
+        folder(place / "again", config_json=config(if_gain_dB=60))
+    before = contents(place)
+    command = [sys.executable, "-c", SAVE_ON_SMALL_DISK, str(path), str(place / "again")]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.stderr.splitlines()[-1].startswith("OSError: [Errno 27]")
+    assert result.stderr.splitlines()[-1].endswith(f"{FOLDER}/radar.npy'")
+    assert contents(place) == before
+    assert (place / "again").exists() == is_there
+
+
+def test_place_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("precious")
+    with pytest.raises(NotADirectoryError, match="file/rec"):
+        full_scale().save(tmp_path / "file" / "rec", format="infineon")
+
+
+def test_commands_take_such_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder(tmp_path / "rec")
+    assert main(["info", str(path)]) == 0
+    assert "5, 3, 4, 16" in capsys.readouterr().out
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    for kind in ("overview", "range-time"):
+        assert main(["plot", str(path / FOLDER), "-o", str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert (tmp_path / f"{kind}.png").stat().st_size > 10_000
+
+
+def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:
+    full_scale().save(tmp_path / "own")
+    assert not is_recording(tmp_path / "own")
+    assert not is_recording(tmp_path / "nowhere")
+    assert not is_recording(tmp_path)
+
+
+# A real one.
+
+
+@pytest.fixture(scope="module")
+def real() -> Path:
+    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
+    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
+    if not path.is_dir():
+        pytest.skip(f"no recording of a real sensor at {path} (RADARCORE_RECORDINGS names the folder it is in)")
+    return path
+
+
+def test_real_recording_is_written_to_the_last_byte(real: Path, tmp_path: Path) -> None:
+    Recording.load(real).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(real)
+
+
+def test_real_recording_is_what_its_receivers_had(real: Path) -> None:
+    rec = Recording.load(real)
+    assert rec.cube.shape == (256, 3, 8, 64)
+    assert rec.raw is not None
+    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), [1581, 1967, 2064], atol=1.0)  # as published
+    assert (
+        rec.radar.waveform
+        == bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
+    )
+
+
+def test_real_recording_shows_its_moving_target(real: Path) -> None:
+    rec = Recording.load(real)
+    profiles = range_profile(rec.cube.mean(axis=2), rec.radar.waveform, num_bins=256)  # (frame, channel, range)
+    moving = (np.abs(profiles - profiles.mean(axis=0)) ** 2).sum(axis=(0, 1))
+    assert 40 <= np.argmax(moving) <= 60  # where the recording's description has a person

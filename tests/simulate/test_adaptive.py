@@ -1,0 +1,279 @@
+"""Adaptive sampling: closed forms, what is left out, budgets, and refusals (bounds: accuracy table of the model)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_closed_forms import CONDUCTOR, body, disc_on_axis, sphere
+
+import radarcore as rc
+
+C = 299_792_458.0
+BAND = np.linspace(57e9, 64e9, 15)
+
+
+def simulator(bodies: list[rc.Body], **options: Any) -> rc.Simulator:
+    """One chirp over the band, isotropic antennas at one place, 1 W."""
+    waveform = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
+    radar = rc.Radar(waveform, pattern=options.pop("pattern", None))
+    return rc.Simulator(
+        rc.Scene(bodies), radar, **{"sampling": "adaptive", "ray_budget": np.inf, "tolerance": 1e-9, **options}
+    )
+
+
+def spectrum(sim: rc.Simulator) -> NDArray[np.complex128]:
+    """H over the band: the conjugate samples without the residual video phase, path by path."""
+    paths = sim.paths()
+    weights = (sim.radar.waveform.center_frequency / BAND[:, None]) ** paths.order[0]
+    turns = np.exp(-2j * np.pi * BAND[:, None] * paths.delay[0])
+    spectrum: NDArray[np.complex128] = (weights * turns) @ paths.amplitude[0]
+    return spectrum
+
+
+def db(ratio: Any) -> Any:
+    return 20.0 * np.log10(np.abs(ratio))
+
+
+def rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+@pytest.mark.parametrize(
+    ("rcs_floor", "most_rays", "bound_db", "bound_phase"), [(1e-5, 60_000, 0.3, 0.03), (1e-7, 320_000, 0.15, 0.015)]
+)
+@pytest.mark.parametrize("radius", [0.05, 0.1, 0.2])
+def test_sphere_has_its_closed_form_over_the_band(
+    radius: float, rcs_floor: float, most_rays: int, bound_db: float, bound_phase: float
+) -> None:
+    sim = simulator([body(rc.shapes.sphere(radius), 1.0)], rcs_floor=rcs_floor)
+    ratio = spectrum(sim) / [sphere(radius, 1.0, f) for f in BAND]
+    assert rms(db(ratio)) <= bound_db
+    assert rms(np.angle(ratio)) <= bound_phase
+    assert whole(sim).frame().stats["rays_cast"] <= most_rays
+
+
+def whole(sim: rc.Simulator) -> rc.Simulator:
+    """The same without anything left out that is known."""
+    fresh = sim.with_radar(sim.radar)
+    fresh._reuses_tiles = fresh._skips_empty_tiles = False
+    return fresh
+
+
+def test_disc_has_its_closed_form_over_the_band() -> None:
+    ratio = spectrum(simulator([body(rc.shapes.disc(0.05), 1.0)])) / [disc_on_axis(0.05, 1.0, f) for f in BAND]
+    assert rms(db(ratio)) <= 0.02
+    assert rms(np.angle(ratio)) <= 0.002
+
+
+@pytest.mark.parametrize(
+    ("size", "yaw_deg", "expected"),
+    [
+        (0.1, 0.0, 1.401928381e-04 + 2.806126868e-04j),
+        (0.2, 0.0, -1.042389726e-05 + 1.567952559e-04j),
+        (0.2, 5.0, 4.603129585e-05 - 1.141052424e-04j),
+    ],
+)
+def test_square_has_its_closed_form(size: float, yaw_deg: float, expected: complex) -> None:
+    waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
+    plate = body(rc.shapes.plate(size, size), 1.0, yaw_deg=yaw_deg)
+    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), sampling="adaptive").paths()
+    got = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
+    assert abs(db(got / expected)) <= 0.1
+    assert abs(np.angle(got / expected)) <= 0.01
+
+
+def test_error_falls_with_the_floor() -> None:
+    exact = np.array([sphere(0.2, 1.0, f) for f in BAND])
+    errors = []
+    for rcs_floor in (1e-2, 1e-4, 1e-6):
+        sim = simulator([body(rc.shapes.sphere(0.2, subdivisions=6), 1.0)], rcs_floor=rcs_floor)
+        errors.append(rms(spectrum(sim) / exact - 1.0))
+    assert errors[0] > 3.0 * errors[1]
+    assert errors[1] > 1.5 * errors[2]
+    assert errors[2] < 0.005
+
+
+def test_an_oblique_wall_does_not_echo_and_takes_few_paths() -> None:
+    wall = body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)
+    beamwidth = np.rad2deg(np.sqrt(4.0 * np.log(2.0) * 0.08))
+    pattern = rc.GaussianPattern(0.0, beamwidth, beamwidth)
+    for rcs_floor in (1e-3, 1e-5):
+        sim = simulator([wall], pattern=pattern, rcs_floor=rcs_floor)
+        mirror = C / BAND / (8.0 * np.pi * 3.0)
+        assert db(rms(spectrum(sim) / mirror)) <= -62.0
+        stats = whole(sim).frame().stats
+        assert stats["rays_cast"] <= 60_000
+        assert stats["paths"] <= 8_000
+    # Centres alone leave edges where cells of two sizes meet.
+    centres = simulator([wall], pattern=pattern, rcs_floor=1e-5, end_points=False)
+    assert db(rms(spectrum(centres) / mirror)) >= -55.0
+
+
+def test_edges_of_a_tilted_plate_echo_as_they_do_in_fine_samples() -> None:
+    plate = body(rc.shapes.plate(0.2, 0.2), 1.0, yaw_deg=20.0)
+    broadside = rms(spectrum(simulator([body(rc.shapes.plate(0.2, 0.2), 1.0)])))
+    fine = spectrum(simulator([plate], rcs_floor=1e-10, end_points=False))
+    coarse = simulator([plate])
+    assert db(rms(fine) / broadside) > -32.0
+    assert db(rms(spectrum(coarse) - fine) / broadside) <= -50.0
+    assert whole(coarse).frame().stats["rays_cast"] <= 40_000
+
+
+def test_a_ball_far_away_is_found_between_the_rays_of_the_base_grid() -> None:
+    # 5 cm at 6 m: 8 mrad, less than a cell of 18 mrad.
+    for y in (0.0, 0.05, 0.1):
+        ball = rc.Body(rc.shapes.sphere(0.025), material=CONDUCTOR, motion=rc.Pose([6.0, y, 0.03]))
+        sim = simulator([ball])
+        distance = np.linalg.norm([6.0, y, 0.03])
+        assert abs(db(rms(spectrum(sim)) / rms([sphere(0.025, distance, f) for f in BAND]))) <= 0.6
+
+
+def test_samples_in_a_frame_are_those_of_the_paths() -> None:
+    sim = simulator([body(rc.shapes.plate(0.2, 0.2), 1.0, yaw_deg=15.0)])
+    paths = sim.paths()
+    assert {0, 1} <= set(paths.order[0].tolist())
+    waveform = sim.radar.waveform
+    times = waveform.sample_times
+    tau = paths.delay[0][:, None]
+    turns = waveform.start_frequency * tau + waveform.slope * tau * times - 0.5 * waveform.slope * tau**2
+    weights = (waveform.center_frequency / (waveform.start_frequency + waveform.slope * times)) ** paths.order[0][
+        :, None
+    ]
+    expected = (paths.amplitude[0].conj()[:, None] * weights * np.exp(2j * np.pi * turns)).sum(axis=0)
+    np.testing.assert_allclose(sim.frame().cube[0, 0], expected, atol=1e-9 * np.abs(paths.amplitude).max())
+
+
+def test_a_budget_is_kept_and_what_matters_most_comes_first() -> None:
+    ball = body(rc.shapes.sphere(0.1), 1.0)
+    exact = np.array([sphere(0.1, 1.0, f) for f in BAND])
+    errors = []
+    for ray_budget in (6_000, 20_000):
+        sim = simulator([ball], rcs_floor=1e-8, ray_budget=ray_budget)
+        assert whole(sim).frame().stats["rays_cast"] <= ray_budget
+        errors.append(rms(spectrum(sim) / exact - 1.0))
+    assert errors[0] < 0.3
+    assert errors[1] < 0.1
+
+
+def test_results_depend_neither_on_threads_nor_on_what_is_known() -> None:
+    def moving(**options: Any) -> rc.Simulator:
+        rough = rc.Material.lambertian(0.3)
+        bodies = [
+            rc.Body(rc.shapes.plate(3.0, 3.0), material=rough, motion=rc.Pose([3.0, 0.0, 0.0])),
+            rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, -0.5, 0.2])),
+            rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([1.5, 0.2, 0.0]), velocity=[0.0, 1.0, 0.0])),
+        ]
+        return simulator(bodies, rcs_floor=1e-4, **options)
+
+    one, three = moving(threads=1), moving(threads=3)
+    fresh = whole(one)
+    first = one.frame(0.0)
+    for time in (0.02, 0.03):
+        frame, expected = one.frame(time), fresh.frame(time)
+        np.testing.assert_array_equal(frame.cube, expected.cube)
+        np.testing.assert_array_equal(frame.cube, three.frame(time).cube)
+        assert frame.stats["tiles_reused"] > 0
+        assert frame.stats["rays_cast"] < 0.5 * first.stats["rays_cast"]
+    still = one.frame(0.03)
+    assert still.stats["rays_cast"] == 0
+    np.testing.assert_array_equal(still.cube, frame.cube)
+
+
+def test_skips_of_cells_are_counted() -> None:
+    stats = simulator([body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)], rcs_floor=1e-3).frame().stats
+    assert stats["cells_not_split"] > 2_000
+    assert stats["paths_skipped"] > 2_000
+    assert stats["paths"] < 2 * stats["paths_skipped"]
+
+
+@pytest.mark.parametrize("rcs_floor", [1e-2, 1e-4])
+def test_a_rough_disc_has_lamberts_mean_power_whatever_the_density(rcs_floor: float) -> None:
+    radius, distance, number = 0.1, 1.0, 60
+    disc = rc.Body(rc.shapes.disc(radius), material=rc.Material.lambertian(1.0), motion=rc.Pose([distance, 0.0, 0.0]))
+    waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
+    powers = np.array(
+        [
+            abs(
+                rc.Simulator(rc.Scene([disc]), rc.Radar(waveform), sampling="adaptive", rcs_floor=rcs_floor, seed=seed)
+                .frame()
+                .cube[0, 0, 0]
+            )
+            ** 2
+            for seed in range(number)
+        ]
+    )
+    expected = (C / 60e9 / (4 * np.pi)) ** 2 * distance**2 / 2 * (distance**-4 - (distance**2 + radius**2) ** -2)
+    assert expected == pytest.approx(1.557552e-09, rel=1e-6)
+    # Exponential: the standard deviation is the mean. Four sigma.
+    assert abs(powers.mean() / expected - 1.0) <= 4.0 / np.sqrt(number)
+    assert 0.5 <= powers.std() / powers.mean() <= 1.6
+
+
+def test_power_summed_over_diffuse_points_is_lamberts_integral() -> None:
+    for radius, distance, expected in ((0.1, 1.0, 1.557552e-09), (0.5, 1.0, 2.845717e-08), (0.3, 2.0, 8.601488e-10)):
+        disc = rc.Body(
+            rc.shapes.disc(radius), material=rc.Material.lambertian(1.0), motion=rc.Pose([distance, 0.0, 0.0])
+        )
+        waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
+        paths = rc.Simulator(rc.Scene([disc]), rc.Radar(waveform), sampling="adaptive").paths()
+        assert (np.abs(paths.amplitude) ** 2).sum() == pytest.approx(expected, rel=0.01)
+
+
+def test_a_rough_sphere_has_its_far_field_and_hides_its_back() -> None:
+    ball = rc.Body(rc.shapes.sphere(0.3), material=rc.Material.lambertian(1.0), motion=rc.Pose([2.0, 0.0, 0.0]))
+    waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
+    paths = rc.Simulator(rc.Scene([ball]), rc.Radar(waveform), sampling="adaptive").paths()
+    assert (np.abs(paths.amplitude) ** 2).sum() == pytest.approx(7.656712e-10, rel=0.01)
+    assert (paths.delay * C / 2.0).max() <= np.sqrt(2.0**2 - 0.3**2) + 5e-3  # facets
+
+
+def test_speckle_keeps_its_phase_while_its_body_moves() -> None:
+    def at(x: float) -> rc.Paths:
+        plate = rc.Body(rc.shapes.plate(0.5, 0.5), material=rc.Material.lambertian(0.5), motion=rc.Pose([x, 0.0, 0.0]))
+        return simulator([plate], rcs_floor=1e-3).paths()
+
+    near, far = at(1.0), at(1.5)
+    assert near.amplitude.shape == far.amplitude.shape
+    turned = np.angle(near.amplitude[0] * far.amplitude[0].conj())
+    np.testing.assert_allclose(turned, 0.0, atol=1e-9)
+
+
+def test_a_matt_surface_that_stretches_returns_as_much_as_one_of_its_size() -> None:
+    def power(side: float, scale: float) -> float:
+        plate = rc.shapes.plate(side, side)
+        stretched = None if scale == 1.0 else lambda _: scale * plate.vertices
+        target = rc.Body(
+            plate, material=rc.Material.lambertian(0.5), motion=rc.Pose([2.0, 0.0, 0.0]), deformation=stretched
+        )
+        return float((np.abs(simulator([target]).paths().amplitude) ** 2).sum())
+
+    assert power(0.2, 2.0) == pytest.approx(power(0.4, 1.0), rel=0.01)
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 33.0, 45.0])
+def test_a_tilted_rod_is_seen_all_along(roll_deg: float) -> None:
+    pose = rc.Pose.from_rpy([3.0, 0.0, 0.0], [np.deg2rad(roll_deg), 0.0, 0.0])
+    strip = rc.Body(rc.shapes.plate(1.0, 0.016), material=CONDUCTOR, motion=pose)
+    upright = rc.Body(rc.shapes.plate(1.0, 0.016), material=CONDUCTOR, motion=rc.Pose([3.0, 0.0, 0.0]))
+    fine = simulator([upright], sampling="footprint", resolution=1024, field_of_view_deg=(24.0, 24.0))
+    assert abs(db(rms(spectrum(simulator([strip]))) / rms(spectrum(fine)))) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "text"),
+    [
+        ({"ray_budget": 2**70}, ValueError, "ray_budget: expected less than"),
+        ({"rcs_floor": 0.0}, ValueError, "rcs_floor: expected a positive number"),
+        ({"rcs_floor": float("nan")}, ValueError, "rcs_floor: expected a finite number"),
+        ({"ray_budget": 100}, ValueError, "ray_budget: expected at least the 64 x 64 rays of the base grid, got 100"),
+        ({"ray_budget": 1e5}, TypeError, "ray_budget: expected an integer, got 100000.0"),
+        ({"sampling": "fine"}, ValueError, "sampling: expected one of 'adaptive', 'footprint', 'point', got 'fine'"),
+        ({"resolution": (1, 20_000)}, ValueError, "resolution: expected at most 16384 cells along either side"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(options: dict[str, Any], kind: type[Exception], text: str) -> None:
+    with pytest.raises(kind, match=text.replace("(", r"\(")):
+        simulator([body(rc.shapes.sphere(0.1), 1.0)], **options).frame()

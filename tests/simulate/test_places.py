@@ -1,0 +1,349 @@
+"""Where things are at many times at once: as at one time after another, and no oftener asked for than needed."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore.models import Human, JointTrajectory, RobotArm
+from radarcore.models.robots.arm import RADAR_AT_TOOL0
+from radarcore.motion.protocol import Motion, poses_at
+from radarcore.simulate.places import Places
+
+ROUNDING = 1e-12
+"""Of places a few metres away, after chains of ten products [m]."""
+
+TIMES = np.array([1.3, -0.4, 0.0, 2.0, 5.5, 0.7, 2.0])
+"""In no order, one twice; some before the first and after the last time of trajectories [s]."""
+
+
+def matrix(pose: rc.Pose) -> NDArray[np.float64]:
+    return np.column_stack([pose.rotation, pose.position])
+
+
+def swaying(time: float) -> rc.Pose:
+    return rc.Pose.from_rpy([0.2 * np.sin(time), time, 0.0], [0.1 * time, -0.2, np.cos(time)])
+
+
+class OneByOne:
+    """A motion that knows one time at a time."""
+
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+
+    def at(self, time: float) -> rc.Pose:
+        return self._motion.at(time)
+
+    def rate_at(self, time: float) -> NDArray[np.float64]:
+        return self._motion.rate_at(time)
+
+
+LINEAR = rc.Linear(rc.Pose.from_rpy([1.0, -2.0, 0.5], [0.3, 0.2, 0.1]), [0.3, -0.2, 0.1], [0.1, 0.4, -0.7])
+TRAJECTORY = rc.Trajectory([0.0, 0.7, 1.5, 2.0], [swaying(time) for time in (0.0, 0.7, 1.5, 2.0)])
+WALKER = Human(path=[[5.6, 2.4], [3.3, 1.3], [3.3, -0.9]], start_time=-0.2, phase=0.3)
+
+
+def moving_arm(base: Any = LINEAR) -> Any:
+    angles = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 6))
+    return RobotArm.ur10().moving(JointTrajectory([0.0, 0.7, 1.5, 2.0], angles), base)
+
+
+def swinging_arm() -> Any:
+    return RobotArm.ur10().moving(lambda time: 0.3 * np.sin(time + np.arange(6.0)))
+
+
+MOTIONS: dict[str, Callable[[], Motion]] = {
+    "pose": lambda: LINEAR.pose,
+    "linear": lambda: LINEAR,
+    "linear that does not turn": lambda: rc.Linear(LINEAR.pose, [1.0, 0.0, 0.0]),
+    "trajectory": lambda: TRAJECTORY,
+    "function": lambda: rc.Function(swaying),
+    "attached": lambda: rc.Attached(LINEAR, TRAJECTORY),
+    "attached to what is attached": lambda: rc.Attached(rc.Attached(TRAJECTORY, swaying), rc.Attached(LINEAR)),
+    "link of an arm": lambda: moving_arm().link_motion("forearm_link"),
+    "link of an arm moved by a function": lambda: swinging_arm().link_motion("tool0"),
+    "link of an arm at rest on what moves": lambda: RobotArm.ur10().moving(np.ones(6), TRAJECTORY).link_motion("tool0"),
+    "sensor on an arm": lambda: rc.Attached(moving_arm().link_motion("tool0"), RADAR_AT_TOOL0),
+    "trunk of a person": lambda: WALKER.segment_motion("trunk"),
+    "hand of a person": lambda: WALKER.segment_motion("right_hand"),
+    "motion of one's own": lambda: OneByOne(TRAJECTORY),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_poses_at_many_times_are_those_at_one_after_another(name: str) -> None:
+    together = poses_at(MOTIONS[name](), TIMES)
+    alone = [matrix(MOTIONS[name]().at(time)) for time in TIMES.tolist()]
+    assert together.shape == (len(TIMES), 3, 4)
+    np.testing.assert_allclose(together, alone, rtol=0.0, atol=ROUNDING)
+    # One motion that is asked for different times in turn does not mix them up.
+    motion = MOTIONS[name]()
+    for times in (TIMES, TIMES[2:3], TIMES[::-1], TIMES):
+        np.testing.assert_allclose(poses_at(motion, times), poses_at(MOTIONS[name](), times), rtol=0.0, atol=ROUNDING)
+
+
+def test_poses_at_many_times_are_those_on_paper() -> None:
+    # A quarter turn per second about z, and 2 m/s along x.
+    motion = rc.Linear(rc.Pose([0.0, 1.0, 0.0]), [2.0, 0.0, 0.0], [0.0, 0.0, 0.5 * np.pi])
+    x, y, z = np.eye(3)
+    expected = [np.column_stack([*axes, [2.0 * time, 1.0, 0.0]]) for time, axes in enumerate([(x, y, z), (y, -x, z)])]
+    np.testing.assert_allclose(motion.poses_at([0.0, 1.0]), expected, atol=ROUNDING)
+
+
+def test_all_links_and_segments_at_several_times_take_one_evaluation() -> None:
+    calls: list[float] = []
+
+    def angles(time: float) -> NDArray[np.float64]:
+        calls.append(time)
+        return np.full(6, time)
+
+    for body in RobotArm.ur10().moving(angles).bodies():
+        poses_at(body.motion, TIMES)
+    assert calls == TIMES.tolist()
+
+
+class Wheel:
+    """A motion that knows all times at once, and counts how often it is asked."""
+
+    def __init__(self, shape: tuple[int, ...] = (3, 4)) -> None:
+        self.asked, self._shape = 0, shape
+
+    def at(self, time: float) -> rc.Pose:
+        raise AssertionError(f"asked for the single time {time}")
+
+    def rate_at(self, time: float) -> NDArray[np.float64]:
+        return LINEAR.rate_at(time)
+
+    def poses_at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        self.asked += 1
+        return LINEAR.poses_at(times)[:, : self._shape[0], : self._shape[1]]
+
+
+def test_motion_of_ones_own_may_know_all_times_at_once() -> None:
+    wheel = Wheel()
+    mounted = rc.Attached(wheel, TRAJECTORY)
+    np.testing.assert_allclose(mounted.poses_at(TIMES), rc.Attached(LINEAR, TRAJECTORY).poses_at(TIMES), atol=ROUNDING)
+    assert wheel.asked == 1
+    with pytest.raises(ValueError, match=r"poses_at: expected shape \(7, 3, 4\), got \(7, 3, 3\)"):
+        poses_at(Wheel((3, 3)), TIMES)
+
+
+SENSORS = {"still": rc.Pose.from_rpy([0.5, -1.0, 2.0], [0.1, 0.2, 0.3]), "moving": TRAJECTORY}
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_places_are_what_the_sensor_sees_of_bodies_and_points_that_move_or_not(sensor: str) -> None:
+    motion, center = SENSORS[sensor], np.array([0.01, -0.02, 0.03])
+    plate = rc.shapes.plate(0.1, 0.1)
+    motions = [LINEAR.pose, LINEAR, rc.Attached(LINEAR.pose, rc.Pose([1.0, 0.0, 0.0])), rc.Function(swaying)]
+    bodies = [rc.Body(plate, motion=motion) for motion in motions]
+    point = rc.PointTarget([1.0, 2.0, 3.0], velocity=[-0.3, 0.2, 0.1])
+    places = Places(rc.Scene([*bodies[:2], point, *bodies[2:]]), motion, center)
+    for times in (TIMES, TIMES[:1]):
+        place = places.at(times)
+        for k, time in enumerate(times.tolist()):
+            to_sensor = motion.at(time).inverse()
+            for b, body in enumerate(bodies):
+                expected = matrix(to_sensor @ body.motion.at(time)) - np.pad(center[:, None], ((0, 0), (3, 0)))
+                np.testing.assert_allclose(place.poses[k, b], expected, rtol=0.0, atol=ROUNDING)
+            expected = to_sensor.apply(point.position + time * point.velocity) - center
+            np.testing.assert_allclose(place.points[k, 0], expected, rtol=0.0, atol=ROUNDING)
+
+    # Rates are differences of places: step^2 / 6 of third derivatives of up to 100 m/s^3, and rounding over the step.
+    step, time = 1e-5, 1.3
+    before, after = places.at(np.array([time - step])), places.at(np.array([time + step]))
+    rates = places.rates_at(time)
+    np.testing.assert_allclose(rates.poses, (after.poses - before.poses) / (2.0 * step), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(rates.points, (after.points - before.points) / (2.0 * step), rtol=0.0, atol=1e-8)
+
+
+def radar() -> rc.Radar:
+    return rc.Radar(
+        rc.Waveform.from_sweep(
+            start_frequency=60e9,
+            stop_frequency=61e9,
+            sample_rate=2e6,
+            num_samples=32,
+            num_chirps=16,
+            chirp_interval=300e-6,
+        ),
+        rx=[[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]],
+    )
+
+
+def simulator(bodies: list[Any], radar_motion: Any = None, **options: Any) -> rc.Simulator:
+    return rc.Simulator(
+        rc.Scene(bodies), radar(), radar_motion=radar_motion, resolution=48, field_of_view_deg=(80.0, 60.0), **options
+    )
+
+
+def busy_scene(wrapped: Callable[[Motion], Motion]) -> tuple[list[Any], Motion]:
+    """A person, an arm with the sensor on it, and bodies that move or not."""
+    line = JointTrajectory([0.0, 2.0], np.deg2rad([[0, -112, 134, -22, 90, 0], [10, -100, 120, -22, 90, 0]]))
+    arm = RobotArm.ur10().moving(line, rc.Pose([0.0, 0.0, 0.7]))
+    plate = rc.shapes.plate(0.3, 0.3)
+    bodies = [
+        *Human(path=[[4.0, 0.5], [1.0, 0.0]]).bodies(subdivisions=2),
+        *arm.bodies(),
+        rc.Body(plate, motion=rc.Pose([2.5, 0.3, 1.0])),
+        rc.Body(plate, motion=rc.Linear(rc.Pose([2.0, -0.4, 1.0]), [-0.5, 0.0, 0.0], [0.0, 0.3, 0.0])),
+        rc.Body(plate, motion=lambda time: rc.Pose([2.2 + 0.1 * np.sin(3.0 * time), -0.1, 1.2])),
+    ]
+    bodies = [rc.Body(b.mesh, material=b.material, motion=wrapped(b.motion), name=b.name) for b in bodies]
+    sensor = rc.Attached(arm.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ RADAR_AT_TOOL0)
+    return [*bodies, rc.PointTarget([3.0, 0.0, 1.0], velocity=[1.0, 0.0, 0.0])], wrapped(sensor)
+
+
+def test_frames_are_those_of_motions_that_are_taken_time_by_time() -> None:
+    frames = []
+    for wrapped in (lambda motion: motion, lambda motion: motion if isinstance(motion, rc.Pose) else OneByOne(motion)):
+        bodies, sensor = busy_scene(wrapped)
+        frames.append(simulator(bodies, sensor, tolerance=1e-10).frame(0.8))
+    together, one_by_one = frames
+    assert together.stats["delay_nodes"] == one_by_one.stats["delay_nodes"] > 4
+    scale = np.abs(one_by_one.cube).max()
+    assert scale > 0.0
+    np.testing.assert_allclose(together.cube, one_by_one.cube, rtol=0.0, atol=1e-9 * scale)
+    np.testing.assert_allclose(together.truth.range, one_by_one.truth.range, atol=ROUNDING)
+    np.testing.assert_allclose(together.truth.velocity, one_by_one.truth.velocity, atol=1e-9)
+    assert np.isfinite(together.truth.range).sum() > 12  # most of what there is is seen
+
+
+def test_no_function_is_asked_twice_for_a_time_of_a_frame() -> None:
+    asked: list[tuple[str, float]] = []
+
+    def counted(name: str, pose: Callable[[float], rc.Pose]) -> Callable[[float], rc.Pose]:
+        def motion(time: float) -> rc.Pose:
+            asked.append((name, time))
+            return pose(time)
+
+        return motion
+
+    ball = rc.shapes.sphere(0.2, subdivisions=2)
+
+    def breathing(time: float) -> NDArray[np.float64]:
+        asked.append(("shape", time))
+        return ball.vertices * (1.0 + 0.1 * np.sin(time))
+
+    bodies = [
+        rc.Body(
+            ball, motion=counted("ball", lambda time: rc.Pose([2.0 - 0.3 * time, 0.0, 0.0])), deformation=breathing
+        ),
+        rc.Body(rc.shapes.plate(0.5, 0.5), motion=counted("plate", lambda time: rc.Pose([3.0, 0.4 * time**2, 0.0]))),
+    ]
+    sensor = counted("sensor", lambda time: rc.Pose([0.0, 0.0, 0.1 * time]))
+    sim = simulator(bodies, sensor, sampling="adaptive")
+    for _ in range(2):
+        asked.clear()
+        sim.frame(0.5)
+        placed = [call for call in asked if call[0] != "shape"]
+        assert len(placed) == len(set(placed)) >= 3 * (1 + 4 + 6)  # the middle, and two numbers of times at least
+        # The core has the shape of the middle, whose rates are four differences.
+        shapes = [time for name, time in asked if name == "shape"]
+        assert len(shapes) <= len(set(shapes)) + 1
+
+
+def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> None:
+    distance = 2.0
+    sim = simulator([rc.Body(rc.shapes.plate(0.5, 0.5), motion=lambda _: rc.Pose([distance, 0.0, 0.0]))])
+    for distance in (2.0, 1.5):
+        truth = sim.frame(0.0).truth
+        assert truth is not None
+        assert truth.range[0] == pytest.approx(distance, rel=1e-3)  # the nearest pixel is not quite on the axis
+        distance += 1.0
+        assert np.nanmin(sim.depth_image(sim._middle).distance) == pytest.approx(distance, rel=1e-3)
+
+
+def test_what_stands_still_is_placed_once_for_all_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    wall, moving = rc.Pose([3.0, 0.0, 0.0]), rc.Linear(rc.Pose([2.0, 0.3, 0.0]), [0.1, 0.0, 0.0])
+    plate = rc.shapes.plate(0.5, 0.5)
+    simulators = [
+        simulator([rc.Body(plate, motion=wall), rc.Body(plate, motion=moving)], sensor)
+        for sensor in (None, rc.Linear(rc.Pose(), [0.0, 0.1, 0.0]))
+    ]
+    expected = [[sim.frame(time).cube for time in (0.0, 0.5)] for sim in simulators]
+    own = rc.Pose.poses_at
+
+    def watched(pose: rc.Pose, times: Any) -> Any:
+        assert pose is not wall
+        return own(pose, times)
+
+    monkeypatch.setattr(rc.Pose, "poses_at", watched)
+    for sim, cubes in zip(simulators, expected, strict=True):
+        for time, cube in zip((0.0, 0.5), cubes, strict=True):
+            np.testing.assert_array_equal(sim.frame(time).cube, cube)
+
+
+def test_radar_of_a_simulator_can_be_moved() -> None:
+    plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
+    sim = simulator([plate])
+    before = sim.frame().cube
+    sim.radar_motion = nearer = rc.Pose([1.0, 0.0, 0.0])
+    assert sim.radar_motion is nearer
+    np.testing.assert_array_equal(sim.frame().cube, simulator([plate], nearer).frame().cube)
+    assert not np.array_equal(sim.frame().cube, before)
+    with pytest.raises(TypeError, match=r"radar_motion: expected Pose, Linear, .* got tuple"):
+        sim.radar_motion = (1.0, 0.0, 0.0)  # type: ignore[assignment]
+
+
+def test_people_and_arms_travel_to_other_processes() -> None:
+    bodies, sensor = busy_scene(lambda motion: motion)
+    sim = simulator([body for body in bodies if not isinstance(getattr(body, "motion", None), rc.Function)], sensor)
+    cube = sim.frame(0.8).cube
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(sim)).frame(0.8).cube, cube)
+
+
+@pytest.mark.parametrize(
+    ("motion", "error", "message"),
+    [
+        (lambda time: np.eye(4), TypeError, r"pose: expected a function that returns Pose, got ndarray at 0\.00"),
+        (lambda time: None, TypeError, r"pose: expected a function that returns Pose, got NoneType at"),
+    ],
+)
+def test_function_that_returns_no_pose_is_named_with_the_time(
+    motion: Any, error: type[Exception], message: str
+) -> None:
+    plate = rc.shapes.plate(0.5, 0.5)
+    for sim in (
+        simulator([rc.Body(plate, motion=motion)]),
+        simulator([rc.Body(plate)], motion),
+        simulator([rc.Body(plate, motion=rc.Attached(LINEAR, motion))]),
+    ):
+        with pytest.raises(error, match=message):
+            sim.frame(0.0)
+
+
+def test_joint_angles_of_another_number_are_refused() -> None:
+    arm = RobotArm.ur10()
+    late = arm.moving(lambda time: np.zeros(6 if time < 1.0 else 5))
+    message = r"joint_motion: expected shape \(6,\), got \(5,\)"
+    with pytest.raises(ValueError, match=message):
+        poses_at(late.link_motion("tool0"), np.array([0.5, 1.5]))
+    with pytest.raises(ValueError, match=message):
+        arm.moving(JointTrajectory([0.0, 1.0], np.zeros((2, 5))))
+
+
+def test_points_without_an_echo_do_not_reach_beyond_the_largest_range() -> None:
+    far = 2.0 * radar().max_range
+    silent = rc.PointTarget([far, 0.0, 0.0], rcs=0.0)
+    simulator([rc.PointTarget([1.0, 0.0, 0.0]), silent]).frame()  # warnings are errors here
+    with pytest.warns(UserWarning, match="beyond max_range"):
+        simulator([rc.PointTarget([1.0, 0.0, 0.0]), rc.PointTarget([far, 0.0, 0.0])]).frame()
+
+
+def test_nearest_point_is_the_first_ray_of_the_shortest_distance() -> None:
+    # Seen from the axis, four pixels about the middle of the plate are equally near; the upper left one comes first.
+    plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([2.0, 0.0, 0.0]))
+    behind = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([-2.0, 0.0, 0.0]))
+    truth = simulator([behind, plate, plate], sampling="footprint").frame().truth
+    assert truth is not None
+    assert np.isnan(truth.range[[0, 2]]).all()  # out of sight, and in the same place as what is seen
+    half_pixel = np.tan(np.deg2rad(40.0)) / 48.0
+    assert truth.azimuth[1] == pytest.approx(np.arctan(half_pixel), rel=1e-6)
+    assert truth.elevation[1] > 0.0

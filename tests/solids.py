@@ -1,0 +1,28 @@
+"""Areas and volumes of triangle meshes, and whether they are closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def corners(mesh):
+    return tuple(mesh.vertices[index] for index in mesh.triangles.T)
+
+
+def directed_edges(mesh):
+    return mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+
+
+def area_vectors(mesh):
+    a, b, c = corners(mesh)
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def volume(mesh):
+    return np.sum(corners(mesh)[0] * area_vectors(mesh)) / 3.0
+
+
+def is_closed(mesh):
+    """Every edge belongs to exactly two faces that run through it in opposite directions."""
+    edges = {tuple(edge) for edge in directed_edges(mesh).tolist()}
+    return len(edges) == 3 * len(mesh.triangles) and all((b, a) in edges for a, b in edges)

@@ -1,0 +1,255 @@
+"""`radarcore sensor serve`, and clients of it."""
+
+import re
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from boards import CLI, SWING, python
+from radarcore.cli.main import main
+from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.source import Noise, Playback
+from radarcore.virtual.source import Simulated
+
+# Another radar than the scene file's: what the client sets is what is simulated.
+CLIENT = rc.bgt60tr13c(
+    start_frequency=60e9,
+    stop_frequency=61e9,
+    num_samples=128,
+    num_chirps=32,
+    chirp_interval=500e-6,
+    frame_interval=50e-3,
+)
+
+
+@pytest.fixture
+def swing(tmp_path):
+    path = tmp_path / "swing.toml"
+    path.write_text(SWING)
+    return path
+
+
+@contextmanager
+def served(*arguments):
+    """`radarcore sensor serve` in a process of its own; its port."""
+    with python(CLI, "sensor", "serve", *arguments) as process:
+        try:
+            line = process.stdout.readline()
+            assert line.startswith("listening on "), process.stderr.read()
+            yield line.removeprefix("listening on ").strip(), process
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+
+
+def test_client_tracks_a_moving_scene_for_a_minute(swing):
+    simulation = rc.load_scene(swing)
+    with served(swing, "--speed", "max") as (port, _), open_sensor(port, queue_size=1200) as sensor:
+        radar = sensor.configure(CLIENT, if_gain_db=60)
+        truth_of = simulation.simulator().with_radar(radar)
+        wf = radar.waveform
+        times, ranges, velocities, truths = [], [], [], []
+        for frame in sensor.frames(round(60.0 / wf.frame_interval)):
+            peak = rc.strongest_peak(frame.cube - frame.cube.mean(axis=-1, keepdims=True), wf)
+            times.append(frame.time)
+            ranges.append(peak.range)
+            velocities.append(peak.velocity)
+        assert sensor.num_lost == 0
+    assert times[-1] > 59.9
+    # The truth holds for the middle of a frame, as the peak does; 100 of the 1200 frames are enough.
+    chosen = slice(None, None, 12)
+    truths = [truth_of.frame(at).truth for at in times[chosen]]
+    range_error = np.array(ranges[chosen]) - [truth.range[0] for truth in truths]
+    velocity_error = np.array(velocities[chosen]) - [truth.velocity[0] for truth in truths]
+    assert np.ptp(ranges) > 2.0, "it swings"
+    assert np.ptp(velocities) > 0.5
+    # A tenth of a bin: a wrong slope or wavelength, a frame too late or swapped chirps would miss by more.
+    assert np.abs(range_error).max() < 0.1 * wf.range_resolution
+    assert np.abs(velocity_error).max() < 0.1 * wf.velocity_resolution
+
+
+def test_what_the_client_sets_is_simulated(swing):
+    with (
+        virtual_board(rc.load_scene(swing), speed=None) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path) as sensor,
+    ):
+        # Wide sweeps would put the plate beyond the range of 64 samples.
+        for changes in ({"num_samples": 64, "stop_frequency": 60.4e9}, {"num_samples": 256, "stop_frequency": 61.5e9}):
+            for num_chirps in (8, 16):
+                radar = sensor.configure(
+                    rc.bgt60tr13c(start_frequency=60e9, num_chirps=num_chirps, **changes), if_gain_db=60
+                )
+                (frame,) = sensor.frames(1)
+                assert frame.cube.shape == (3, num_chirps, changes["num_samples"])
+                cube = frame.cube - frame.cube.mean(axis=-1, keepdims=True)
+                peak = rc.strongest_peak(cube, radar.waveform)
+                assert peak.range == pytest.approx(1.5, abs=0.2 * radar.waveform.range_resolution)
+
+
+def test_gain_of_the_client_scales_the_samples(swing):
+    source = Simulated(rc.load_scene(swing).simulator())
+    radar = bgt60.achieved(bgt60.Settings.from_radar(CLIENT)).to_radar()
+    low, high = (source.frame(radar, 0, 0.0, if_gain_db=gain).astype(float) - 2047.5 for gain in (30.0, 50.0))
+    # Noise is the same; rounding to codes is half a code.
+    np.testing.assert_allclose(low, high / 10.0, atol=0.51 + 0.051)
+    assert np.abs(high).max() > 100.0
+
+
+def test_level_is_that_of_the_radar_equation():
+    """1 m^2 at 1 m on boresight: 2.5 mW, 3.5 dBi twice, 12 dB of receiver noise below one code at 23 dB."""
+    point = rc.PointTarget([1.0, 0.0, 0.0], rcs=1.0)
+    radar = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=1)
+    simulator = rc.Simulator(rc.Scene([point]), radar, resolution=8)
+    codes = Simulated(simulator).frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
+    wavelength = radar.waveform.wavelength
+    gain = 10.0**0.35
+    power = 2.51e-3 * gain**2 * wavelength**2 / (4.0 * np.pi) ** 3
+    volt = np.sqrt(2.0 * 50.0 * power) * 10.0 ** ((14.0 + 40.0) / 20.0)
+    assert np.abs(codes).max() == pytest.approx(volt / 1.21 * 2047.5, rel=0.05)
+
+
+def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp_path):
+    radar = bgt60.achieved(bgt60.Settings.from_radar(rc.bgt60tr13c(num_chirps=8))).to_radar()
+    noise = Noise(seed=5)
+    raw = np.stack([noise.frame(radar, index, 0.0) for index in range(3)])
+    recording = rc.Recording(
+        (raw * 2.0 / 4095.0 - 1.0).astype(np.float32),
+        np.arange(3) * radar.waveform.frame_interval,
+        radar,
+        source={"cube_unit": "full scale"},
+    )
+    with virtual_board(recording, speed=None) as board, PtyPort(board) as port, open_sensor(port.path) as sensor:
+        sensor.configure(radar)
+        for index, frame in enumerate(sensor.frames(7)):
+            np.testing.assert_array_equal(frame.raw, raw[index % 3])
+    with pytest.raises(ValueError, match="as recorded"):
+        Playback(recording).frame(rc.bgt60tr13c(num_chirps=9), 0, 0.0)
+
+
+def test_serve_tells_why_no_frames_come(swing):
+    with virtual_board(rc.load_scene(swing), speed=None) as board:
+        assert board.news() == []
+        image = bgt60.registers(bgt60.Settings.from_radar(rc.bgt60tr13c()), 6144)
+        image[0x37] = 0  # no shape
+        board._controller.chip.execute(bgt60.start_words(image))
+        (line,) = board.news()
+        assert line.startswith("the client's settings give no frames: ")
+        assert board.news() == [], "once"
+
+
+def test_client_that_asks_for_the_temperature_is_no_news(swing):
+    """The chip is idle then, in a mode that has no frames."""
+    with virtual_board(rc.load_scene(swing)) as board, PtyPort(board) as port:
+        with open_sensor(port.path, protocol="strata") as sensor:
+            sensor.temperature()
+        assert board.news() == []
+
+
+def test_source_that_fails_is_told_to_the_client_and_to_whoever_serves():
+    class Wrong:
+        def frame(self, radar, index, time, **gains):
+            raise ValueError("radar: expected what was recorded")
+
+    with virtual_board(Wrong(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+        with open_sensor(port.path) as sensor:
+            wanted = rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=50e-3)
+            sensor.configure(rc.Radar(wanted.waveform, rx=[[0.0, 0.0, 0.0]], receiver=wanted.receiver))
+            with pytest.raises(RequestError, match="endpoint 1 refused"):
+                next(sensor.frames())
+        assert board.news() == ["the client's settings give no frames: radar: expected what was recorded"]
+        open_sensor(port.path).close()
+
+
+class Paced:
+    """Noise that takes a time of its own for every frame."""
+
+    def __init__(self, seconds):
+        self.seconds, self.noise = seconds, Noise()
+
+    def frame(self, radar, index, time_of_frame, **gains):
+        time.sleep(self.seconds(index))
+        return self.noise.frame(radar, index, time_of_frame, **gains)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "is_told"),
+    [
+        (lambda index: 0.1, True),
+        # The first frame cannot be made ahead, and a host is busy now and then.
+        (lambda index: {0: 0.5, 10: 0.06}.get(index, 0.0), False),
+    ],
+    ids=["slow", "late now and then"],
+)
+def test_serve_tells_of_a_scene_that_is_slow_and_of_no_other(seconds, is_told, monkeypatch):
+    monkeypatch.setattr("radarcore.sensor.emulator.chip._PACE_TIME", 1.0)
+    radar = rc.bgt60tr13c(num_chirps=8, frame_interval=50e-3)
+    with virtual_board(Paced(seconds)) as board, PtyPort(board) as port, open_sensor(port.path) as sensor:
+        sensor.configure(radar)
+        assert len(list(sensor.frames(25))) == 25
+        lines = board.news()
+        assert len(lines) == is_told
+        # Half the speed, and less on a busy machine.
+        assert all(re.match(r"the scene takes long to simulate and runs at 0\.[2-5]", line) for line in lines)
+        assert board.news() == [], "once"
+
+
+def test_board_answers_while_a_frame_takes_long_to_simulate():
+    """A client that stops or asks is not kept waiting for the scene."""
+    with (
+        virtual_board(Paced(lambda index: 0.0 if index == 0 else 3.0)) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path) as sensor,
+    ):
+        sensor.configure(rc.bgt60tr13c(num_chirps=8))
+        frames = sensor.frames()
+        next(frames)
+        for call in (sensor.temperature, frames.close, sensor.temperature):
+            sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
+            began = time.monotonic()
+            call()
+            assert time.monotonic() - began < 1.0
+        # The next measurement has the source when the last one has given it back.
+        (frame,) = sensor.frames(1, timeout=10.0)
+        assert frame.stats["index"] == 0
+
+
+def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
+    output = tmp_path / "rec"
+    with served(swing, "--link", tmp_path / "port") as (port, server):
+        assert port == str(tmp_path / "port")
+        assert Path(port).is_symlink()
+        options = ("--rate", "20", "--chirps", "8")
+        with python(CLI, "sensor", "record", port, "-o", output, *options) as recorder:
+            deadline = time.monotonic() + 60.0
+            while time.monotonic() < deadline and not _has_frames(output, 5):
+                time.sleep(0.05)
+            recorder.send_signal(signal.SIGINT)
+            out, err = recorder.communicate(timeout=60)
+        assert recorder.returncode == 0, err
+        assert "0 lost" in out
+    assert server.returncode == 0
+    assert not Path(port).is_symlink()
+    recording = rc.Recording.load(output)
+    assert len(recording) >= 5
+    assert recording.raw.dtype == np.uint16
+    assert recording.source["sensor"]["chip"] == "BGT60TR13C"
+    assert main(["info", str(output)]) == 0
+
+
+def _has_frames(path, number):
+    try:
+        return (path / "cube.npy").stat().st_size > number * 3 * 8 * 64 * 4
+    except OSError:
+        return False
