@@ -434,10 +434,10 @@ class MovingArm:
 
 
 class _LinkMotion:
-    """Motion of one link of a moving arm."""
+    """Motion of one link: the `member` of a `group` whose poses are worked out together."""
 
-    def __init__(self, moving: MovingArm, number: int) -> None:
-        self._moving, self._number = moving, number
+    def __init__(self, group: MovingArm, member: int) -> None:
+        self.group, self.member = group, member
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -445,7 +445,7 @@ class _LinkMotion:
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._moving._poses(np.asarray(times, dtype=np.float64))[:, self._number, :3]
+        return self.group._poses(np.asarray(times, dtype=np.float64))[:, self.member, :3]
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
@@ -454,7 +454,7 @@ class _LinkMotion:
 
     def rates_at(self, times: ArrayLike) -> Matrix:
         """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._moving._rates(np.asarray(times, dtype=np.float64))[:, self._number, :3]
+        return self.group._rates(np.asarray(times, dtype=np.float64))[:, self.member, :3]
 
 
 class _JointFunction:

@@ -43,7 +43,8 @@ class Human:
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
     `radarcore.models.gait`), which depends on speed and height alone. The person stays upright, faces where the path
-    leads and walks on straight before its first and after its last waypoint: in and out of a scene.
+    leads and walks on straight before its first and after its last waypoint: in and out of a scene. Velocities,
+    accelerations and their derivatives are continuous, in turns of the path too.
 
     The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
     at running speeds by more. The lowest point of a cycle touches the floor z = 0. Nor does it lean into turns.
@@ -119,11 +120,11 @@ class Human:
 
     def link_poses_at(self, times: ArrayLike) -> _Floats:
         """``[rotation | position]`` of all `SEGMENTS` at several times [s], (n, segment, 3, 4), to the world."""
-        return self._figure.poses_at(times)
+        return self._figure.link_poses_at(times)
 
     def link_rates_at(self, times: ArrayLike) -> _Floats:
         """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
-        return self._figure.rates_at(times)
+        return self._figure.link_rates_at(times)
 
     def bodies(self, material: Material | None = None, name: str = "human", *, subdivisions: int = 4) -> list[Body]:
         """The person as 16 closed spheroids with the volumes of the segments.
@@ -208,7 +209,7 @@ class _Figure:
         foot = self._maps(turns, root)[0, :, SEGMENTS.index("right_foot")]
         self._lift = -float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
         # The simulator asks segment after segment for the same times.
-        self.poses, self.rates = Recent(self.poses_at), Recent(self.rates_at)
+        self.poses, self.rates = Recent(self.link_poses_at), Recent(self.link_rates_at)
 
     def motion(self, name: str) -> Motion:
         """Motion of a segment; a `Pose` when the person stands."""
@@ -224,11 +225,11 @@ class _Figure:
             for segment in SEGMENTS
         ]
 
-    def poses_at(self, times: ArrayLike) -> _Floats:
+    def link_poses_at(self, times: ArrayLike) -> _Floats:
         """``[rotation | position]`` of all segments in the world at several times [s], (n, segment, 3, 4)."""
         return np.ascontiguousarray(self._along_the_path(times, 1)[0])
 
-    def rates_at(self, times: ArrayLike) -> _Floats:
+    def link_rates_at(self, times: ArrayLike) -> _Floats:
         """Their time derivatives, (n, segment, 3, 4)."""
         return np.ascontiguousarray(self._along_the_path(times, 2)[1])
 
@@ -255,9 +256,9 @@ class _Figure:
 
         The first axis holds the value and, with two orders, the time derivative.
         """
-        maps = np.empty((*turns.shape[:2], 3, len(SEGMENTS), 4))
+        maps = np.empty((*turns.shape[:2], 3, len(SEGMENTS), 4))  # order, time, row, segment, column
         # Rz Rx Ry, the first two rows as one of complex numbers.
-        (cz, cx, cy), (sz, sx, sy) = (np.moveaxis(values, 1, 0) for values in (np.cos(turns[0]), np.sin(turns[0])))
+        (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
         across = np.empty((*cz.shape, 3), dtype=np.complex128)
         across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
         forward = cz + 1j * sz
@@ -276,7 +277,7 @@ class _Figure:
             axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
         # Origins lie fixed in the axes of other segments, which carry them.
         maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ self._reach
-        return np.swapaxes(maps, 2, 3)
+        return maps.swapaxes(2, 3)
 
     def _gait(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats]:
         """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
@@ -299,10 +300,10 @@ class _Figure:
 
 
 class _SegmentMotion:
-    """Motion of one segment of a figure."""
+    """Motion of one segment: the `member` of a `group` whose poses are worked out together."""
 
-    def __init__(self, figure: _Figure, index: int) -> None:
-        self._figure, self._index = figure, index
+    def __init__(self, group: _Figure, member: int) -> None:
+        self.group, self.member = group, member
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -310,7 +311,7 @@ class _SegmentMotion:
 
     def poses_at(self, times: ArrayLike) -> _Floats:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._figure.poses(np.asarray(times, dtype=np.float64))[:, self._index]
+        return self.group.poses(np.asarray(times, dtype=np.float64))[:, self.member]
 
     def rate_at(self, time: float) -> _Floats:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
@@ -319,7 +320,7 @@ class _SegmentMotion:
 
     def rates_at(self, times: ArrayLike) -> _Floats:
         """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._figure.rates(np.asarray(times, dtype=np.float64))[:, self._index]
+        return self.group.rates(np.asarray(times, dtype=np.float64))[:, self.member]
 
 
 # Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.
