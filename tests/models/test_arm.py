@@ -168,6 +168,20 @@ def test_all_links_at_one_time_take_one_evaluation(ur10):
     assert calls == [0.1, 0.2]
 
 
+def test_all_links_in_one_call_are_where_each_of_them_is(ur10):
+    base = rc.Linear(rc.Pose([1.0, 0.0, 0.7]), velocity=[0.2, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.3])
+    times = np.random.default_rng(6).uniform(0.0, 2.5, 20)
+    trajectory = some_trajectory()
+    for joint_motion in (trajectory, trajectory.angles, CHECK_POSE):
+        moving = ur10.moving(joint_motion, base)
+        poses, rates = moving.link_poses_at(times), moving.link_rates_at(times)
+        assert poses.shape == rates.shape == (20, len(ur10.links), 3, 4)
+        for number, link in enumerate(ur10.links):
+            motion = moving.link_motion(link)
+            np.testing.assert_allclose([matrix(motion.at(t)) for t in times], poses[:, number], atol=10 * ROUNDING)
+            np.testing.assert_allclose([motion.rate_at(t) for t in times], rates[:, number], atol=1e-12)
+
+
 def test_resting_arm_is_known_to_rest(ur10):
     bodies = ur10.moving(CHECK_POSE, rc.Pose([0.0, 0.0, 1.0])).bodies()
     assert rc.Scene(bodies).is_static

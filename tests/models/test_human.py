@@ -86,8 +86,9 @@ def test_forward_speed_of_joints_over_a_cycle(speed):
     speeds = dict(zip(POINTS, forward.T, strict=True))
     speeds["stance"] = speeds["ankle"][(phases >= 0.15) & (phases <= 0.45)]
     for name, expected in FORWARD_SPEEDS[speed].items():
-        # Two digits are printed.
-        assert (speeds[name].min(), speeds[name].max()) == pytest.approx(expected, abs=0.01), name
+        # Two digits are printed. In the stance accelerations of the paper's ankle jump, and smoothing rounds the peak.
+        tolerance = 0.045 if name == "stance" else 0.01
+        assert (speeds[name].min(), speeds[name].max()) == pytest.approx(expected, abs=tolerance), name
 
 
 def test_joints_at_the_right_heel_strike_are_where_the_published_chain_has_them():
@@ -103,10 +104,11 @@ def test_joints_at_the_right_heel_strike_are_where_the_published_chain_has_them(
     lift = place(human, "pelvis", 0.0) - [0, 0, root]
     for name, position in expected.items():
         segment, point = POINTS[name]
-        np.testing.assert_allclose(place(human, segment, 0.0, point)[2] - lift[2], position[2], atol=1e-4)
-        np.testing.assert_allclose(place(human, segment, 0.0, point)[:2], position[:2], atol=1e-4)
+        # Smoothing moves the toes by 0.3 mm.
+        np.testing.assert_allclose(place(human, segment, 0.0, point)[2] - lift[2], position[2], atol=5e-4)
+        np.testing.assert_allclose(place(human, segment, 0.0, point)[:2], position[:2], atol=5e-4)
     left_ankle = place(human, "left_foot", 0.0) - [0, 0, lift[2]]
-    np.testing.assert_allclose(left_ankle, (-0.3530, 0.1483, 0.1086), atol=1e-4)
+    np.testing.assert_allclose(left_ankle, (-0.3530, 0.1483, 0.1086), atol=5e-4)
     assert 0.02 < lift[2] < 0.06  # how far the soles would sink
 
 
@@ -132,10 +134,9 @@ def test_every_segment_advances_by_one_cycle_at_the_mean_speed(speed):
         first, second = motion.at(0.123), motion.at(0.123 + duration)
         np.testing.assert_allclose(second.position - first.position, [speed * duration, 0, 0], atol=1e-12)
         np.testing.assert_allclose(second.rotation, first.rotation, atol=1e-12)
-    # The trapezoidal rule over a period: only the jumps of acceleration at the control points are left.
-    times = np.linspace(0.0, duration, 201)[:-1]
-    velocities = np.array([[motion.rate_at(t)[:, 3] for motion in motions] for t in times])
-    np.testing.assert_allclose(velocities.mean(axis=0), np.tile([speed, 0, 0], (16, 1)), atol=2e-3 * speed)
+    # The trapezoidal rule over a period, exact for smooth motion.
+    velocities = human.link_rates_at(np.linspace(0.0, duration, 401)[:-1])[..., 3]
+    np.testing.assert_allclose(velocities.mean(axis=0), np.tile([speed, 0, 0], (16, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("path", [((0, 0), (10, 0)), CURVED])
@@ -149,6 +150,48 @@ def test_velocities_are_the_derivatives_of_the_poses(speed, path):
             later, earlier = motion.at(time + step), motion.at(time - step)
             difference = np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position])
             np.testing.assert_allclose(motion.rate_at(time), difference / (2 * step), atol=1e-6)
+
+
+def test_all_segments_in_one_call_are_where_each_of_them_is():
+    human = Human(path=CURVED, start_time=0.3, phase=0.2)
+    times = np.random.default_rng(5).uniform(-1.0, 6.0, 30)
+    poses, rates = human.link_poses_at(times), human.link_rates_at(times)
+    assert poses.shape == rates.shape == (30, 16, 3, 4)
+    for segment, pose, rate in zip(SEGMENTS, np.swapaxes(poses, 0, 1), np.swapaxes(rates, 0, 1), strict=True):
+        motion = human.segment_motion(segment)
+        np.testing.assert_array_equal(motion.poses_at(times), pose)
+        np.testing.assert_array_equal(motion.rates_at(times), rate)
+        # Of one time alone sums are in another order.
+        np.testing.assert_allclose(motion.at(times[7]).apply([0.1, 0.2, 0.3]), pose[7] @ [0.1, 0.2, 0.3, 1], atol=1e-12)
+        np.testing.assert_allclose(motion.rate_at(times[7]), rate[7], atol=1e-10)
+
+
+def test_standing_person_has_all_poses_too_and_does_not_move():
+    human = Human(speed=0.0, path=[[2, 1], [2, 5]])
+    poses, rates = human.link_poses_at([0.0, 3.0]), human.link_rates_at([0.0, 3.0])
+    for segment, pose in zip(SEGMENTS, poses[0], strict=True):
+        still = human.segment_motion(segment)
+        np.testing.assert_allclose(pose, np.column_stack([still.rotation, still.position]), atol=1e-15)
+    np.testing.assert_array_equal(poses[1], poses[0])
+    assert not rates.any()
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_frames_take_delays_at_8_times_in_turns_too(tolerance):
+    waveform = rc.Waveform.from_sweep(
+        start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4
+    )
+    human = Human(speed=1.3, path=[[4.6, 1.8], [3.0, 0.6], [3.2, -1.6]])
+    simulator = rc.Simulator(
+        rc.Scene(human.bodies(subdivisions=2)),
+        rc.Radar(waveform),
+        radar_motion=rc.Pose([-0.4, -0.6, 1.1]),
+        field_of_view_deg=(90.0, 60.0),
+        resolution=48,
+        tolerance=tolerance,
+    )
+    # The path turns from 1.2 to 2.1 s; accelerations that jump would take up to 64 times.
+    assert max(simulator.frame(k / 12.0).stats["delay_nodes"] for k in range(24)) <= 8
 
 
 def test_velocities_do_not_jump_in_turns():

@@ -6,27 +6,38 @@ just above 0 to 3 per second (measured up to about 2.3).
 
 Phase 0 is the right heel strike and a cycle of two steps is 1; any phase is taken modulo 1. Angles are in **degrees**,
 as in the paper, and translations in hip heights. Every function takes arrays of phases; ``derivative=1`` gives the
-exact derivative by phase instead of the value. Joint curves pass through the paper's control points by monotone
-cubics (PCHIP): angles and their rates are continuous, angular accelerations are not.
+exact derivative by phase instead of the value.
+
+All curves are Fourier series, and so are all their derivatives. The paper's curves through its control points (monotone
+cubics, PCHIP; half cosines for the roll of the pelvis) have accelerations that jump; they are smoothed by a Gaussian of
+0.7 % of a cycle and pass through the same points. No angle changes by more than 0.2 degrees.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from math import sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
 _Floats = NDArray[np.float64]
+_Phasors = NDArray[np.complex128]
 _Points = list[tuple[float, float]]
 
 MAX_RELATIVE_SPEED = 3.0
 """Largest relative speed of the formulas [1/s]."""
+
+# Standard deviation of the Gaussian that smooths curves, in cycles: 8 ms of a walk.
+_SMOOTHING = 0.007
+# Harmonics of the series: the Gaussian leaves 1e-7 of the last, which is below 1e-4 degrees before.
+_NUM_HARMONICS = 128
+_HARMONICS = np.arange(_NUM_HARMONICS)
+# Samples of a cycle that series are made from.
+_NUM_SAMPLES = 1024
+_SAMPLE_PHASES = np.arange(_NUM_SAMPLES) / _NUM_SAMPLES
 
 
 class LimbAngles(NamedTuple):
@@ -70,41 +81,32 @@ def stance_fraction(relative_speed: float) -> float:
 
 def limb_angles(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> LimbAngles:
     """Angles of the right limbs; the left ones follow half a cycle later, at ``phase + 0.5``."""
-    t = np.asarray(phase, dtype=np.float64)
-    curves = _curves(relative_speed, derivative)(t)
-    hip, knee, ankle, elbow = (curves[..., j] for j in range(4))
-    shoulder = -9.88 * relative_speed * _sine(t + 0.25, 1, derivative)
-    if derivative == 0:
-        shoulder = shoulder + 3.0 - 4.94 * relative_speed
-    return LimbAngles(hip, knee, ankle, shoulder, elbow)
+    return LimbAngles(*np.moveaxis(_series(relative_speed).at(phase, derivative + 1)[derivative, ..., _RIGHT], -1, 0))
 
 
 def trunk_angles(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> TrunkAngles:
     """Angles of pelvis and thorax."""
-    t = np.asarray(phase, dtype=np.float64)
-    amplitude = _amplitude(8.0, 2.0, relative_speed)
-    lean = amplitude * _sine(t - 0.05, 2, derivative)
-    return TrunkAngles(
-        roll=_roll(t, relative_speed, derivative),
-        torsion=-4.0 * relative_speed * _sine(t + 0.25, 1, derivative),
-        thorax=_curves(relative_speed, derivative)(t)[..., 4],
-        lean=lean - amplitude if derivative == 0 else lean,
-    )
+    return TrunkAngles(*np.moveaxis(_series(relative_speed).at(phase, derivative + 1)[derivative, ..., _TRUNK], -1, 0))
 
 
 def root_translation(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> _Floats:
     """Deviation of the pelvis from even forward motion at hip height: forward, left, up, (..., 3) [hip heights]."""
-    t = np.asarray(phase, dtype=np.float64)
-    late = 0.625 - stance_fraction(relative_speed)
-    up = 0.015 * relative_speed * _sine(t - 0.175, 2, derivative)
-    return np.stack(
-        [
-            -_amplitude(0.084, 0.021, relative_speed) * _sine(t + late, 2, derivative),
-            -_amplitude(0.128, 0.032, relative_speed) * _sine(t - 0.1, 1, derivative),
-            up - 0.015 * relative_speed if derivative == 0 else up,
-        ],
-        axis=-1,
-    )
+    return _series(relative_speed).at(phase, derivative + 1)[derivative, ..., _ROOT]
+
+
+class Posture(NamedTuple):
+    """Whole body at some phases; the first axis holds the values and, with two orders, the derivatives by phase."""
+
+    angles: _Floats
+    """Of the left limbs, the right limbs (as `LimbAngles`) and the trunk (as `TrunkAngles`), (order, ..., 14) [deg]."""
+    root: _Floats
+    """As `root_translation`, (order, ..., 3) [hip heights]."""
+
+
+def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:
+    """Both sides, trunk and root together; with ``orders=2`` their derivatives too."""
+    curves = _series(relative_speed).at(phase, orders)
+    return Posture(curves[..., : _TRUNK.stop], curves[..., _ROOT])
 
 
 def control_points(relative_speed: float) -> dict[str, _Points]:
@@ -141,42 +143,111 @@ def control_points(relative_speed: float) -> dict[str, _Points]:
     return {"hip": hip, "knee": knee, "ankle": ankle, "elbow": elbow, "thorax": thorax}
 
 
+# Columns of the series.
+_RIGHT, _TRUNK, _ROOT = slice(5, 10), slice(10, 14), slice(14, 17)
+
+
+class _FourierSeries:
+    """Functions of period 1: real parts of sums of ``coefficients[h] exp(2 pi i h phase)``.
+
+    Parameters
+    ----------
+    coefficients : (harmonic, column) complex array
+    """
+
+    def __init__(self, coefficients: _Phasors) -> None:
+        both = np.array([coefficients, 2j * np.pi * _HARMONICS[:, None] * coefficients])
+        # Real factors of the real and imaginary parts of the powers, one below the other.
+        self._factors = np.stack([both.real, -both.imag], axis=2).reshape(2, 2 * _NUM_HARMONICS, -1)
+
+    def at(self, phase: ArrayLike, orders: int) -> _Floats:
+        """Values and, with two orders, derivatives by phase, (orders, ..., column)."""
+        phases = np.asarray(phase, dtype=np.float64)
+        curves = _powers(phases.ravel()).view(np.float64) @ self._factors[:orders]
+        return np.asarray(curves).reshape(orders, *phases.shape, -1)
+
+
+def _powers(phases: _Floats) -> _Phasors:
+    """``exp(2 pi i h phase)`` of all harmonics h, (phase, harmonic): products of 24 powers."""
+    turns = 2j * np.pi * (phases % 1.0)
+    coarse = np.exp(turns[:, None] * _HARMONICS[::16])
+    fine = np.exp(turns[:, None] * _HARMONICS[:16])
+    return np.asarray(coarse[:, :, None] * fine[:, None]).reshape(-1, _NUM_HARMONICS)
+
+
 @lru_cache(maxsize=64)
-def _curves(relative_speed: float, derivative: int) -> PPoly[np.float64]:
-    """All joint curves as one periodic piecewise cubic, (phase,) -> (phase, 5), or its derivative."""
-    from scipy.interpolate import PchipInterpolator, PPoly
-
-    # Every curve through its points in the periods before, of and after the cycle.
-    curves = []
-    for points in control_points(relative_speed).values():
-        once = {round(t % 1.0, 12): angle for t, angle in points}  # two of the hip coincide at RV = 1.3
-        phases, angles = np.array(sorted(once.items())).T
-        curves.append(PchipInterpolator(np.concatenate([phases - 1.0, phases, phases + 1.0]), np.tile(angles, 3)))
-
-    # The same polynomials on the pieces between all points, as Taylor coefficients at the start of every piece.
-    knots = np.unique(np.concatenate([[0.0, 1.0]] + [c.x[(c.x > 0.0) & (c.x < 1.0)] for c in curves]))
-    factorial = (1.0, 1.0, 2.0, 6.0)
-    taylor = [[curve(knots[:-1], order) / factorial[order] for curve in curves] for order in (3, 2, 1, 0)]
-    together = PPoly(np.moveaxis(np.array(taylor), 1, 2), knots, extrapolate="periodic")
-    return together.derivative(derivative) if derivative else together
-
-
-def _roll(t: _Floats, relative_speed: float, derivative: int) -> _Floats:
-    """Roll of the pelvis [degrees]: falls for 0.15, rises for 0.35 of the cycle, then the same mirrored."""
-    u = t % 0.5
-    mirrored = np.where(t % 1.0 < 0.5, 1.0, -1.0)
-    falling = u < 0.15
-    # From 0.15 to 0.5 the paper's -a (1 + cos(2 pi (u - 0.15) 10/7)) is a (cos(2 pi (u - 0.5) 10/7) - 1).
-    omega = np.where(falling, 2.0 * np.pi * 10.0 / 3.0, 2.0 * np.pi * 10.0 / 7.0)
-    argument = omega * np.where(falling, u, u - 0.5)
-    amplitude = 1.66 * relative_speed * mirrored
-    return np.asarray(-amplitude * omega * np.sin(argument) if derivative else amplitude * (np.cos(argument) - 1.0))
+def _series(relative_speed: float) -> _FourierSeries:
+    """All curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
+    RV = relative_speed
+    late = 0.625 - stance_fraction(RV)
+    angles = {
+        name: _smooth_curve({round(t % 1.0, 12): angle for t, angle in points}, _monotone_cubic)
+        for name, points in control_points(RV).items()  # two of the hip coincide at RV = 1.3
+    }
+    roll = _smooth_curve({0.0: 0.0, 0.15: -3.32 * RV, 0.5: 0.0, 0.65: 3.32 * RV}, _half_cosines)
+    lean = _amplitude(8.0, 2.0, RV)
+    right = np.array(
+        [
+            *(angles[name] for name in ("hip", "knee", "ankle")),
+            _sine(-9.88 * RV, 1, 0.25, 3.0 - 4.94 * RV),
+            angles["elbow"],
+        ]
+    )
+    left = right * np.exp(1j * np.pi * _HARMONICS)
+    trunk = [roll, _sine(-4.0 * RV, 1, 0.25), angles["thorax"], _sine(lean, 2, -0.05, -lean)]
+    root = [
+        _sine(-_amplitude(0.084, 0.021, RV), 2, late),
+        _sine(-_amplitude(0.128, 0.032, RV), 1, -0.1),
+        _sine(0.015 * RV, 2, -0.175, -0.015 * RV),
+    ]
+    return _FourierSeries(np.concatenate([left, right, trunk, root]).T)
 
 
-def _sine(t: _Floats, harmonic: int, derivative: int) -> _Floats:
-    """``sin(2 pi harmonic t)`` or its derivative."""
-    omega = 2.0 * np.pi * harmonic
-    return np.asarray(omega * np.cos(omega * t) if derivative else np.sin(omega * t))
+def _smooth_curve(points: dict[float, float], interpolate: Callable[[_Floats, _Floats], _Floats]) -> _Phasors:
+    """Coefficients of a curve through points (phase to angle), smoothed by the Gaussian, (harmonic,).
+
+    Smoothing takes the curve off its points. Bumps that rise and fall between the neighbours of a point, smoothed
+    likewise, bring it back; their heights solve a linear system.
+    """
+    phases, angles = np.array(sorted(points.items())).T
+    curve = _smoothed(interpolate(phases, angles[:, None]))
+    bumps = _smoothed(interpolate(phases, np.eye(len(phases))))
+    powers = _powers(phases)
+    missing = angles - (powers @ curve[:, 0]).real
+    return np.asarray(curve[:, 0] + bumps @ np.linalg.solve((powers @ bumps).real, missing))
+
+
+def _smoothed(samples: _Floats) -> _Phasors:
+    """Coefficients (harmonic, column) of periodic functions, smoothed by the Gaussian, from samples (time, column)."""
+    coefficients = np.fft.rfft(samples, axis=0, norm="forward")[:_NUM_HARMONICS]
+    coefficients[1:] *= 2.0
+    gaussian = np.exp(-0.5 * (2.0 * np.pi * _SMOOTHING * _HARMONICS) ** 2)
+    return np.asarray(gaussian[:, None] * coefficients)
+
+
+def _monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
+    """Samples of periodic curves through values (point, column), (_NUM_SAMPLES, column), monotone between points."""
+    from scipy.interpolate import PchipInterpolator
+
+    # Through the points in the periods before, of and after the cycle.
+    periods = np.concatenate([phases - 1.0, phases, phases + 1.0])
+    return np.asarray(PchipInterpolator(periods, np.tile(values, (3, 1)))(_SAMPLE_PHASES))
+
+
+def _half_cosines(phases: _Floats, values: _Floats) -> _Floats:
+    """Samples of periodic curves that go from value to value by halves of a cosine."""
+    piece = np.searchsorted(phases, _SAMPLE_PHASES, side="right") - 1
+    following = (piece + 1) % len(phases)
+    u = (_SAMPLE_PHASES - phases[piece]) / ((phases[following] - phases[piece]) % 1.0)
+    return np.asarray(values[piece] + (0.5 - 0.5 * np.cos(np.pi * u))[:, None] * (values[following] - values[piece]))
+
+
+def _sine(amplitude: float, harmonic: int, ahead: float, mean: float = 0.0) -> _Phasors:
+    """Coefficients of ``mean + amplitude sin(2 pi harmonic (phase + ahead))``."""
+    coefficients = np.zeros(_NUM_HARMONICS, dtype=np.complex128)
+    coefficients[0] = mean
+    coefficients[harmonic] = -1j * amplitude * np.exp(2j * np.pi * harmonic * ahead)
+    return coefficients
 
 
 def _amplitude(slow: float, fast: float, relative_speed: float) -> float:

@@ -47,7 +47,8 @@ class Human:
 
     Legs, arms, pelvis and trunk move as in the walking model of Boulic, Magnenat-Thalmann and Thalmann (1990, see
     `radarcore.models.people.gait`), which depends on speed and height alone. The person stays upright, faces where the
-    path leads and walks on straight before its first and after its last waypoint: in and out of a scene.
+    path leads and walks on straight before its first and after its last waypoint: in and out of a scene. Velocities,
+    accelerations and their derivatives are continuous, in turns of the path too.
 
     The model does not pin the feet: at 1.4 m/s the sole on the floor slides at up to 0.5 m/s and rises by up to 2 cm,
     at running speeds by more. The lowest point of a cycle touches the floor z = 0. Nor does it lean into turns.
@@ -121,6 +122,14 @@ class Human:
         """
         return self._figure.motion(name)
 
+    def link_poses_at(self, times: ArrayLike) -> _Floats:
+        """``[rotation | position]`` of all `SEGMENTS` at several times [s], (n, segment, 3, 4), to the world."""
+        return self._figure.link_poses_at(times)
+
+    def link_rates_at(self, times: ArrayLike) -> _Floats:
+        """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
+        return self._figure.link_rates_at(times)
+
     def bodies(self, material: Material | None = None, name: str = "human", *, subdivisions: int = 4) -> list[Body]:
         """The person as 16 closed spheroids with the volumes of the segments.
 
@@ -188,17 +197,21 @@ class _Spheroid(NamedTuple):
 
 
 class _Figure:
-    """A skeleton that walks as a person does: `poses` and `rates` of all segments at some times (n,) [s] at once."""
+    """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
 
     def __init__(self, human: Human, skeleton: _Skeleton, lowest: _Support) -> None:
-        self._human, self._offsets = human, _offsets(skeleton)
+        self._human = human
+        # Positions from the axes of all segments: (segment and axis, segment).
+        carried = _WAYS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
+        self._reach = carried.sum(axis=1).reshape(len(SEGMENTS), -1).T
         self._hip_height = HIP_HEIGHT * human.height
         self._lift = 0.0
         # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
-        rotation, position = (jet[0] for jet in self._chain(np.linspace(0.0, 1.0, _LIFT_PHASES), 1))
-        foot = SEGMENTS.index("right_foot")
-        self._lift = -float((position[:, foot, 2] + lowest(rotation[:, foot, 2])).min())
-        self.poses, self.rates = Recent(self._poses), Recent(self._rates)
+        turns, root = self._gait(np.linspace(0.0, 1.0, _LIFT_PHASES), 1)
+        foot = self._maps(turns, root)[0, :, SEGMENTS.index("right_foot")]
+        self._lift = -float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
+        # The simulator asks segment after segment for the same times.
+        self.poses, self.rates = Recent(self.link_poses_at), Recent(self.link_rates_at)
 
     def motion(self, name: str) -> Motion:
         """Motion of a segment; a `Pose` when the person stands."""
@@ -214,82 +227,85 @@ class _Figure:
             for segment in SEGMENTS
         ]
 
-    def _poses(self, times: _Floats) -> _Floats:
-        """``[rotation | position]`` of all segments in the world, (n, segment, 3, 4)."""
-        return np.asarray(self._segments(times, 1)[0])
+    def link_poses_at(self, times: ArrayLike) -> _Floats:
+        """``[rotation | position]`` of all segments in the world at several times [s], (n, segment, 3, 4)."""
+        return np.ascontiguousarray(self._along_the_path(times, 1)[0])
 
-    def _rates(self, times: _Floats) -> _Floats:
+    def link_rates_at(self, times: ArrayLike) -> _Floats:
         """Their time derivatives, (n, segment, 3, 4)."""
-        return np.asarray(self._segments(times, 2)[1])
+        return np.ascontiguousarray(self._along_the_path(times, 2)[1])
 
-    def _segments(self, times: _Floats, orders: int) -> _Floats:
-        """Both, (orders, n, segment, 3, 4): with one order only the poses."""
+    def _along_the_path(self, times: ArrayLike, orders: int) -> _Floats:
+        """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
         human = self._human
-        elapsed = times - human.start_time
-        rotation, position = self._chain(human.phase + elapsed / human.cycle_duration, orders)
-        # Along the path: turned by its heading, which changes as fast as it bends.
-        x, heading, curvature = np.array([human.path.at(way) for way in (human.speed * elapsed).tolist()]).T
-        forward = human.speed * np.exp(1j * heading.real)
-        turn = _about("z", np.array([heading.real, human.speed * curvature.real])[:orders])
-        place = np.array([[x.real, x.imag, 0.0 * x.real], [forward.real, forward.imag, 0.0 * x.real]])[:orders]
-        position = _applied(turn, position) + np.moveaxis(place, 1, 2)[:, :, None]
-        return np.concatenate([_product(turn[:, :, None], rotation), position[..., None]], axis=-1)
+        elapsed = np.asarray(times, dtype=np.float64) - human.start_time
+        turns, root = self._gait(human.phase + elapsed / human.cycle_duration, orders)
+        place, heading, curvature = human.path.points_at(human.speed * elapsed)
+        turns[0, :, 0] += heading[:, None]
+        # The root sways about its place on the path, in axes that turn with the heading.
+        sway = root[..., 0] + 1j * root[..., 1]
+        if orders > 1:
+            turn_rate = human.speed * curvature
+            turns[1, :, 0] += turn_rate[:, None]
+            sway[1] += human.speed + 1j * turn_rate * sway[0]
+        on_floor = np.exp(1j * heading) * sway
+        on_floor[0] += place
+        root[..., 0], root[..., 1] = on_floor.real, on_floor.imag
+        return self._maps(turns, root)
 
-    def _chain(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats]:
-        """Rotations (orders, ..., segment, 3, 3) and origins (orders, ..., segment, 3), less even motion along x.
+    def _maps(self, turns: _Floats, root: _Floats) -> _Floats:
+        """Maps of all segments (orders, n, segment, 3, 4) from angles as of `_gait` and the root (orders, n, 3).
 
         The first axis holds the value and, with two orders, the time derivative.
         """
-        limb, body, root = self._angles(phase, orders)
-        roll, torsion, thorax, lean = (body[..., angle] for angle in range(4))
+        maps = np.empty((*turns.shape[:2], 3, len(SEGMENTS), 4))  # order, time, row, segment, column
+        # Rz Rx Ry, the first two rows as one of complex numbers.
+        (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
+        across = np.empty((*cz.shape, 3), dtype=np.complex128)
+        across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
+        forward = cz + 1j * sz
+        across *= forward[..., None]
+        axes = maps[..., :3]
+        axes[0, :, 0], axes[0, :, 1] = across.real, across.imag
+        axes[0, :, 2, :, 0], axes[0, :, 2, :, 1], axes[0, :, 2, :, 2] = -cx * sy, sx, cx * cy
+        if len(turns) > 1:
+            # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
+            about_z, about_x, about_y = (turns[1, :, angle, :, None] for angle in range(3))
+            level = about_x * forward[..., None] + about_y * across[..., 1:2]
+            upright = about_z + about_y * sx[..., None]
+            height = axes[0, :, 2]
+            rate = 1j * (upright * across - level * height)
+            axes[1, :, 0], axes[1, :, 1] = rate.real, rate.imag
+            axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
+        # Origins lie fixed in the axes of other segments, which carry them.
+        maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ self._reach
+        return maps.swapaxes(2, 3)
 
-        # Rotations from the pelvis outwards; limbs have axes (joint, side) before those of the matrix. The joints of a
-        # limb turn about one direction: their angles add up. The hand is stiff in the wrist.
-        for joint in (1, 2, 4):
-            limb[..., joint, :] += limb[..., joint - 1, :]
-        pelvis = _product(_about("z", -torsion), _about("x", roll))
-        trunk = _product(_about("z", -thorax), _about("y", -lean))
-        turns = _about("y", -limb)
-        legs = _product(pelvis[..., None, None, :, :], turns[..., :3, :, :, :])
-        arms = _product(trunk[..., None, None, :, :], turns[..., [3, 4, 4], :, :, :])
-        in_order = (*pelvis.shape[:-2], 6, 3, 3)
-        middle = [pelvis[..., None, :, :], *3 * [trunk[..., None, :, :]]]
-        rotation = np.concatenate([*middle, legs.reshape(in_order), arms.reshape(in_order)], axis=-3)
+    def _gait(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats]:
+        """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
 
-        # Joints likewise: what leads to them turns with the segments that it belongs to.
-        steps = (rotation[..., _CARRIERS, :, :] @ self._offsets[..., None])[..., 0]
-        return rotation, root[..., None, :] + _WAYS @ steps
-
-    def _angles(self, phase: _Floats, orders: int) -> tuple[_Floats, _Floats, _Floats]:
-        """Angles of limbs (orders, ..., angle, side) and trunk (orders, ..., angle) [rad], and the root [m].
-
-        The root is (orders, ..., 3); sides are left and right; the knee is negative.
+        Every segment turns by ``Rz Rx Ry``: the limbs swing about the y axis of pelvis or trunk, so that their angles
+        add up. The root lacks even motion.
         """
-        sides = phase[..., None] + np.array([0.5, 0.0])
-        limb = np.zeros((orders, *phase.shape, 5, 2))
-        body = np.zeros((orders, *phase.shape, 4))
-        root = np.zeros((orders, *phase.shape, 3))
-        RV = self._human.relative_speed
-        if RV > 0.0:
-            for order in range(orders):
-                limb[order] = np.stack(gait.limb_angles(sides, RV, order), axis=-2)
-                body[order] = np.stack(gait.trunk_angles(phase, RV, order), axis=-1)
-                root[order] = gait.root_translation(phase, RV, order)
-            for derivative in (limb, body, root):
-                derivative[1:] /= self._human.cycle_duration
+        human = self._human
+        if human.speed > 0.0:
+            angles, root = gait.posture(phase, human.relative_speed, orders)
+            angles[1:] /= human.cycle_duration
+            root[1:] /= human.cycle_duration
         else:
-            limb[0, ..., 3:, :] = 3.0  # shoulder and elbow of the gait as its speed goes to zero
-        limb[..., 1, :] *= -1.0
-        root *= self._hip_height
+            angles, root = np.zeros((orders, len(phase), len(_STANDING))), np.zeros((orders, len(phase), 3))
+            angles[0] = _STANDING
+        turns = (angles @ _TURNS.reshape(len(_STANDING), -1)).reshape(*angles.shape[:-1], *_TURNS.shape[1:])
+        root = self._hip_height * root
         root[0, ..., 2] += self._hip_height + self._lift
-        return np.deg2rad(limb), np.deg2rad(body), root
+        return turns, root
 
 
 class _SegmentMotion:
-    """Motion of one segment of a figure."""
+    """Motion of one segment: the `member` of a `group` whose poses are worked out together."""
 
-    def __init__(self, figure: _Figure, index: int) -> None:
-        self._figure, self._index = figure, index
+    def __init__(self, group: _Figure, member: int) -> None:
+        self.group, self.member = group, member
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -297,13 +313,42 @@ class _SegmentMotion:
 
     def poses_at(self, times: ArrayLike) -> _Floats:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._figure.poses(np.asarray(times, dtype=np.float64))[:, self._index]
+        return self.group.poses(np.asarray(times, dtype=np.float64))[:, self.member]
 
     def rate_at(self, time: float) -> _Floats:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        rate: _Floats = self._figure.rates(np.array([time], dtype=np.float64))[0, self._index]
+        rate: _Floats = self.rates_at([time])[0]
         return rate
 
+    def rates_at(self, times: ArrayLike) -> _Floats:
+        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self.group.rates(np.asarray(times, dtype=np.float64))[:, self.member]
+
+
+# Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.
+_STANDING = np.array([*2 * (0.0, 0.0, 0.0, 3.0, 3.0), *4 * (0.0,)])
+
+
+def _turns() -> _Floats:
+    """Angles of all segments about z, x and y as sums of the angles of the gait, (angle of the gait, 3, segment)."""
+    *limbs, roll, torsion, thorax, lean = np.deg2rad(np.eye(len(_STANDING)))
+    hip, knee, ankle, shoulder, elbow = np.array([limbs[:5], limbs[5:]]).swapaxes(0, 1)
+    about_z, about_x, about_y = turns = np.zeros((3, len(SEGMENTS), len(_STANDING)))
+    pelvis_and_legs, trunk_and_arms = [0, *range(4, 10)], [1, 2, 3, *range(10, 16)]
+    about_z[pelvis_and_legs], about_z[trunk_and_arms] = -torsion, -thorax
+    about_x[pelvis_and_legs] = roll
+    about_y[trunk_and_arms] = -lean
+    # Limbs, left and right; the knee bends backwards, the hand is stiff in the wrist.
+    about_y[4:6] = -hip
+    about_y[6:8] = knee - hip
+    about_y[8:10] = knee - hip - ankle
+    about_y[10:12] -= shoulder
+    about_y[12:14] -= shoulder + elbow
+    about_y[14:16] -= shoulder + elbow
+    return np.moveaxis(turns, -1, 0).copy()
+
+
+_TURNS = _turns()
 
 # The segment that carries the origin of each of SEGMENTS: where that is, is fixed in the carrier's axes.
 _CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
@@ -461,41 +506,3 @@ def _real_skeleton(rest: dict[str, _Floats], scale: float) -> _Skeleton:
         elbow=scale * (rest["left_forearm"] - rest["left_upper_arm"]),
         wrist=scale * (rest["left_hand"] - rest["left_forearm"]),
     )
-
-
-# What changes with time is an array whose first axis holds the value and, where it has a second entry, the time
-# derivative; these follow the product rule.
-
-
-def _product(a: _Floats, b: _Floats) -> _Floats:
-    """Product of matrices that change with time."""
-    product = a @ b[:1]
-    if len(product) > 1:
-        product[1] += a[0] @ b[1]
-    return product
-
-
-def _applied(matrix: _Floats, vectors: _Floats) -> _Floats:
-    """Product of matrices (orders, n, 3, 3) and vectors (orders, n, m, 3) that change with time."""
-    product = vectors[:1] @ np.swapaxes(matrix, -1, -2)
-    if len(product) > 1:
-        product[1] += vectors[1] @ np.swapaxes(matrix[0], -1, -2)
-    return product
-
-
-def _about(axis: str, angle: _Floats) -> _Floats:
-    """Rotation about a coordinate axis by angles (orders, ...) [rad] that change with time, (orders, ..., 3, 3)."""
-    i, j, k = _AXES[axis]
-    cosine, sine = np.cos(angle[0]), np.sin(angle[0])
-    turn = np.zeros((*angle.shape, 3, 3))
-    turn[0, ..., i, i] = 1.0
-    turn[0, ..., j, j] = turn[0, ..., k, k] = cosine
-    turn[0, ..., k, j], turn[0, ..., j, k] = sine, -sine
-    for derivative, rate in zip(turn[1:], angle[1:], strict=True):
-        derivative[..., j, j] = derivative[..., k, k] = -rate * sine
-        derivative[..., k, j], derivative[..., j, k] = rate * cosine, -rate * cosine
-    return turn
-
-
-# The axis and the two across it: a positive angle turns the first towards the second.
-_AXES = {"x": (0, 1, 2), "y": (1, 2, 0), "z": (2, 0, 1)}

@@ -298,15 +298,16 @@ class MovingArm:
             if mesh is not None
         ]
 
-    def link_poses_at(self, time: float) -> Matrix:
-        """Maps of all links to the world at a time [s], (num_links, 4, 4), in the order of ``arm.links``."""
-        poses: Matrix = self._poses(np.array([time], dtype=np.float64))[0]
-        return poses
+    def link_poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` of all links at several times [s], (n, num_links, 3, 4), to the world.
 
-    def link_rates_at(self, time: float) -> Matrix:
-        """Time derivatives of `link_poses_at`, (num_links, 4, 4)."""
-        rates: Matrix = self._rates(np.array([time], dtype=np.float64))[0]
-        return rates
+        In the order of ``arm.links``.
+        """
+        return self._link_poses(np.asarray(times, dtype=np.float64))[..., :3, :]
+
+    def link_rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of `link_poses_at`, (n, num_links, 3, 4)."""
+        return self._link_rates(np.asarray(times, dtype=np.float64))[..., :3, :]
 
     def _link_poses(self, times: Matrix) -> Matrix:
         """Maps of all links to the world at several times, (n, num_links, 4, 4)."""
@@ -318,42 +319,53 @@ class MovingArm:
         """Time derivatives of `_link_poses`."""
         root_rate = np.zeros((len(times), 4, 4))
         root_rate[:, :3] = [self.base.rate_at(time) for time in times.tolist()]
-        rates = np.zeros((len(times), len(self.arm.joint_names)))
-        if self.joint_motion is not None:
-            for k, time in enumerate(times.tolist()):
-                rates[k] = check.array("joint_motion", self.joint_motion.rates(time), rates[k].shape)
-        return self.arm.link_rates(self._angles(times), rates, self._poses(times), root_rate)
+        return self.arm.link_rates(self._angles(times), self._angle_rates(times), self._poses(times), root_rate)
 
     def _angles(self, times: Matrix) -> Matrix:
         """Joint angles at several times, (n, num_joints)."""
         if self.joint_motion is None:
             assert self._resting is not None  # one of the two is there
             return np.broadcast_to(self._resting, (len(times), len(self._resting)))
+        return self._at_each(self.joint_motion.angles, times)
+
+    def _angle_rates(self, times: Matrix) -> Matrix:
+        """Time derivatives of the joint angles, (n, num_joints)."""
+        if self.joint_motion is None:
+            return np.zeros((len(times), len(self.arm.joint_names)))
+        return self._at_each(self.joint_motion.rates, times)
+
+    def _at_each(self, function: Callable[[float], Matrix] | Callable[[ArrayLike], Matrix], times: Matrix) -> Matrix:
+        """Angles or rates of the joint motion, (n, num_joints); those of the user time by time."""
         if isinstance(self.joint_motion, JointTrajectory):
-            return self.joint_motion.angles(times)
-        angles = np.empty((len(times), len(self.arm.joint_names)))
+            return cast(Callable[[ArrayLike], Matrix], function)(times)
+        values = np.empty((len(times), len(self.arm.joint_names)))
         for k, time in enumerate(times.tolist()):
-            angles[k] = check.array("joint_motion", self.joint_motion.angles(time), angles[k].shape)
-        return angles
+            values[k] = check.array("joint_motion", function(time), values[k].shape)
+        return values
 
 
 class _LinkMotion:
-    """Motion of one link of a moving arm."""
+    """Motion of one link: the `member` of a `group` whose poses are worked out together."""
 
-    def __init__(self, moving: MovingArm, number: int) -> None:
-        self._moving, self._number = moving, number
+    def __init__(self, group: MovingArm, member: int) -> None:
+        self.group, self.member = group, member
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
-        return as_pose(self._moving.link_poses_at(time)[self._number])
+        return as_pose(self.poses_at([time])[0])
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._moving._poses(np.asarray(times, dtype=np.float64))[:, self._number, :3]
+        return self.group._poses(np.asarray(times, dtype=np.float64))[:, self.member, :3]
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        return self._moving.link_rates_at(time)[self._number, :3]
+        rate: Matrix = self.rates_at([time])[0]
+        return rate
+
+    def rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self.group._rates(np.asarray(times, dtype=np.float64))[:, self.member, :3]
 
 
 class _JointFunction:

@@ -57,11 +57,11 @@ class JointTrajectory:
         result: Matrix = self._spline(np.clip(time, self.times[0], self.times[-1]))
         return result
 
-    def rates(self, time: float) -> Matrix:
-        """Time derivatives of the joint angles, (num_joints,) [rad/s or m/s]."""
-        if not self.times[0] <= time <= self.times[-1]:
-            return np.zeros(self.num_joints)
-        result: Matrix = self._derivative(time)
+    def rates(self, time: ArrayLike) -> Matrix:
+        """Time derivatives at a time [s], (num_joints,) [rad/s or m/s], or at several, (n, num_joints)."""
+        times = np.asarray(time, dtype=np.float64)
+        moves = (self.times[0] <= times) & (times <= self.times[-1])
+        result: Matrix = np.where(moves[..., None], self._derivative(times), 0.0)
         return result
 
     def excesses(self, arm: Jointed) -> list[str]:
