@@ -47,9 +47,9 @@ PAIRS = {
         for number in (10, 50, 200)
     },
     **{
-        f"{side} x {side} pixels of a room of {size}, walks chosen": (
+        f"{side} x {side} pixels of a room of {size}, auto packets": (
             f"walks/room_{size}_{side}/chosen",
-            "8 x 8 rays on every walk",
+            "8 x 8 rays per traversal",
             f"walks/room_{size}_{side}/together",
         )
         for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
@@ -96,9 +96,10 @@ k triangles each and separate poses, their room has 5 k.
 
 {pairs}
 
-"×" is the speedup of the first over the second. Images and points use one thread, builds use all cores. The 50 bodies
-have 10 k triangles each. The twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3
-m away, one in the direction of every pixel.
+"×" is the speedup of the first over the second. "auto packets" chooses between one traversal per tile of 8 x 8 rays
+and one per packet of 4 x 4. Images and points use one thread, builds use all cores. The 50 bodies have 10 k triangles
+each. The twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3 m away, one in the
+direction of every pixel.
 
 Builds of the rooms in ms, on all cores: the tree alone, flat triangles, and smooth normals. "×" is the time relative
 to the previous column.

@@ -1,5 +1,6 @@
 """README and docs: Python examples run, commands of `radarcore` run, links lead somewhere."""
 
+import ast
 import re
 import shlex
 import shutil
@@ -143,3 +144,17 @@ def test_equations_are_numbered_once_and_those_cited_exist() -> None:
     for page in PAGES:
         cited = {int(number) for number in re.findall(r"\beqs?\. \((\d+)\)", text_of(page))}
         assert cited <= set(numbers), page
+
+
+def texts_of(bench: Path) -> list[str]:
+    """Texts that a bench writes into a page, with the names of what is filled in."""
+    assigned = [node for node in ast.parse(text_of(bench)).body if isinstance(node, ast.Assign)]
+    return [ast.literal_eval(node.value) for node in assigned if ast.unparse(node.targets[0]).endswith("TEXT")]
+
+
+@pytest.mark.parametrize("bench", sorted(b for b in (ROOT / "benches").glob("*.py") if texts_of(b)), ids=name)
+def test_pages_hold_the_texts_of_the_benches(bench: Path) -> None:
+    page = text_of(ROOT / "docs" / ("accuracy.md" if bench.name == "accuracy.py" else "performance.md"))
+    for text in texts_of(bench):
+        for piece in re.split(r"\{\w+(?::[^}]*)?\}", text):
+            assert piece.strip() in page
