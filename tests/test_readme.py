@@ -4,7 +4,6 @@ import ast
 import re
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
@@ -68,11 +67,11 @@ def test_python_examples_run_and_print_what_the_page_says(
     run_python(page, capsys)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the emulated board answers on a pty")
-@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # it sends faster than the example reads
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")
 def test_python_examples_of_sensors_run_with_an_emulated_board(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The board sends as fast as it can: frames that the example takes too late are lost, with a warning."""
     from radarcore.sensor.emulator.pty import PtyPort
 
     open_sensor = rc.open_sensor
@@ -117,7 +116,7 @@ def test_other_commands_and_files_exist(page: Path) -> None:
 
 
 def anchors(page: Path) -> set[str]:
-    """Of the headings, as GitHub and PyPI make them."""
+    """Of the headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", prose(page), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
 
