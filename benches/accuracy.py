@@ -41,51 +41,51 @@ PICTURE = PAGE.with_suffix(".png")
 PAGE_TEXT = """\
 # Accuracy
 
-Frames of `radarcore` against closed forms, and of real meshes against dense integration; written by
-`python benches/accuracy.py --write`.
+Errors of radarcore frames against closed forms, and of real meshes against dense integration. Written by
+`python benches/accuracy.py --write`; {machine}.
 
-Three ways to sample a scene are compared. `point` is that of Stetco et al. (ICRA 2020): one phasor per pixel.
-`footprint` lets the phase vary over the patch behind a pixel. `adaptive` splits cells of the image plane where it
-matters, down to an `rcs_floor` or within a `ray_budget`. Every number is the error of the sampling, of meshes as they
-are; what the model itself leaves out is told of at the end. {machine}.
+The page compares three [samplings](sampling.md): `point`, one phasor per pixel as in Stetco et al. (ICRA 2020);
+`footprint`, with a phase that varies over the footprint of a pixel; and `adaptive`, which refines cells of the image
+plane down to an `rcs_floor` or within a `ray_budget`. All numbers are errors of the sampling, for meshes as they are.
+The errors of the model itself are in the [last section](#limits-of-the-model).
 
 ![Error against rays, time and settings]({picture})
 
-The error of the range profile is the l2 norm of the complex difference over that of the profile, 57 to 64 GHz, with a
-Hann window, against the closed form for sphere and plate (rms over {single_turns} turns of the radar by parts of a
-pixel; 81 920 triangles for the sphere) and against dense integration for arm and human (rms over {aspects} views).
-Rays are those cast, tiles of the image without a body being left out; times are those of a frame of one chirp and 512
-samples, with nothing known from frames before. Above 100 % a profile has nothing to do with the scene. Read a column
-from left to right: what the same rays or the same time buy. `point` converges only once a pixel is less than a
-wavelength deep, which on curved bodies takes millions of rays, and on a plate seen broadside is so from the start; the
-others follow the phase and need tens of thousands. Below, the same errors over what is set: `footprint` over pixels
-and `adaptive` over `rcs_floor`, both down to where the facets of a mesh, or the dense integration, are no better.
+The error of a range profile is the l2 norm of the complex difference over the l2 norm of the profile, 57 to 64 GHz,
+with a Hann window. The reference for sphere and plate is the closed form (rms over {single_turns} turns of the radar
+by fractions of a pixel; 81 920 triangles for the sphere), for arm and human a dense integration (rms over {aspects}
+views). "Rays" are the rays cast, without empty tiles of the image. Times are for a frame of one chirp and 512
+samples, without reuse of earlier frames. Above 100 % a profile has no relation to the scene.
+
+- Top: error against the number of rays; below it, error against run time.
+- `point` converges only where a pixel is less than a wavelength deep: from the start for a plate at normal incidence,
+  after millions of rays for curved bodies. The other samplings follow the phase and need tens of thousands of rays.
+- Bottom: error against the setting, `footprint` over pixels and `adaptive` over `rcs_floor`, down to the accuracy of
+  the mesh or of the dense integration.
 
 ## Bounds
 
 {bounds}
 
-What the samplings are meant to hold, and what was measured: worst and median over the targets of the kind, each rms
-over six turns of the radar for single bodies, and over the views of real meshes. "no" says where to take more rays, or
-another sampling. "centres" is adaptive sampling with `end_points=False`; a budget counts the cells of the base grid
-over empty directions too, which cast no rays.
+Bounds that the samplings are designed for, and the measured errors: worst and median over the targets of a kind, each
+an rms over six turns of the radar for single bodies, or one of the views of a real mesh. Where a bound is not held
+("no"), use more rays or another sampling. "centres" is adaptive sampling with `end_points=False`. A budget also
+counts the base cells in empty directions, which cast no rays.
 
-## Mirror-like targets
+## Specular targets
 
 {mirror}
 
-Errors are rms over 64 frequencies from 57 to 64 GHz and six turns of the radar by parts of a pixel, of the level and
-of the phase of the echo of the whole target; "worst" is the rms of the worst turn, often the one where the target
-lies symmetrically on the pixels. "Pixels" is the side of the square image, 60 degrees wide where nothing else is
-said, or the `rcs_floor` of adaptive sampling; "rays" and "paths" are of the first turn, and "cost" is the run time of
-a frame (one chirp of 64 samples, nothing known from frames before) relative to 256 x 256 footprints of the same
-target in the same run.
+Errors of level and phase of the echo of the whole target, rms over 64 frequencies from 57 to 64 GHz and six turns of
+the radar by fractions of a pixel. "worst" is the rms of the worst turn, often the one where the target is symmetric
+on the pixel grid. "Pixels" is the side of the square image, 60 degrees wide unless stated otherwise, or the
+`rcs_floor` of adaptive sampling. "rays" and "paths" belong to the first turn. "cost" is the run time of a frame (one
+chirp of 64 samples, no reuse of earlier frames) relative to 256 x 256 footprints of the same target in the same run.
 
-Read down a target: footprint errors shrink as pixels do, with the staircase at the edges of plates the last to go;
-`point`, one phasor per pixel and kept for comparison, need not converge at all; adaptive sampling takes rays to the
-edges and to where the phase turns slowly, and what is left of a sphere's error at the lowest floor is that of its
-mesh. A plane wider than the image is a mirror without end, as the border of the image is no edge; pixels fine enough
-to follow the phase there see one all the same.
+Footprint errors shrink with the pixels; the staircase at the edges of plates is the last to vanish. `point` need not
+converge at all. Adaptive sampling puts rays at edges and where the phase is stationary; the remaining error of a
+sphere at the lowest floor is the error of its mesh. A plane wider than the image is an infinite mirror for adaptive
+sampling, since the border of the image is no edge; pixels fine enough to follow the phase see an edge there.
 
 The same bodies within a `ray_budget`:
 
@@ -95,92 +95,96 @@ The same bodies within a `ray_budget`:
 
 {oblique}
 
-Nothing should come back from the wall: a level is relative to the mirror λ / (8 π d) at the same distance, rms over
-57 to 64 GHz and the turns, with the gain exp(-(az² + el²) / 0.08) of antennas that look straight ahead; -inf says
-that no path is left. Of the tilted square its edges return something: what is given is the error, over the echo of
-the same square seen broadside.
+The wall should return nothing. Its level is relative to a mirror at the same distance, λ / (8 π d), rms over 57 to 64
+GHz and the turns, with the antenna gain exp(-(az² + el²) / 0.08) straight ahead; -inf means that no path is left. The
+edges of the tilted square do return an echo: its entry is the error, relative to the echo of the same square at
+normal incidence.
 
 ## Doppler
 
 {doppler}
 
-A sphere of 10 cm that recedes evenly at 0.5 m/s from a metre away, over 128 chirps, with Hann windows: the strongest
-line more than 16 bins from its peak, over the peak [dB], at its range; the window's own side lobes are at -76 dB there.
-A frame follows the points it has sampled once. If every chirp were a frame of its own, cast where the sphere is then,
-rays would fall elsewhere every time, and what a sampling gets wrong could look like motion.
+A sphere of 10 cm recedes at a constant 0.5 m/s from a distance of 1 m, over 128 chirps, with Hann windows. Each entry
+is the strongest Doppler line more than 16 bins from the peak, relative to the peak [dB], at the range of the peak;
+the side lobes of the window are at -76 dB there. A frame follows the points that it has sampled once. With a new cast
+per chirp, rays would hit other points every time, and sampling errors could appear as motion.
 
 ## Corner reflectors
 
 {corners}
 
-Paths of two and three reflections at 60 GHz that start from at most {corner_side} x {corner_side} rays, in an image a
-little wider than the corner, edges and legs of 10 cm; "rays" counts those of all reflections and those of adaptive
-cells. {far:g} m away, cross-sections on paper are those of the far field; near the radar the apparent one of the
-triangular trihedral, R to its apex, is by numerical integration. The last column is the phase against that of the
-apex, that of the dihedral but for its sign. Adaptive sampling casts its own rays for single reflections and starts
-those of several from the same pixels as `footprint`. A dihedral turned by 45 degrees about the boresight returns
-{null:.0f} dB of what it returns upright to antennas of vertical polarisation; on paper it returns nothing.
+Paths of two and three reflections at 60 GHz, from at most {corner_side} x {corner_side} rays in an image slightly
+wider than the corner; edges and legs are 10 cm. "rays" counts the rays of all reflections and of adaptive cells. At
+{far:g} m the references are far-field cross-sections. Near the radar, the reference of the triangular trihedral is
+its apparent cross-section with R to its apex, by numerical integration. The last column is the phase relative to that
+of the apex, for the dihedral up to its sign. Adaptive sampling casts its own rays for single reflections, and starts
+multiple reflections from the same pixels as `footprint`. A dihedral turned by 45 degrees about the boresight returns
+{null:.0f} dB of its upright echo to vertically polarized antennas; in theory it returns nothing.
 
 ## Real meshes
 
 {meshes}
 
-## Matt targets
+## Diffuse targets
 
 {matt}
 
-Deviation from the mean power over all random phases, albedo 1: of the sum of the powers of the paths, and of the
-power in the samples averaged over seeds, with its standard error. Diffuse points of adaptive sampling are spread over
-the disc by area, the more the lower the floor. Read the first for accuracy: one seed gives one draw of an exponential
-distribution (speckle), as a real measurement of one matt surface does, so the second only narrows as one over the
-root of the number of seeds.
+Deviation from the mean power over all random phases, for albedo 1: of the sum of the powers of the paths, and of the
+power of the samples averaged over seeds, with its standard error. Adaptive sampling distributes diffuse points over
+the disc by area, with a density that grows as the floor falls. The first number shows the accuracy. One seed is one
+draw of an exponential distribution (speckle), as is a measurement of one diffuse surface, so the standard error of
+the second number falls only with the square root of the number of seeds.
 
 ## Cross-sections
 
 {sections}
 
-`rc.rcs` at 60 GHz, along the normal, the axis of the corner, or broadside; lengths of edges, legs and radii are 10
-cm, the cylinder's is its length, with a radius of 5 cm. Closed forms are those of geometrical and physical optics for
-large targets; the rims of trihedrals are staircases of the rays.
+`rc.rcs` at 60 GHz, along the normal, along the axis of the corner, or broadside. Edges, legs and radii are 10 cm; the
+cylinder has a length of 10 cm and a radius of 5 cm. Closed forms are those of geometrical and physical optics for
+electrically large targets. The rims of trihedrals are staircases of the rays.
 
-## What the model leaves out
+## Limits of the model
 
-Physical optics knows neither the diffraction of edges beyond that of their aperture nor waves that creep round bodies:
-exact spheres differ by about 1 / (2 k a), 1 % at a radius of 4 cm. At 60 GHz a sphere of 10 cm, centre at 1 m, returns
-2.2079e-5 by physical optics and 2.2088e-5 by exact electromagnetics, with 0.002 rad between them. A thin wire, a sharp
-edge seen along its face, a body of less than a few wavelengths, the shadow side of anything: there the numbers above
-say how well the model is computed, not how well it holds.
+Physical optics contains no edge diffraction beyond that of the aperture, and no creeping waves. Exact spheres differ
+by about 1 / (2 k a), 1 % at a radius of 4 cm. At 60 GHz a sphere of 10 cm with its centre at 1 m returns 2.2079e-5 by
+physical optics and 2.2088e-5 by exact electromagnetics, with a phase difference of 0.002 rad. For a thin wire, a
+sharp edge seen along its face, a body smaller than a few wavelengths, or the shadow side of a body, the numbers above
+tell how accurately the model is computed, and not how well it agrees with reality.
 
-Nothing goes through surfaces: no wall is seen through, and clothes, covers and radomes hide what is behind them, even
-where their material is a thin slab. Of several reflections on a path all are mirror-like: what a matt surface scatters
-onto the next one is neglected.
+Surfaces transmit nothing: walls, clothes, covers and radomes occlude the scene behind them, even thin slabs. All
+reflections of a path are specular: diffuse scattering onto another surface is neglected.
 
-Meshes are taken for what they are: facets whose sagitta is more than 0.1 mm have a phase of their own
-(`rc.mesh_report`), and phases of real things are meaningful as changes in time, not as absolute numbers. A collision
-mesh, or one decimated for the screen, can be several decibels off peak by peak, which no sampling mends. At grazing
-incidence facets show even on fine meshes: their rims are polygons that return something, where the limb of a smooth
-body returns nothing. All samplings but `point` and dense integration taper that away.
+Meshes are taken as they are. Facets with a sagitta above 0.1 mm add a phase of their own (`rc.mesh_report`), and the
+phase of a real object is meaningful as a change over time, not as an absolute number. A collision mesh, or one
+decimated for display, can be wrong by several decibels in single peaks; no sampling repairs that. At grazing
+incidence facets show even on fine meshes: their rims are polygons, which return an echo, while the limb of a smooth
+body returns none. All samplings but `point` and dense integration taper that echo.
 """
 
 MESH_TEXT = """\
 {table}
 
-A UR10 (collision meshes, 5 862 triangles) in {aspects} postures, a human (109 000 triangles) at {aspects} headings,
-both as conductors, and both of them in a room of 5.2 x 4.4 x 2.6 m whose walls return 12 dB less, seen through a beam
-of 30 degrees in {rooms} views. Given is the worst of the views, and their median in brackets: of the error of the
-strongest peak's level, of the rms error of the levels of all peaks within 30 dB of it, of the relative error of the
-whole complex range profile, and of the error floor, the rms error in ranges between the nearest and the farthest
-surface where the profile is more than 40 dB below its strongest peak, over that peak. "rays" is the mean number cast,
-"ms" the median time of a frame of one chirp and 512 samples. From 100 000 rays on the base grid is 128 x 128. "centres"
-is adaptive sampling with `end_points=False`.
+Targets: a UR10 (collision meshes, 5 862 triangles) in {aspects} postures, a human (109 000 triangles) at {aspects}
+headings, both as conductors, and both of them in a room of 5.2 x 4.4 x 2.6 m with walls that return 12 dB less,
+through a beam of 30 degrees, in {rooms} views. Each entry is the worst view, with the median of the views in
+brackets:
 
-The reference is a dense integration of the same meshes that owes radarcore nothing but the distances of depth
-images: (j / 4π) Σ Γ √(G_t G_r) exp(-2jkR) dΩ over {million_rays:.0f} million rays per view, {pitch:g} mrad apart in
-each of {shifts} images between which the radar is turned by parts of a pixel, those to the walls {wall_pitch:g} mrad.
-By the difference of two halves of the images, their mean is about {own_alone:.1f} % off for arm and human and
-{own_room:.1f} % for the room in the worst view. A sphere of 10 cm at 1 m integrated alike is {sphere_fine:.1f} % off
-its closed form with {triangles_fine} triangles. With the {triangles_usual} that it usually has it is
-{sphere_usual:.1f} % off, most of it at its limb: that much is the mesh's.
+- strongest: error of the level of the strongest peak;
+- peaks: rms error of the levels of all peaks within 30 dB of the strongest;
+- profile: relative error of the whole complex range profile;
+- floor: rms error in ranges between the nearest and the farthest surface where the profile is more than 40 dB below
+  its strongest peak, relative to that peak.
+
+"rays" is the mean number cast, "ms" the median time of a frame of one chirp and 512 samples. From 100 000 rays on,
+the base grid is 128 x 128. "centres" is adaptive sampling with `end_points=False`.
+
+The reference is a dense integration of the same meshes. It shares only the distances of depth images with radarcore:
+(j / 4π) Σ Γ √(G_t G_r) exp(-2jkR) dΩ over {million_rays:.0f} million rays per view, {pitch:g} mrad apart in each of
+{shifts} images, between which the radar turns by fractions of a pixel; rays to the walls are {wall_pitch:g} mrad
+apart. From the difference between two halves of the images, the error of the reference is about {own_alone:.1f} % for
+arm and human and {own_room:.1f} % for the room, in the worst view. The same integration of a sphere of 10 cm at 1 m
+is {sphere_fine:.1f} % off its closed form with {triangles_fine} triangles, and {sphere_usual:.1f} % off with the
+{triangles_usual} triangles of the default mesh. Most of that difference is the limb of the mesh.
 """
 
 

@@ -48,10 +48,11 @@ STAGES: list[tuple[str, Any, str]] = [
 TEXT = """\
 ## A frame, stage by stage
 
-A person of {person} triangles walks past and a UR10 of {arm} triangles moves in a room; 3 receivers, 64 chirps,
-128 samples, {machine}, two threads. Written by `python benches/frame.py --write`: medians over {frames} frames at
-40 Hz [ms], with adaptive sampling within a budget of rays. "Rays" were cast on average, the others taken over from
-the frame before: with a still sensor all those that nothing moves in front of. "Paths" are material points.
+A person of {person} triangles walks and a UR10 of {arm} triangles moves in a room; 3 receivers, 64 chirps, 128
+samples, {machine}, two threads. Written by `python benches/frame.py --write`: medians over {frames} frames at 40 Hz
+[ms], adaptive sampling within a budget of rays. "rays" is the mean number cast per frame; the others are reused from
+the previous frame, which a static sensor permits wherever nothing moves in view. "paths" is the number of material
+points.
 
 {table}
 """

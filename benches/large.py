@@ -22,9 +22,9 @@ RADAR = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, 
 PAGE_TEXT = """\
 ## Large scenes
 
-Rooms as above, `Mesh` and the first image of 256 x 256 pixels; written by `python benches/large.py --write`. {machine},
-all of them. "core" is what the core keeps per triangle: triangles, tree, shading, vertices; "peak" the largest memory
-of the whole process, the arrays of vertices and triangles in numpy among it.
+Rooms as above: `Mesh` and the first image of 256 x 256 pixels. Written by `python benches/large.py --write`.
+{machine}, all of them. "core" is the memory of the core per triangle: triangles, BVH, shading, vertices. "peak" is
+the peak memory of the whole process, including the numpy arrays of vertices and triangles.
 
 {table}"""
 

@@ -41,37 +41,37 @@ PICTURE = PERFORMANCE.with_suffix(".png")
 INSTALL_HINT = "finufft is not installed, its rows are left out: pip install finufft==2.5.1"
 
 PAGE_TEXT = """\
-Error of the beat signal against run time; written by `python benches/pareto.py --write`.
+Error of the beat signal against run time, written by `python benches/pareto.py --write`.
 
-{num_paths} paths, one channel, {machine}; one thread where nothing else is said. Times are medians over {repeats}
-rounds in which the methods take turns, of the call from Python with delays and amplitudes at hand. "× f32" and "× f64"
-say how many times faster a row is than the direct sums of radarcore in single and in double precision, measured in the
-same rounds; other machines shift times more than ratios. "grid" is `method="auto"`: what the plan chooses, which is the
-grid but for the fan. The direct sums are those by phasor recurrences.
+{num_paths} paths, one channel, {machine}; one thread unless stated otherwise. Times are medians over {repeats} rounds
+in which the methods take turns, and include the call from Python with delays and amplitudes in memory. "× f32" and "×
+f64" are the speedups over the direct sums of radarcore (phasor recurrences) in single and double precision, measured
+in the same rounds; on other machines times change more than ratios. "grid" is `method="auto"`; the plan chooses the
+range-velocity grid in all cases but the fan. [Synthesis](synthesis.md) describes the methods.
 
 Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
-the frame against eq. (1) evaluated there with the exact delays of all paths.
+the frame against eq. (1) with the exact delays of all paths.
 
 ![Error against run time]({picture})
 
 ## Linear delays
 
-58 GHz, 64 chirps 400 μs apart; ranges to 8 m, velocities to 3 m/s. Paths come in random order, or as the pixels of a
-depth image, where neighbours have similar ranges and velocities.
+58 GHz, 64 chirps 400 μs apart; ranges to 8 m, velocities to 3 m/s. Paths are in random order, or in the order of the
+pixels of a depth image, where adjacent paths have similar ranges and velocities.
 
 {linear}
 
-"finufft 2-D" is one transform over range and velocity for each term of a low-rank expansion of what is left, range
-migration and Doppler inside a chirp; "finufft 1-D" is one transform per chirp. Terms are those of a singular value
-decomposition, as many as the tolerance needs, as many-vector transforms of a kept plan, with the faster of two
-oversampling factors and of points sorted or not. Time and ratios count the library alone (`setpts` and `execute`);
-"with numpy" also counts coordinates, strengths and the sum of the terms in numpy, which C would do faster.
+"finufft 2-D" is one transform over range and velocity per term of a low-rank expansion of the residual phase: range
+migration and Doppler within a chirp. "finufft 1-D" is one transform per chirp. The terms come from a singular value
+decomposition, as many as the tolerance needs, and run as many-vector transforms of a reused plan, with the faster of
+two oversampling factors and of sorted or unsorted points. Times and ratios count the library alone (`setpts` and
+`execute`). "with numpy" adds coordinates, strengths and the sum of the terms in numpy, which C would do faster.
 
 ## Real motion
 
-Delays and amplitudes (1/R²) follow the geometry; they are given at the Chebyshev times of the frame, "nodes" of them,
-and errors count what the nodes lose. Limbs of the walker reach 5 m/s, joints of the arm turn at 2 rad/s, blades of
-0.15 m at 20 turns per second.
+Delays and amplitudes (1/R²) follow the geometry. They are given at the Chebyshev nodes of the frame, and errors
+include the interpolation between nodes. Limbs of the walker reach 5 m/s, joints of the arm turn at 2 rad/s, fan
+blades of 0.15 m at 20 turns per second.
 
 {moving}
 

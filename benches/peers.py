@@ -43,25 +43,25 @@ RADAR = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, 
 PAGE_TEXT = """\
 ## Ray casting
 
-Distances along the rays of an image, {side} x {side} pixels, 60 degrees, beside public libraries; written by
-`python benches/peers.py --write`. {machine}; one thread on one core where nothing else is said.
+Distances along the rays of an image, {side} x {side} pixels, 60 degrees, beside public libraries. Written by
+`python benches/peers.py --write`. {machine}; one thread on one core unless stated otherwise.
 
 {images}
 
-The room has bumpy walls and four spheres; the sphere has a radius of 1 m, 2 m in front of the camera, and fills the
-image but for its corners. The camera moves from frame to frame. Times are medians over {rounds} rounds of {frames}
-frames in which the casters take turns; "×" says how many times faster a row is than embreex and than Embree's packets,
-in the same rounds: other machines shift times more than ratios. Distances are compared before anything is timed.
+The room has bumpy walls and four spheres. The sphere has a radius of 1 m, is 2 m in front of the camera, and fills
+the image except for the corners. The camera moves from frame to frame. Times are medians over {rounds} rounds of
+{frames} frames in which the casters take turns. "×" is the speedup over embreex and over Embree's packets in the same
+rounds; on other machines times change more than ratios. Distances are compared before any timing.
 
-"tracer" is what `Simulator` does first: rays from the pose of the camera, the search in f32, distances in f64 and
-triangles. "depth_image" adds cosines of incidence, reflectance and body numbers. The libraries get rays that lie
-ready in the layout they like. embreex and Open3D take them one by one and measure distances in f32, Open3D returns
-normals as well; trimesh calls embreex and finds the points in f64. "Embree packets" is Embree called from C: 4 x 4
-pixels at once, marked as coherent, in its default mode, which lets rays pass between triangles now and then; embreex
-asks for the one that does not. Versions: {versions}.
+"tracer" is the first step of `Simulator`: rays from the pose of the camera, search in f32, distances in f64, triangle
+indices. "depth_image" adds cosines of incidence, reflectance and body indices. The libraries get precomputed rays in
+their preferred layout. embreex and Open3D take single rays and measure distances in f32; Open3D also returns normals;
+trimesh calls embreex and computes the points in f64. "Embree packets" is Embree called from C with coherent packets
+of 4 x 4 pixels, in its default mode, which lets a few rays pass between triangles; embreex uses the robust mode.
+Versions: {versions}.
 
-Builds in ms, from arrays of vertices and triangles: `Mesh(..., shading="flat")`, which also checks them, and the commit
-of Embree's scene, which has them copied before.
+Builds in ms from arrays of vertices and triangles: `Mesh(..., shading="flat")`, including its checks, and the commit
+of Embree's scene, after the arrays were copied.
 
 {builds}
 """

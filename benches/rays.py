@@ -47,9 +47,9 @@ PAIRS = {
         for number in (10, 50, 200)
     },
     **{
-        f"{side} x {side} pixels of a room of {size}, walks chosen": (
+        f"{side} x {side} pixels of a room of {size}, auto packets": (
             f"walks/room_{size}_{side}/chosen",
-            "8 x 8 rays on every walk",
+            "8 x 8 rays per traversal",
             f"walks/room_{size}_{side}/together",
         )
         for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
@@ -82,25 +82,27 @@ PAIRS = {
 PAGE_TEXT = """\
 ## Parts of ray casting
 
-Images of 256 x 256 pixels, 60 degrees, and builds, by the core without Python: `cargo bench --bench trace --bench bvh`,
-{runs} times, put together by `python benches/rays.py --write`. {machine}. The time of a run is that of the fastest of
-its samples; times, and ratios within a run, are medians over the runs. Other machines shift times more than ratios.
+Images of 256 x 256 pixels, 60 degrees, and builds, in the core without Python. `python benches/rays.py --write` runs
+`cargo bench --bench trace --bench bvh` {runs} times and writes this section. {machine}. The time of a run is that of
+its fastest sample; times, and ratios within a run, are medians over the runs. On other machines times change more
+than ratios.
 
 {images}
 
-Tiles of 8 x 8 rays on one thread with the best instruction set; "×" says how many times faster that is than with the
-others ("baseline" is what every processor of the target has) and than rays one by one, "2 threads" how many times
-faster these are, from whom other work on the machine takes more than from one. Rooms are those above; spheres have 1 k
-triangles each and poses of their own, the room has 5 k.
+Tiles of 8 x 8 rays on one thread with the best instruction set. "×" is the speedup over the other instruction sets
+("baseline" is available on every processor of the target) and over single rays. "2 threads" is the speedup with two
+threads, which suffer more from other work on the machine than one does. The rooms are those above; the spheres have 1
+k triangles each and separate poses, their room has 5 k.
 
 {pairs}
 
-"×" says how many times faster the first is. Images and points take one thread, builds all cores. The 50 bodies have
-10 k triangles each; what is twisted is a sphere of 100 k, as far as its tree is kept; the points lie 3 m away, one
-in the direction of every pixel.
+"×" is the speedup of the first over the second. "auto packets" chooses between one traversal per tile of 8 x 8 rays
+and one per packet of 4 x 4. Images and points use one thread, builds use all cores. The 50 bodies have 10 k triangles
+each. The twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3 m away, one in the
+direction of every pixel.
 
-Builds of the rooms in ms, on all cores: the tree alone, flat triangles, and with smooth normals; "×" says how many
-times as long as the one before.
+Builds of the rooms in ms, on all cores: the tree alone, flat triangles, and smooth normals. "×" is the time relative
+to the previous column.
 
 {builds}
 """

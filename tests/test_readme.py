@@ -1,51 +1,159 @@
-"""The README's examples run as they stand."""
+"""README and docs: Python examples run, commands of `radarcore` run, links lead somewhere."""
 
+import ast
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
 import radarcore as rc
-from radarcore.cli.main import main
+from radarcore.cli import main as cli
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\(([^()\s]+)\)")
 
 
-def test_readme_examples_run_and_print_what_they_should(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return [body for kind, body in BLOCK.findall(text_of(page)) if kind == language]
+
+
+def prose(page: Path) -> str:
+    return BLOCK.sub("", text_of(page))
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def pages_with(language: str) -> list[Path]:
+    return [page for page in PAGES if blocks(page, language)]
+
+
+def commands(page: Path) -> list[list[str]]:
+    """Arguments of every line of a page that calls `radarcore`."""
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("radarcore ")]
+
+
+def needs_a_board(arguments: list[str]) -> bool:
+    return arguments[0] == "sensor"
+
+
+def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Run the Python blocks of a page in one namespace; a text block next to one is its output."""
+    names: dict[str, object] = {}
+    found = BLOCK.findall(text_of(page))
+    for (kind, body), (next_kind, output) in zip(found, [*found[1:], ("", "")], strict=True):
+        if kind == "python":
+            capsys.readouterr()
+            exec(compile(body, str(page), "exec"), names)
+            if next_kind == "text":
+                assert capsys.readouterr().out == output
+
+
+@pytest.mark.parametrize("page", [p for p in pages_with("python") if p.name != "sensor.md"], ids=name)
+def test_python_examples_run_and_print_what_the_page_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert len(blocks) >= 2
-    names: dict[str, object] = {}
-    for block in blocks:
-        exec(compile(block, str(README), "exec"), names)
-    printed = capsys.readouterr().out
-    # The sphere's nearest point: 2 m away and 0.1 m aside, less the radius, 1.5 m/s nearer after half a frame.
-    middle = 0.5 * names["waveform"].duration  # type: ignore[attr-defined]  # the example's own name
-    assert f"sphere at {((2.0 - 1.5 * middle) ** 2 + 0.01) ** 0.5 - 0.1:.2f} m" in printed
-    assert "4 (4, 2, 64, 128)" in printed
-    (plan,) = re.findall(r"^prints `(.*?)`\.$", README.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    assert plan in printed
+    run_python(page, capsys)
 
 
-def test_readme_names_both_commands() -> None:
-    text = README.read_text(encoding="utf-8")
-    assert "make demo" in text
-    assert "make test" in text
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")
+def test_python_examples_of_sensors_run_with_an_emulated_board(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The board sends as fast as it can: frames that the example takes too late are lost, with a warning."""
+    from radarcore.sensor.emulator.pty import PtyPort
+
+    open_sensor = rc.open_sensor
+    simulator = rc.Simulator(rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])]), rc.bgt60tr13c())
+    with rc.sensor.virtual_board(simulator, speed=None) as board, PtyPort(board) as port:
+        monkeypatch.setattr(rc, "open_sensor", lambda path=None: open_sensor(path or port.path))
+        run_python(ROOT / "docs" / "sensor.md", capsys)
 
 
-def test_readme_scene_file_and_its_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("page", [p for p in pages_with("sh") if commands(p)], ids=name)
+def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes are cut to two frames of few rays; commands that need a board are only parsed."""
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     monkeypatch.chdir(tmp_path)
-    text = README.read_text(encoding="utf-8")
-    (scene,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
-    Path("scene.toml").write_text(scene.replace("stop = 0.5", "stop = 0.05\nray_budget = 10_000"), encoding="utf-8")
-    Path("part.obj").write_text((README.parent / "examples" / "wedge.obj").read_text())
-    (commands,) = re.findall(r"```sh\n(radarcore .*?)```", text, flags=re.DOTALL)
-    for line in commands.splitlines():
-        _, *arguments = line.partition("#")[0].split()
-        assert main(arguments) == 0
-    assert rc.Recording.load("recording").cube.shape == (2, 3, 64, 64)
-    assert Path("depth.png").is_file()
-    assert Path("spectrogram.png").is_file()
+    examples = Path(shutil.copytree(ROOT / "examples", "examples"))
+    for number, scene in enumerate(blocks(page, "toml")):
+        assert number == 0
+        Path("scene.toml").write_text(scene, encoding="utf-8")
+        shutil.copy(examples / "wedge.obj", "part.obj")
+    for path in [*examples.glob("*.toml"), *Path().glob("scene.toml")]:
+        scene = path.read_text(encoding="utf-8")
+        rate = float(re.findall(r"^rate = (.*)$", scene, flags=re.MULTILINE)[0])
+        short = f"stop = {2.0 / rate}\nray_budget = 10_000"
+        path.write_text(re.sub(r"^stop = .*$", short, scene, flags=re.MULTILINE), encoding="utf-8")
+    for arguments in commands(page):
+        if needs_a_board(arguments):
+            assert cli._parser().parse_args(arguments).command == "sensor"
+            continue
+        assert cli.main(arguments) == 0, arguments
+        if "-o" in arguments:
+            output = Path(arguments[arguments.index("-o") + 1])
+            assert len(rc.Recording.load(output)) == 2 if output.is_dir() else output.is_file()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_other_commands_and_files_exist(page: Path) -> None:
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    for target in re.findall(r"(?:^|`)make (\w+)", text_of(page), flags=re.MULTILINE):
+        assert target in targets
+    for path in re.findall(r"(?:python|pytest) (\w+/\w+\.py)", text_of(page)):
+        assert (ROOT / path).is_file(), path
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=name)
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    for link in LINK.findall(prose(page)):
+        if link.startswith("https://"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page if path == "" else (page.parent / path).resolve()
+        assert target.exists(), link
+        assert anchor == "" or anchor in anchors(target), link
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    linked = {(ROOT / link.partition("#")[0]).resolve() for link in LINK.findall(prose(ROOT / "README.md"))}
+    assert linked >= {page for page in PAGES if page.name != "README.md"}
+
+
+def test_equations_are_numbered_once_and_those_cited_exist() -> None:
+    numbers = [int(tag) for tag in re.findall(r"\\tag\{(\d+)\}", text_of(ROOT / "docs" / "theory.md"))]
+    assert numbers == list(range(1, len(numbers) + 1))
+    for page in PAGES:
+        cited = {int(number) for number in re.findall(r"\beqs?\. \((\d+)\)", text_of(page))}
+        assert cited <= set(numbers), page
+
+
+def texts_of(bench: Path) -> list[str]:
+    """Texts that a bench writes into a page, with the names of what is filled in."""
+    assigned = [node for node in ast.parse(text_of(bench)).body if isinstance(node, ast.Assign)]
+    return [ast.literal_eval(node.value) for node in assigned if ast.unparse(node.targets[0]).endswith("TEXT")]
+
+
+@pytest.mark.parametrize("bench", sorted(b for b in (ROOT / "benches").glob("*.py") if texts_of(b)), ids=name)
+def test_pages_hold_the_texts_of_the_benches(bench: Path) -> None:
+    page = text_of(ROOT / "docs" / ("accuracy.md" if bench.name == "accuracy.py" else "performance.md"))
+    for text in texts_of(bench):
+        for piece in re.split(r"\{\w+(?::[^}]*)?\}", text):
+            assert piece.strip() in page

@@ -81,7 +81,7 @@ def matt_bounds(matt: list[MattPower]) -> Iterator[Bound]:
     rows = [row for row in matt if row.num_paths >= 1000]
     if rows:
         deviations = [100.0 * abs(row.of_paths - 1.0) for row in rows]
-        yield Bound("matt targets, from 1000 paths on", "mean power [%]", 1.0, deviations)
+        yield Bound("diffuse targets, from 1000 paths on", "mean power [%]", 1.0, deviations)
 
 
 MESH_BOUNDS: list[tuple[Way, tuple[float, float, float, float | None], tuple[float, float] | None]] = [

@@ -48,10 +48,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"radarcore {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    demo = commands.add_parser("demo", help="simulate the experiment and compare it with its truth")
+    demo = commands.add_parser("demo", help="simulate the experiment and compare it with the truth")
     demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), help="directory (default: %(default)s)")
     demo.add_argument("--duration", type=float, metavar="S", help="seconds (default: 5)")
-    demo.add_argument("--ray-budget", type=int, metavar="N", help="most rays of a cast (default: 40000)")
+    demo.add_argument("--ray-budget", type=int, metavar="N", help="largest number of rays per cast (default: 40000)")
     demo.add_argument(
         "--robots",
         action=argparse.BooleanOptionalAction,
@@ -64,12 +64,12 @@ def _parser() -> argparse.ArgumentParser:
     simulate = commands.add_parser("simulate", help="simulate a scene file into a recording")
     simulate.add_argument("scene", type=Path, help="scene file (TOML)")
     simulate.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
-    simulate.add_argument("--overwrite", action="store_true", help="replace a recording that is there")
+    simulate.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     simulate.add_argument("--threads", type=int, metavar="N", help="threads (default: all cores)")
     simulate.add_argument("--json", action="store_true", help="print the summary as JSON")
     simulate.set_defaults(run=_simulate)
 
-    plot = commands.add_parser("plot", help="draw a recording, or what a scene file's sensor sees")
+    plot = commands.add_parser("plot", help="draw a recording or a scene file")
     plot.add_argument("source", type=Path, help="recording, or scene file (TOML)")
     plot.add_argument("-o", "--output", type=Path, required=True, help="picture: .png, .pdf, .svg")
     plot.add_argument(
@@ -82,10 +82,10 @@ def _parser() -> argparse.ArgumentParser:
         metavar="KIND",
         help="%(choices)s (default: %(default)s); the last four need a scene file",
     )
-    plot.add_argument("--frame", type=int, metavar="N", help="frame, from 0 (default: the middle one)")
+    plot.add_argument("--frame", type=int, metavar="N", help="index of the frame (default: the middle one)")
     plot.set_defaults(run=_plot)
 
-    info = commands.add_parser("info", help="say what a recording or a scene file holds, or what a mesh is good for")
+    info = commands.add_parser("info", help="summarise a recording or a scene file, or report the quality of a mesh")
     info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
     info.add_argument("--scale", type=float, default=1.0, metavar="M", help="metres per unit of a mesh (default: 1)")
     info.add_argument("--json", action="store_true", help="print as JSON")

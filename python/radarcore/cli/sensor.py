@@ -25,58 +25,56 @@ from radarcore.simulate.simulator import frame_times
 
 def add_parser(commands: Any) -> None:
     """Add `sensor` with its own commands to those of `radarcore`."""
-    sensor = commands.add_parser("sensor", help="real sensors, and simulated scenes as virtual ones")
+    sensor = commands.add_parser("sensor", help="real sensors, and virtual sensors of simulated scenes")
     actions = sensor.add_subparsers(dest="action", required=True, metavar="ACTION")
 
-    listing = actions.add_parser("list", help="list the boards that answer")
+    listing = actions.add_parser("list", help="list the boards that respond")
     listing.add_argument("--json", action="store_true", help="print as JSON")
     listing.set_defaults(run=_list)
 
-    info = actions.add_parser("info", help="say what a board is, and its temperature")
+    info = actions.add_parser("info", help="print type and temperature of a board")
     _add_port(info)
     info.add_argument("--json", action="store_true", help="print as JSON")
     info.set_defaults(run=_info)
 
-    record = actions.add_parser("record", help="measure into a recording, until Ctrl-C or for a time")
+    record = actions.add_parser("record", help="record from a board, until Ctrl-C or for a duration")
     _add_port(record)
     _add_settings(record)
     record.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
-    record.add_argument("--overwrite", action="store_true", help="replace a recording that is there")
+    record.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     length = record.add_mutually_exclusive_group()
     length.add_argument("--duration", type=float, metavar="S", help="seconds")
     length.add_argument("--frames", type=int, metavar="N", help="frames")
-    record.add_argument("--capture", type=Path, metavar="FILE", help="also write every byte of the conversation there")
+    record.add_argument("--capture", type=Path, metavar="FILE", help="also log every byte of the conversation to FILE")
     record.set_defaults(run=_record)
 
-    view = actions.add_parser("view", help="show what a board, a recording or a scene has, as it comes")
+    view = actions.add_parser("view", help="live view of a board, a recording or a scene")
     view.add_argument(
         "source",
         nargs="?",
         metavar="SOURCE",
-        help="recording, scene file (TOML), or port of a board (default: the first board that answers)",
+        help="recording, scene file (TOML), or port of a board (default: the first board that responds)",
     )
     _add_settings(view)
-    view.add_argument("-o", "--output", type=Path, metavar="DIR", help="write pictures there, open no window")
+    view.add_argument("-o", "--output", type=Path, metavar="DIR", help="write pictures to DIR, open no window")
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     view.add_argument(
         "--speed",
         type=_speed,
         default=1.0,
         metavar="X",
-        help="of a recording or scene: x real time, or max (default: 1)",
+        help="replay speed of a recording or scene: factor of real time, or max (default: 1)",
     )
-    view.add_argument(
-        "--every", type=float, default=1.0, metavar="S", help="seconds from picture to picture (default: 1)"
-    )
+    view.add_argument("--every", type=float, default=1.0, metavar="S", help="seconds between pictures (default: 1)")
     view.add_argument(
         "--remove-static",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help="leave out what stands still (default: of sensors and their recordings)",
+        help="subtract static clutter (default: for sensors and their recordings)",
     )
     view.set_defaults(run=_view)
 
-    serve = actions.add_parser("serve", help="put a simulated scene or a recording behind a board's protocol")
+    serve = actions.add_parser("serve", help="serve a simulated scene or a recording by a board's protocol")
     serve.add_argument("source", type=Path, metavar="SOURCE", help="scene file (TOML), or recording with ADC codes")
     serve.add_argument("--protocol", choices=("strata", "comlib"), default="strata", help="default: %(default)s")
     serve.add_argument("--link", type=Path, metavar="PATH", help="also make a symbolic link to the port")
@@ -85,14 +83,14 @@ def add_parser(commands: Any) -> None:
         type=_speed,
         default=1.0,
         metavar="X",
-        help="x real time, or max: as fast as the client reads (default: 1)",
+        help="factor of real time, or max: as fast as the client reads (default: 1)",
     )
-    serve.add_argument("--duration", type=float, metavar="S", help="end after so many seconds")
+    serve.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
     serve.add_argument("--threads", type=int, metavar="N", help="threads of the simulator (default: all cores)")
     serve.set_defaults(run=_serve)
 
-    report = actions.add_parser("report", help="collect what a board's USB interface looks like, to be sent to us")
-    report.add_argument("-o", "--output", type=Path, metavar="FILE", help="write it there (default: print it)")
+    report = actions.add_parser("report", help="collect the USB descriptors of the boards, for a bug report")
+    report.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file (default: print the report)")
     report.set_defaults(run=_report)
 
 
@@ -106,7 +104,7 @@ def _add_port(parser: argparse.ArgumentParser) -> None:
         "port",
         nargs="?",
         metavar="PORT",
-        help="/dev/ttyACM0, COM3, usb:BUS-ADDRESS or usb:VENDOR:PRODUCT (default: the first board that answers)",
+        help="/dev/ttyACM0, COM3, usb:BUS-ADDRESS or usb:VENDOR:PRODUCT (default: the first board that responds)",
     )
 
 
@@ -116,7 +114,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     settings.add_argument("--rate", type=float, metavar="HZ", help="frames per second")
     settings.add_argument("--chirps", type=int, metavar="N", help="chirps per frame")
     settings.add_argument("--samples", type=int, metavar="N", help="samples per chirp")
-    settings.add_argument("--gain", type=int, metavar="DB", help="gain behind the mixer, 18 to 60 dB")
+    settings.add_argument("--gain", type=int, metavar="DB", help="IF gain, 18 to 60 dB")
     settings.add_argument("--power", type=int, metavar="LEVEL", help="transmit power, 0 to 31")
 
 
