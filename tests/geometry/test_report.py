@@ -206,7 +206,7 @@ def test_what_is_no_frequency_is_refused(frequency: Any) -> None:
 
 
 def test_report_does_not_depend_on_threads() -> None:
-    surface = rc.shapes.sphere(0.1, subdivisions=4)._surface
+    surface = rc.shapes.sphere(0.1, subdivisions=4)._core
     one, four = (surface.quality(crease_angle=0.8, wavelength=5e-3, threads=threads) for threads in (1, 4))
     assert one == four
 

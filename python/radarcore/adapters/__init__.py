@@ -1,5 +1,5 @@
 """Data of other programs: pure functions of what they deliver, importing none of them."""
 
-from radarcore.adapters import images
+from radarcore.lazy import attach
 
-__all__ = ["images"]
+__getattr__, __dir__, __all__ = attach(__name__)

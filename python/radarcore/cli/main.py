@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radarcore import __version__
+from radarcore._core import __version__
 from radarcore.cli import sensor
 
 if TYPE_CHECKING:

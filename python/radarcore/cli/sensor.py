@@ -289,7 +289,7 @@ def _serve(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     import platform
 
-    from radarcore import __version__
+    from radarcore._core import __version__
     from radarcore.sensor import transport
 
     report = {

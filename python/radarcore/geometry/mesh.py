@@ -48,14 +48,14 @@ class Mesh:
         For coordinates that are not finite and vertex numbers out of range; says which row.
     """
 
-    __slots__ = ("_surface", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")
+    __slots__ = ("_core", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")
 
     vertices: NDArray[np.float64]
     triangles: NDArray[np.uint32]
     num_dropped: int
     crease_angle_deg: float
     shading: str
-    _surface: _core.Surface
+    _core: _core.Surface
 
     def __init__(
         self,
@@ -72,8 +72,8 @@ class Mesh:
         rows = _triangles(triangles, len(self.vertices))
         crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
         with _bar(len(rows), progress) as report:
-            self._surface = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=report)
-        kept = self._surface.kept()
+            self._core = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=report)
+        kept = self._core.kept()
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
         self.vertices.flags.writeable = False

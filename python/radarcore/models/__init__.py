@@ -3,9 +3,6 @@
 Only the names here are public; the modules load scipy when they are used.
 """
 
-from radarcore.models.people.human import Human
-from radarcore.models.robots.arm import RADAR_AT_TOOL0, MovingArm, RobotArm
-from radarcore.models.robots.joint_trajectory import JointTrajectory
-from radarcore.models.robots.line import cartesian_line
+from radarcore.lazy import attach
 
-__all__ = ["RADAR_AT_TOOL0", "Human", "JointTrajectory", "MovingArm", "RobotArm", "cartesian_line"]
+__getattr__, __dir__, __all__ = attach(__name__)

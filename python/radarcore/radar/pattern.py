@@ -16,21 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.radar.pattern_files import read_table
+from radarcore.twin import Twinned
 from radarcore.units import power_from_db
 
 _LARGEST_GAIN_DB = 1000.0
 """Gains of tables are within this [dB]."""
 
 
-class _OnCore:
-    """What the core has a counterpart of, made when it is first asked for."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_core"}
-
-
 @dataclass(frozen=True)
-class IsotropicPattern(_OnCore):
+class IsotropicPattern(Twinned):
     """The same gain in every direction."""
 
     gain_db: float = 0.0
@@ -52,7 +46,7 @@ class IsotropicPattern(_OnCore):
 
 
 @dataclass(frozen=True)
-class GaussianPattern(_OnCore):
+class GaussianPattern(Twinned):
     """Gaussian beam ``G0 exp(-4 ln 2 [(az/BW_az)^2 + (el/BW_el)^2])``.
 
     Parameters
@@ -94,7 +88,7 @@ class GaussianPattern(_OnCore):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TabulatedPattern(_OnCore):
+class TabulatedPattern(Twinned):
     """Gains at angles, bilinear between them in azimuth, elevation and dB.
 
     Outside of the table nothing is sent or received: what was not measured is not made up. Its edge is a step that

@@ -14,11 +14,12 @@ from radarcore import _core, check
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
+from radarcore.twin import Twinned
 from radarcore.units import power_from_dbm
 
 
 @dataclass(frozen=True, eq=False)
-class Radar:
+class Radar(Twinned):
     """A sensor: every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
 
     Parameters
@@ -124,9 +125,6 @@ class Radar:
             frequency=self.waveform.center_frequency,
             polarization=self.polarization_vector,
         )
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_core"}
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers, lists and texts, for JSON."""

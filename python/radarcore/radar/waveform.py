@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check
+from radarcore.twin import Twinned
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
@@ -17,7 +18,7 @@ _MAX_COUNT = 2**24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Waveform:
+class Waveform(Twinned):
     """A frame of FMCW chirps and its sampling.
 
     Time ``t = 0`` of a chirp is the start of its frequency ramp; sample ``n`` is taken at
@@ -248,9 +249,6 @@ class Waveform:
             num_samples=self.num_samples,
             chirp_times=self.chirp_times,
         )
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_core"}
 
     def to_dict(self) -> dict[str, Any]:
         """Parameters as plain numbers and lists, for JSON; `Waveform(**dict)` restores them."""

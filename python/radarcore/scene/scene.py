@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,64 @@ from numpy.typing import NDArray
 from radarcore import _core
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Bodies with meshes and point targets of a scene apart, both in the scene's order.
+
+    Attributes
+    ----------
+    meshed : tuple of Body
+    mesh_numbers : (mesh,) int32
+        Number in the scene of every body with a mesh.
+    deforming : tuple of int
+        Indices into `meshed` of the bodies that deform.
+    are_still : (mesh,) bool
+        True for bodies with meshes that never move.
+    point_numbers : (point,) int32
+        Number in the scene of every point target.
+    cross_sections : (point,) float64
+        [m^2].
+    positions, velocities : (point, 3) float64
+        In the world [m] at time 0, and [m/s].
+    """
+
+    meshed: tuple[Body, ...]
+    mesh_numbers: NDArray[np.int32]
+    deforming: tuple[int, ...]
+    are_still: NDArray[np.bool_]
+    point_numbers: NDArray[np.int32]
+    cross_sections: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, bodies: tuple[Body | PointTarget, ...]) -> Parts:
+        """The parts of a scene."""
+        meshed = [(i, body) for i, body in enumerate(bodies) if isinstance(body, Body)]
+        points = [(i, body) for i, body in enumerate(bodies) if isinstance(body, PointTarget)]
+        still = [is_static(body.motion) and body.deformation is None for _, body in meshed]
+        return cls(
+            meshed=tuple(body for _, body in meshed),
+            mesh_numbers=np.array([i for i, _ in meshed], dtype=np.int32),
+            deforming=tuple(k for k, (_, body) in enumerate(meshed) if body.deformation is not None),
+            are_still=np.array(still, dtype=np.bool_),
+            point_numbers=np.array([i for i, _ in points], dtype=np.int32),
+            cross_sections=np.array([point.rcs for _, point in points], dtype=np.float64),
+            positions=np.array([point.position for _, point in points], dtype=np.float64).reshape(-1, 3),
+            velocities=np.array([point.velocity for _, point in points], dtype=np.float64).reshape(-1, 3),
+        )
+
+    def vertices_at(self, mesh: int, time: float) -> NDArray[np.float64]:
+        """Vertices of a body with a mesh at a time [s], (n, 3) in body coordinates [m]."""
+        return np.ascontiguousarray(self.meshed[mesh].vertices_at(time))
+
+    def vertex_rates_at(self, mesh: int, time: float) -> NDArray[np.float64]:
+        """Velocities of the vertices of a body that deforms [m/s], (n, 3) in body coordinates."""
+        deformation = self.meshed[mesh].deformation
+        assert deformation is not None  # only asked for bodies that deform
+        return np.ascontiguousarray(deformation.rate_at(time))
 
 
 @dataclass(frozen=True)
@@ -37,6 +94,8 @@ class Scene:
         As given.
     names : tuple of str
         One per body; unnamed ones are called "body 3" or "point 3".
+    parts : Parts
+        Bodies with meshes and points apart, as arrays.
     """
 
     def __init__(self, bodies: Iterable[Body | PointTarget] = ()) -> None:
@@ -50,21 +109,13 @@ class Scene:
             body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
         )
 
-        # Meshes and points go separate ways; the numbers lead back to the scene's order.
-        self._meshed = [(i, body) for i, body in enumerate(self.bodies) if isinstance(body, Body)]
-        self._targets = [(i, body) for i, body in enumerate(self.bodies) if isinstance(body, PointTarget)]
-        self._mesh_numbers = np.array([i for i, _ in self._meshed], dtype=np.int32)
-        self._point_numbers = np.array([i for i, _ in self._targets], dtype=np.int32)
-        self._rcs = np.array([target.rcs for _, target in self._targets], dtype=np.float64)
-        self._positions = np.array([t.position for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
-        self._velocities = np.array([t.velocity for _, t in self._targets], dtype=np.float64).reshape(-1, 3)
-        self._deforming = [b for b, (_, body) in enumerate(self._meshed) if body.deformation is not None]
-        self._shape = self._shape_of({}, [body.mesh._surface for _, body in self._meshed])
+        self.parts = Parts.of(self.bodies)
+        self._shape = self._shape_of({}, [body.mesh._core for body in self.parts.meshed])
 
     @property
     def num_triangles(self) -> int:
         """Triangles of all bodies; a mesh that several share counts for each."""
-        return sum(len(body.mesh.triangles) for _, body in self._meshed)
+        return sum(len(body.mesh.triangles) for body in self.parts.meshed)
 
     @property
     def memory(self) -> int:
@@ -72,14 +123,14 @@ class Scene:
 
         A mesh that several bodies share counts once, and once more for each of them that deforms.
         """
-        meshes = [body.mesh._surface for _, body in self._meshed]
+        meshes = [body.mesh._core for body in self.parts.meshed]
         surfaces = {id(surface): surface for surface in [*meshes, *self._shape.surfaces]}
         return sum(sum(surface.memory) for surface in surfaces.values())
 
     def _core_at(self, time: float, threads: int | None) -> _core.Scene:
         """The core's scene with the vertices of a time [s]; what has not changed since the last call stays as it is."""
         shape = self._shape
-        vertices = {b: self._vertices(b, time) for b in self._deforming}
+        vertices = {b: self.parts.vertices_at(b, time) for b in self.parts.deforming}
         moved = [b for b, new in vertices.items() if not np.array_equal(new, shape.vertices.get(b, ()))]
         if moved:
             surfaces = list(shape.surfaces)
@@ -94,23 +145,7 @@ class Scene:
     @property
     def is_static(self) -> bool:
         """True when nothing ever moves."""
-        return bool(self._are_still.all()) and not self._velocities.any()
-
-    @cached_property
-    def _are_still(self) -> NDArray[np.bool_]:
-        """Bodies with meshes that never move, (body,)."""
-        still = [is_static(body.motion) and body.deformation is None for _, body in self._meshed]
-        return np.array(still, dtype=np.bool_)
-
-    def _vertices(self, body: int, time: float) -> NDArray[np.float64]:
-        """Vertices of a body with a mesh at a time [s], (n, 3) in body coordinates [m]."""
-        return np.ascontiguousarray(self._meshed[body][1].vertices_at(time))
-
-    def _vertex_rates(self, body: int, time: float) -> NDArray[np.float64]:
-        """Their velocities [m/s]."""
-        deformation = self._meshed[body][1].deformation
-        assert deformation is not None  # only asked for bodies that deform
-        return np.ascontiguousarray(deformation.rate_at(time))
+        return bool(self.parts.are_still.all()) and not self.parts.velocities.any()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Body | PointTarget, ...]]]:
         return type(self), (self.bodies,)

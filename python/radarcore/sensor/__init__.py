@@ -3,31 +3,6 @@
 `open_sensor` connects to a board, `list_sensors` says which there are, `virtual_board` makes one of a scene.
 """
 
-from radarcore.sensor.board import BoardInfo
-from radarcore.sensor.device import Sensor, list_sensors, open_sensor
-from radarcore.sensor.errors import (
-    FramesLostWarning,
-    ProtocolError,
-    RequestError,
-    SensorDisconnectedError,
-    SensorError,
-    SensorNotFoundError,
-    SensorTimeoutError,
-)
-from radarcore.virtual.board import VirtualBoard, virtual_board
+from radarcore.lazy import attach
 
-__all__ = [
-    "BoardInfo",
-    "FramesLostWarning",
-    "ProtocolError",
-    "RequestError",
-    "Sensor",
-    "SensorDisconnectedError",
-    "SensorError",
-    "SensorNotFoundError",
-    "SensorTimeoutError",
-    "VirtualBoard",
-    "list_sensors",
-    "open_sensor",
-    "virtual_board",
-]
+__getattr__, __dir__, __all__ = attach(__name__)

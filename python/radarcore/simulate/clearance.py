@@ -24,7 +24,7 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
     """
     antennas = np.concatenate([radar.tx, radar.rx])
     place = Places(scene, motion, np.zeros(3)).at(np.array([time]))
-    for pose, number in zip(place.poses[0], scene._mesh_numbers, strict=True):
+    for pose, number in zip(place.poses[0], scene.parts.mesh_numbers, strict=True):
         body = scene.bodies[number]
         assert isinstance(body, Body)  # the scene says so
         corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
@@ -35,7 +35,7 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
                 f"pose: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
                 f"got them inside {scene.names[number]!r}"
             )
-    for point, number in zip(place.points[0], scene._point_numbers, strict=True):
+    for point, number in zip(place.points[0], scene.parts.point_numbers, strict=True):
         _check_gap(float(np.linalg.norm(point - antennas, axis=1).min()), scene.names[number])
 
 

@@ -62,7 +62,7 @@ def rcs(
     if polarization is not None:
         fields = _fields(polarization, both[0]), _fields(polarization, both[1])
     return _core.cross_sections(
-        mesh._surface,
+        mesh._core,
         *both,
         frequency=check.positive("frequency", frequency, "Hz"),
         polarization=fields,

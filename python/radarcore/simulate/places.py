@@ -56,7 +56,7 @@ class Places:
 
     def __init__(self, scene: Scene, sensor_motion: Motion, center: Matrix) -> None:
         self.scene, self.sensor_motion, self.center = scene, sensor_motion, center
-        motions = [body.motion for _, body in scene._meshed]
+        motions = [body.motion for body in scene.parts.meshed]
         is_still = np.array([is_static(motion) for motion in motions], dtype=np.bool_)
         self._still, self._moving = np.flatnonzero(is_still).tolist(), np.flatnonzero(~is_still).tolist()
         self._motions = [motions[body] for body in self._moving]
@@ -65,7 +65,7 @@ class Places:
         self._still_as_seen: Matrix | None = None
         if is_static(sensor_motion):
             self._still_as_seen = relative_poses(self._still_in_world, poses_at(sensor_motion, np.zeros(1)))
-        self._anything_moves = bool(self._moving or self._still_as_seen is None or scene._velocities.any())
+        self._anything_moves = bool(self._moving or self._still_as_seen is None or scene.parts.velocities.any())
         self._kept: _Kept | None = None
 
     @contextmanager
@@ -94,7 +94,7 @@ class Places:
         bodies = list(deforming)
         for body in bodies:
             if (key, body) not in kept.vertices:
-                vertices = [self.scene._vertices(body, time) for time in times.tolist()]
+                vertices = [self.scene.parts.vertices_at(body, time) for time in times.tolist()]
                 kept.vertices[key, body] = check.frozen(np.array(vertices))
         return Placement(poses, points, [kept.vertices[key, body] for body in bodies])
 
@@ -104,7 +104,7 @@ class Places:
         if time not in kept.rates:
             kept.rates[time] = self._rates(kept, time)
         poses, points = kept.rates[time]
-        return Placement(poses, points, [self.scene._vertex_rates(body, time)[None] for body in deforming])
+        return Placement(poses, points, [self.scene.parts.vertex_rates_at(body, time)[None] for body in deforming])
 
     def _rates(self, kept: _Kept, time: float) -> tuple[Matrix, Matrix]:
         """Of poses and points."""
@@ -118,7 +118,7 @@ class Places:
         poses = poses.copy()
         poses[..., 3] += self.center
         turning = np.swapaxes(sensor_rate[..., :3], 1, 2) @ sensor[..., :3]
-        drift = (scene._velocities - sensor_rate[:, None, :, 3]) @ sensor[..., :3]
+        drift = (scene.parts.velocities - sensor_rate[:, None, :, 3]) @ sensor[..., :3]
         seen = relative_rates(poses, rates, sensor, sensor_rate)
         return check.frozen(seen), check.frozen(drift + (points + self.center) @ np.swapaxes(turning, 1, 2))
 
@@ -132,7 +132,7 @@ class Places:
 
     def _place(self, times: Matrix) -> tuple[Matrix, Matrix, Matrix]:
         scene, sensor = self.scene, poses_at(self.sensor_motion, times)
-        poses = np.empty((len(times), len(scene._meshed), 3, 4))
+        poses = np.empty((len(times), len(scene.parts.meshed), 3, 4))
         for body, motion in zip(self._moving, self._motions, strict=True):
             poses[:, body] = poses_at(motion, times)
         if self._still_as_seen is None:
@@ -142,5 +142,5 @@ class Places:
             poses[:, self._moving] = relative_poses(poses[:, self._moving], sensor)
             poses[:, self._still] = self._still_as_seen
         poses[..., 3] -= self.center
-        offsets = scene._positions + times[:, None, None] * scene._velocities - sensor[:, None, :, 3]
+        offsets = scene.parts.positions + times[:, None, None] * scene.parts.velocities - sensor[:, None, :, 3]
         return sensor, poses, offsets @ sensor[..., :3] - self.center

@@ -47,7 +47,7 @@ def corners(scene: Scene) -> NDArray[np.float64]:
     """Corners of the boxes round the meshes of a scene, (body, 8, 3) in body coordinates [m]."""
     ends = [
         np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)]) if len(mesh.vertices) else np.zeros((2, 3))
-        for mesh in (body.mesh for _, body in scene._meshed)
+        for mesh in (body.mesh for body in scene.parts.meshed)
     ]
     picks = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
     return np.array([end[picks, np.arange(3)] for end in ends], dtype=np.float64).reshape(-1, 8, 3)

@@ -297,8 +297,8 @@ class Simulator:
             vertex_rates=[vertices[0] for vertices in rates.vertices],
             threads=self.threads,
         )
-        bodies = np.concatenate([self.scene._mesh_numbers[scatterers.body()], self.scene._point_numbers])
-        orders = np.concatenate([scatterers.order(), np.zeros(len(self.scene._rcs), np.uint8)])
+        bodies = np.concatenate([self.scene.parts.mesh_numbers[scatterers.body()], self.scene.parts.point_numbers])
+        orders = np.concatenate([scatterers.order(), np.zeros(len(self.scene.parts.cross_sections), np.uint8)])
         channels = (len(delay_rate), 1)
         paths = Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), np.tile(orders, channels))
         bounces = self._bounces(rays, cast_time)
@@ -340,7 +340,7 @@ class Simulator:
         """Chirps whose rays are cast together, in the frame that begins at `start` [s]."""
         waveform = self.radar.waveform
         is_still = self.scene.is_static and is_static(self.radar_motion)
-        if is_still or self.retrace_deg == np.inf or not self.scene._meshed:
+        if is_still or self.retrace_deg == np.inf or not self.scene.parts.meshed:
             return [slice(0, waveform.num_chirps)]
         time = start + self._middle
         place, rates = self._place(np.array([time])), self._places.rates_at(time)
@@ -378,7 +378,7 @@ class Simulator:
             "tiles_skipped": tiles_skipped,
             "tiles_reused": tiles_reused,
             **({"cells_not_split": cells[0]} if cells else {}),
-            "paths": len(scatterers) + len(self.scene._rcs) + bounce_paths,
+            "paths": len(scatterers) + len(self.scene.parts.cross_sections) + bounce_paths,
             "paths_skipped": num_hit - _num_cells_of(scatterers),
             "bounce_paths": bounce_paths,
             "bounce_rays": bounce_rays,
@@ -511,9 +511,11 @@ class Simulator:
 
     def _image(self, hits: _core.Hits, time: float) -> DepthImage:
         """The hits as arrays, bodies numbered as in the scene."""
-        numbers = np.append(self.scene._mesh_numbers, np.int32(-1))
+        numbers = np.append(self.scene.parts.mesh_numbers, np.int32(-1))
         body = hits.body()
-        has_other_numbers = not np.array_equal(self.scene._mesh_numbers, np.arange(len(self.scene._mesh_numbers)))
+        has_other_numbers = not np.array_equal(
+            self.scene.parts.mesh_numbers, np.arange(len(self.scene.parts.mesh_numbers))
+        )
         return DepthImage(
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
@@ -532,7 +534,7 @@ class Simulator:
     @cached_property
     def _materials(self) -> list[_core.Material]:
         """Materials of the bodies with meshes, at the centre of the band."""
-        return [body.material._core_at(self.radar.waveform.center_frequency) for _, body in self.scene._meshed]
+        return [body.material._core_at(self.radar.waveform.center_frequency) for body in self.scene.parts.meshed]
 
     def _reflectance(self, hits: _core.Hits) -> NDArray[np.float64]:
         """Power reflectance of what the pixels show."""
@@ -590,7 +592,7 @@ class Simulator:
             vertex_rates=[vertices[0] for vertices in rates.vertices],
             threads=self.threads,
         )
-        bodies = self.scene._mesh_numbers[bounces.body()]
+        bodies = self.scene.parts.mesh_numbers[bounces.body()]
         channels = (len(delay_rate), 1)
         orders = np.zeros((len(delay_rate), len(bodies)), np.uint8)
         return Paths(delay[0], delay_rate, amplitude[0], np.tile(bodies, channels), orders)
@@ -628,7 +630,7 @@ class Simulator:
 
         if not is_static(self.radar_motion):
             return [course(bounces, False)]
-        still, moving = bounces.split(self.scene._are_still)
+        still, moving = bounces.split(self.scene.parts.are_still)
         return [course(still, True), course(moving, False)]
 
     def _follow(
@@ -649,7 +651,7 @@ class Simulator:
         delay, amplitude = scatterers.paths(
             place.poses,
             points_of(place),
-            self.scene._rcs if has_points else self.scene._rcs[:0],
+            self.scene.parts.cross_sections if has_points else self.scene.parts.cross_sections[:0],
             vertices=place.vertices,
             amplitudes_at=None if others is None else (others.poses, points_of(others), others.vertices),
             first=part.start,
@@ -668,7 +670,7 @@ class Simulator:
             chosen = scatterers.select(wanted, order)
             deforming = chosen.deforming()
             return Course(
-                num_paths=len(chosen) + (len(self.scene._rcs) if has_points else 0),
+                num_paths=len(chosen) + (len(self.scene.parts.cross_sections) if has_points else 0),
                 is_static=is_still,
                 follow=lambda times, others, part: self._follow(
                     chosen, self._place(times, deforming), part, self._place(others, deforming), has_points=has_points
@@ -677,7 +679,7 @@ class Simulator:
             )
 
         sensor_is_still = is_static(self.radar_motion)
-        are_still = self.scene._are_still & sensor_is_still
+        are_still = self.scene.parts.are_still & sensor_is_still
         points_are_still = sensor_is_still and self.scene.is_static
         orders = range(1 + int(scatterers.order().max(initial=0)))
         return [
@@ -698,21 +700,21 @@ class Simulator:
         velocities = np.full_like(points, np.nan)
         place, rates = self._place(np.array([time])), self._places.rates_at(time)
         distance = rays.distance().ravel()
-        seen, nearest = _nearest(body, distance, len(self.scene._meshed))
+        seen, nearest = _nearest(body, distance, len(self.scene.parts.meshed))
         directions = np.array([rays.direction(ray) for ray in nearest.tolist()]).reshape(-1, 3)
         hits = distance[nearest, None] * directions
         poses, pose_rates = place.poses[0, seen], rates.poses[0, seen]
         material_points = np.swapaxes(poses[..., :3], 1, 2) @ (hits - poses[..., 3])[..., None]
         speeds = (pose_rates[..., :3] @ material_points)[..., 0] + pose_rates[..., 3]
         for k, (b, ray) in enumerate(zip(seen.tolist(), nearest.tolist(), strict=True)):
-            if b in self.scene._deforming:
+            if b in self.scene.parts.deforming:
                 corners, weights = rays.place_on_mesh(ray)
-                vertex_rates = self.scene._vertex_rates(b, time)[list(corners)]
+                vertex_rates = self.scene.parts.vertex_rates_at(b, time)[list(corners)]
                 speeds[k] += poses[k, :, :3] @ (weights @ vertex_rates)
-        numbers = self.scene._mesh_numbers[seen]
+        numbers = self.scene.parts.mesh_numbers[seen]
         points[numbers], velocities[numbers] = hits, speeds
-        points[self.scene._point_numbers] = place.points[0]
-        velocities[self.scene._point_numbers] = rates.points[0]
+        points[self.scene.parts.point_numbers] = place.points[0]
+        velocities[self.scene.parts.point_numbers] = rates.points[0]
 
         x, y, z = points.T
         distance = np.linalg.norm(points, axis=1)
@@ -722,7 +724,7 @@ class Simulator:
     def _warn_of_materials(self, stacklevel: int) -> None:
         if not self._has_warned_of_materials:
             self._has_warned_of_materials = True
-            used = (body.material for _, body in self.scene._meshed)
+            used = (body.material for body in self.scene.parts.meshed)
             if text := library.extrapolation(used, self.radar.waveform.center_frequency):
                 warnings.warn(text, stacklevel=stacklevel)
 

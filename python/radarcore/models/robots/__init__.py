@@ -1,6 +1,5 @@
 """Models of robot arms, and real meshes of an arm and of a human (extra `robots`)."""
 
-from radarcore.models.robots.data import is_available, through_obj
-from radarcore.models.robots.links import Link, human_joints, human_links, ur10_links
+from radarcore.lazy import attach
 
-__all__ = ["Link", "human_joints", "human_links", "is_available", "through_obj", "ur10_links"]
+__getattr__, __dir__, __all__ = attach(__name__)

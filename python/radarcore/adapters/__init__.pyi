@@ -1,0 +1,1 @@
+from radarcore.adapters import images as images

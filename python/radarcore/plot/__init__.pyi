@@ -1,0 +1,15 @@
+from radarcore.plot.above import scene_from_above as scene_from_above
+from radarcore.plot.canvas import require as require
+from radarcore.plot.figures import experiment as experiment
+from radarcore.plot.figures import overview as overview
+from radarcore.plot.frame import Image as Image
+from radarcore.plot.frame import chirp as chirp
+from radarcore.plot.frame import depth_image as depth_image
+from radarcore.plot.frame import range_doppler_map as range_doppler_map
+from radarcore.plot.frame import range_profile as range_profile
+from radarcore.plot.frame import reflectance_image as reflectance_image
+from radarcore.plot.history import range_time as range_time
+from radarcore.plot.history import spectrogram as spectrogram
+from radarcore.plot.history import tracks as tracks
+from radarcore.plot.live.view import LiveView as LiveView
+from radarcore.plot.live.window import view as view

@@ -1,0 +1,13 @@
+from radarcore.sensor.board import BoardInfo as BoardInfo
+from radarcore.sensor.device import Sensor as Sensor
+from radarcore.sensor.device import list_sensors as list_sensors
+from radarcore.sensor.device import open_sensor as open_sensor
+from radarcore.sensor.errors import FramesLostWarning as FramesLostWarning
+from radarcore.sensor.errors import ProtocolError as ProtocolError
+from radarcore.sensor.errors import RequestError as RequestError
+from radarcore.sensor.errors import SensorDisconnectedError as SensorDisconnectedError
+from radarcore.sensor.errors import SensorError as SensorError
+from radarcore.sensor.errors import SensorNotFoundError as SensorNotFoundError
+from radarcore.sensor.errors import SensorTimeoutError as SensorTimeoutError
+from radarcore.virtual.board import VirtualBoard as VirtualBoard
+from radarcore.virtual.board import virtual_board as virtual_board

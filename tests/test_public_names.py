@@ -1,0 +1,66 @@
+"""The public face: names that stubs list and packages load on first use."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+PUBLIC = ["", "adapters", "models", "models.robots", "plot", "processing", "sensor"]
+
+
+@pytest.fixture(params=PUBLIC, ids=lambda name: name or "radarcore")
+def face(request: pytest.FixtureRequest) -> ModuleType:
+    return import_module(f"radarcore.{request.param}".rstrip("."))
+
+
+def stub_of(face: ModuleType) -> list[list[str]]:
+    """Words of the stub's lines: from MODULE import NAME as NAME."""
+    return [line.split() for line in Path(str(face.__file__)).with_suffix(".pyi").read_text().splitlines()]
+
+
+def test_stub_has_a_line_per_name(face: ModuleType) -> None:
+    for words in stub_of(face):
+        assert words[0::2] == ["from", "import", "as"]
+        assert words[3] == words[5]
+
+
+def test_package_shows_what_its_stub_lists(face: ModuleType) -> None:
+    assert dir(face) == face.__all__ == sorted(words[3] for words in stub_of(face))
+
+
+def test_every_name_loads_and_stays(face: ModuleType) -> None:
+    for name in face.__all__:
+        value = getattr(face, name)
+        assert getattr(face, name) is value
+        if not isinstance(value, ModuleType) and hasattr(value, "__qualname__"):
+            assert value.__qualname__ == name
+
+
+def test_no_module_has_the_name_of_something_else(face: ModuleType) -> None:
+    """The import system would put the module in the place of a function, depending on what was loaded before."""
+    others = {words[3] for words in stub_of(face) if words[1] != face.__name__}
+    folder = Path(str(face.__file__)).parent
+    assert others.isdisjoint(path.stem for path in folder.iterdir() if path.is_dir() or path.suffix == ".py")
+
+
+def test_unknown_name_is_an_attribute_error(face: ModuleType) -> None:
+    with pytest.raises(AttributeError, match=f"module '{face.__name__}' has no attribute 'nonsense'"):
+        face.nonsense  # noqa: B018
+
+
+def test_import_loads_nothing_heavy() -> None:
+    heavy = "{'numpy', 'scipy', 'pydantic', 'tqdm', 'matplotlib'}"
+    code = f"import sys, radarcore; loaded = {heavy} & set(sys.modules); assert not loaded, loaded"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_numpy_alone_comes_with_what_is_used_most() -> None:
+    heavy = "{'scipy', 'pydantic', 'tqdm', 'matplotlib'}"
+    use = "radarcore.Simulator(radarcore.Scene(), radarcore.bgt60tr13c())"
+    code = f"import sys, radarcore; {use}; loaded = {heavy} & set(sys.modules); assert not loaded, loaded"
+    subprocess.run([sys.executable, "-c", code], check=True)
