@@ -49,7 +49,7 @@ from radarcore.scenefile.simulation import Simulation as Simulation
 from radarcore.sensor import open_sensor as open_sensor
 from radarcore.simulate.cross_section import rcs as rcs
 from radarcore.simulate.depth_image import DepthImage as DepthImage
-from radarcore.simulate.simulator import Paths as Paths
+from radarcore.simulate.paths import Paths as Paths
 from radarcore.simulate.simulator import Simulator as Simulator
 from radarcore.simulate.synthesis import Plan as Plan
 from radarcore.simulate.synthesis import PlanPart as PlanPart

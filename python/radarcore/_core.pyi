@@ -8,20 +8,21 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Antennas",
-    "Bounces",
+    "DepthScene",
     "Hits",
+    "IdealFrame",
     "Material",
     "Pattern",
+    "Placement",
     "Report",
-    "Samples",
-    "Scatterers",
     "Scene",
+    "Settings",
+    "Simulator",
     "Surface",
     "Waveform",
     "__version__",
     "beat_signal",
     "cross_sections",
-    "image_scatterers",
     "levels",
     "load_obj",
     "plan_beat_signal",
@@ -71,27 +72,6 @@ def plan_beat_signal(
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
-
-def image_scatterers(
-    distance: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    reflection: NDArray[np.complex128],
-    albedo: NDArray[np.float64],
-    body: NDArray[np.int32],
-    *,
-    num_bodies: int,
-    focal_length: tuple[float, float],
-    principal_point: tuple[float, float],
-    antennas: Antennas,
-    is_footprint: bool,
-    seed: int,
-    threads: int | None = None,
-) -> Scatterers:
-    """Material points of the surface elements (rows, columns) of an image; the bodies' frames are the sensor frame.
-
-    No return where the distance along the ray is not positive and finite or the body number is negative. Normals are
-    unit vectors towards the sensor; focal lengths and principal point are in pixels.
-    """
 
 def cross_sections(
     surface: Surface,
@@ -242,70 +222,6 @@ class Antennas:
         """At (n, 3) [m] in the sensor frame, with a pattern each; `polarization`: unit vector along their field."""
 
 @final
-class Scene:
-    """Surfaces."""
-
-    def __new__(cls, surfaces: Sequence[Surface]) -> Scene: ...
-    def hide(
-        self,
-        poses: NDArray[np.float64],
-        points: NDArray[np.float64],
-        *,
-        ends_early: bool = True,
-        threads: int | None = None,
-    ) -> tuple[NDArray[np.bool_], int]:
-        """Which of `points` (n, 3) in the sensor frame hide behind bodies at `poses` (body, 3, 4), and a count.
-
-        The count is that of searches that ended at a triangle in the way while there were boxes in front of it: 0
-        unless `ends_early`.
-        """
-    def cast(
-        self,
-        poses: NDArray[np.float64],
-        *,
-        rows: int,
-        columns: int,
-        half_width: float,
-        half_height: float,
-        previous: Hits | None = None,
-        beam: tuple[Antennas, float] | None = None,
-        skip_empty: bool = True,
-        with_cosines: bool = False,
-        threads: int | None = None,
-    ) -> Hits:
-        """Cast the rays of an image with the bodies at `poses` (body, 3, 4), body to sensor.
-
-        `previous` hits of the same scene are taken over where no body has moved. `beam`, antennas and the least
-        gain of interest of a pair there and back relative to their peaks, and `skip_empty` say which tiles of the image
-        are left out. `with_cosines`: `cos_incidence` will be wanted.
-        """
-    def sample(
-        self,
-        poses: NDArray[np.float64],
-        materials: Sequence[Material],
-        *,
-        rows: int,
-        columns: int,
-        half_width: float,
-        half_height: float,
-        antennas: Antennas,
-        rcs_floor: float,
-        budget: int | None = None,
-        end_points: bool,
-        seed: int,
-        previous: Samples | None = None,
-        beam: tuple[Antennas, float] | None = None,
-        skip_empty: bool = True,
-        threads: int | None = None,
-    ) -> Samples:
-        """Cast rays where they are needed, with the bodies at `poses` (body, 3, 4), body to sensor.
-
-        Through a base grid of cells, which are split until they leave open less than `rcs_floor` asks for, or `budget`
-        rays are cast. `end_points`: cells whose phase turns fast stand for their ends. What was sampled of the same
-        scene before is taken over where no body has moved; `beam` and `skip_empty` as in `cast`.
-        """
-
-@final
 class Hits:
     """What the rays of an image hit."""
 
@@ -335,153 +251,163 @@ class Hits:
         """
     def body(self) -> NDArray[np.int32]:
         """Number of the body, (rows, columns); -1 where nothing was hit."""
-    def place_on_mesh(self, pixel: int) -> tuple[list[int], list[float]]:
-        """The three vertices of the triangle that a pixel (row by row) hit, and their weights there."""
-    def direction(self, pixel: int) -> list[float]:
-        """Unit direction of the ray of a pixel (row by row) in the sensor frame."""
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
-    def scatterers(
-        self,
-        materials: Sequence[Material],
-        *,
-        antennas: Antennas,
-        is_footprint: bool,
-        seed: int,
-        threads: int | None = None,
-    ) -> Scatterers:
-        """Material points of all hits that send anything back; `materials` has one per body."""
-    def bounces(
-        self,
-        materials: Sequence[Material],
-        *,
-        antennas: Antennas,
-        is_footprint: bool,
-        max_bounces: int,
-        floor: float,
-        threads: int | None = None,
-    ) -> Bounces:
-        """Routes of two to `max_bounces` reflections of all hits; `materials` has one per body.
-
-        Ray tubes end where their power is less than `floor` of what was launched.
-        """
 
 @final
-class Samples:
-    """Cells of the image plane, fine where they need to be, what their rays hit, and points of rough surfaces."""
+class Scene:
+    """Surfaces of bodies, and point targets."""
 
-    def __len__(self) -> int: ...
-    @property
-    def counts(self) -> tuple[int, int, int, int]:
-        """Rays that were cast, bundles of them that were skipped and taken over, cells that could have been split."""
-    def cells(self) -> NDArray[np.float64]:
-        """Centre (u, v) and widths of the cells that hit something, (cell, 4)."""
-    def body(self) -> NDArray[np.int32]:
-        """Number of the body that every cell hit, (cell,)."""
-    def distance(self) -> NDArray[np.float64]:
-        """Distance along the ray [m], (cell,)."""
-    def direction(self, cell: int) -> list[float]:
-        """Unit direction of the ray of a cell in the sensor frame."""
-    def place_on_mesh(self, cell: int) -> tuple[list[int], list[float]]:
-        """The three vertices of the triangle that a cell hit, and their weights there."""
-    def scatterers(
-        self,
-        materials: Sequence[Material],
+    def __new__(
+        cls,
+        surfaces: Sequence[Surface],
         *,
-        antennas: Antennas,
-        threads: int | None = None,
-    ) -> Scatterers:
-        """Material points of cells and surfaces that send anything back; `materials` has one per body."""
-
-@final
-class Scatterers:
-    """Material points; delays and amplitudes follow from where their bodies, or their vertices, are."""
-
-    def __len__(self) -> int: ...
-    def body(self) -> NDArray[np.uint32]:
-        """Number of the body of every material point, (scatterer,)."""
-    def cell(self) -> NDArray[np.uint32]:
-        """Number of the cell of every material point, of the pixel or of the cell of samples, (scatterer,).
-
-        Diffuse points of samples belong to 2**32 - 1.
-        """
-    def deforming(self) -> NDArray[np.uint32]:
-        """Numbers of the bodies that deform and have material points here, increasing."""
-    def order(self) -> NDArray[np.uint8]:
-        """By which power of the frequency the field of every material point falls, (scatterer,)."""
-    def select(self, wanted: NDArray[np.bool_], order: int) -> Scatterers:
-        """The material points of an order of the bodies for which `wanted` (body,) is true, in the same order."""
-    def paths(
-        self,
-        poses: NDArray[np.float64],
-        points: NDArray[np.float64],
+        deforming: Sequence[int],
         rcs: NDArray[np.float64],
-        *,
-        vertices: Sequence[NDArray[np.float64]] | None = None,
-        amplitudes_at: tuple[NDArray[np.float64], NDArray[np.float64], Sequence[NDArray[np.float64]]] | None = None,
-        first: int = 0,
-        last: int | None = None,
-        step: int = 1,
-        threads: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Delay [s] and amplitude [sqrt(W)], (node, channel, path), of every `step`-th path from `first` to `last`.
+        body_numbers: Sequence[int],
+        point_numbers: Sequence[int],
+    ) -> Scene:
+        """Of meshes and points, in the order of the scene.
 
-        First the material points with their bodies at `poses` (node, body, 3, 4), then the point targets at `points`
-        (node, point, 3). `vertices` has one array (node, vertex, 3) for each of the bodies of `deforming`. Amplitudes
-        are those at `amplitudes_at`, which are such poses, points and vertices at other nodes.
+        `deforming`: rows of the surfaces whose vertices move, increasing. `rcs`: cross-sections of the points, (point,)
+        [m^2]. The numbers are those of both in the scene.
         """
-    def delay_rates(
-        self,
-        poses: NDArray[np.float64],
-        pose_rates: NDArray[np.float64],
-        points: NDArray[np.float64],
-        point_rates: NDArray[np.float64],
-        *,
-        vertices: Sequence[NDArray[np.float64]] | None = None,
-        vertex_rates: Sequence[NDArray[np.float64]] | None = None,
-        threads: int | None = None,
-    ) -> NDArray[np.float64]:
-        """Rate of every delay [s/s], (channel, path); vertices (vertex, 3) are those of the bodies of `deforming`."""
 
 @final
-class Bounces:
-    """Routes over two and more surfaces; delays and amplitudes follow from where bodies, or their vertices, are."""
+class DepthScene:
+    """Surface elements of a depth image, one per pixel."""
 
-    def __len__(self) -> int: ...
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Rays from surfaces to the next, and ray tubes that ended at the floor."""
-    def body(self) -> NDArray[np.uint32]:
-        """Number of the last body of every route, (route,)."""
-    def order(self) -> NDArray[np.uint32]:
-        """Number of reflections of every route, (route,)."""
-    def deforming(self) -> NDArray[np.uint32]:
-        """Numbers of the bodies that deform and are met here, increasing."""
-    def split(self, wanted: NDArray[np.bool_]) -> tuple[Bounces, Bounces]:
-        """The routes over bodies for which `wanted` (body,) is true and no others, and all others; the order stays."""
-    def paths(
-        self,
-        poses: NDArray[np.float64],
+    def __new__(
+        cls,
+        distance: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        reflection: NDArray[np.complex128],
+        albedo: NDArray[np.float64],
+        body: NDArray[np.int32],
         *,
-        vertices: Sequence[NDArray[np.float64]] | None = None,
-        amplitudes_at: tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]] | None = None,
-        first: int = 0,
-        last: int | None = None,
-        step: int = 1,
-        threads: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Delay [s] and amplitude [sqrt(W)], (node, channel, route), of every `step`-th route from `first` to `last`.
+        num_bodies: int,
+        focal_length: tuple[float, float],
+        principal_point: tuple[float, float],
+        range_rate: NDArray[np.float64] | None = None,
+        age: float = 0.0,
+    ) -> DepthScene:
+        """Of arrays (rows, columns), normals (rows, columns, 3).
 
-        The bodies are at `poses` (node, body, 3, 4). `vertices` has one array (node, vertex, 3) for each of the bodies
-        of `deforming`. Amplitudes are those at `amplitudes_at`, which are such poses and vertices at other nodes.
+        Distances along the ray [m], unit normals towards the sensor, field reflection coefficients, albedos, numbers of
+        bodies, and range rates [m/s] beside the motion of the bodies. The frame starts `age` [s] after the image.
         """
-    def delay_rates(
-        self,
-        poses: NDArray[np.float64],
-        pose_rates: NDArray[np.float64],
+
+@final
+class Settings:
+    """Settings of a simulation."""
+
+    def __new__(
+        cls,
         *,
-        vertices: Sequence[NDArray[np.float64]] | None = None,
-        vertex_rates: Sequence[NDArray[np.float64]] | None = None,
+        sampling: str,
+        rays: tuple[int, int, float, float],
+        image: tuple[int, int, float, float],
+        rcs_floor: float,
+        ray_budget: int | None,
+        end_points: bool,
+        gain_floor: float | None,
+        skip_empty: bool,
+        reuse_tiles: bool,
+        max_bounces: int,
+        bounce_floor: float,
+        retrace: float,
+        seed: int,
+        tolerance: float,
+        method: str,
+    ) -> Settings:
+        """Of rays and images through planes (rows, columns, half width, half height) at distance 1.
+
+        In adaptive sampling the plane of the rays is the base grid. `gain_floor`: least gain of interest of a pair of
+        antennas relative to their peaks, there and back; `bounce_floor`: power relative to that of the launch;
+        `retrace` [rad].
+        """
+
+@final
+class Placement:
+    """Places in the world at the Chebyshev times of a frame, or their time derivatives at one time."""
+
+    def __new__(
+        cls,
+        sensor: NDArray[np.float64],
+        poses: NDArray[np.float64],
+        points: NDArray[np.float64],
+        vertices: Sequence[NDArray[np.float64]] = ...,
+    ) -> Placement:
+        """Of an odd number of times.
+
+        ``[rotation | position]`` of the sensor (time, 3, 4) and of bodies (time, body, 3, 4), positions of point
+        targets (time, point, 3) [m], and per body that deforms its vertices (time, vertex, 3) in body coordinates [m],
+        at Chebyshev times of their own number.
+        """
+
+@final
+class IdealFrame:
+    """The ideal beat signal of a frame, its truth, and counts."""
+
+    @property
+    def cube(self) -> NDArray[np.complex64] | NDArray[np.complex128]:
+        """Beat samples (channel, chirp, sample) [sqrt(W)]; complex128 for tolerances below 1e-6."""
+    @property
+    def truth(self) -> NDArray[np.float64] | None:
+        """Range [m], range rate [m/s], azimuth and elevation [rad] of every body of the scene, (body, 4).
+
+        NaN where no ray hit; None for images.
+        """
+    @property
+    def farthest(self) -> float:
+        """Distance of the farthest echo [m]."""
+    @property
+    def series_errors(self) -> tuple[float, float]:
+        """Errors of phases [rad] and of amplitudes by the series over the frame, relative to l2(amplitudes)."""
+    @property
+    def plan(self) -> str:
+        """A line per sum over a group of paths."""
+    def counts(self) -> list[tuple[str, int]]:
+        """Numbers of rays, hits, tiles, paths, node times and so on, by name."""
+
+@final
+class Simulator:
+    """Simulates frames, paths and images; keeps what did not move from one to the next."""
+
+    def __new__(
+        cls,
+        source: Scene | DepthScene,
+        materials: Sequence[Material],
+        *,
+        antennas: Antennas,
+        waveform: Waveform,
+        center: Sequence[float],
+        settings: Settings,
         threads: int | None = None,
-    ) -> NDArray[np.float64]:
-        """Rate of every delay [s/s], (channel, route); vertices (vertex, 3) are those of the bodies of `deforming`."""
+    ) -> Simulator:
+        """Of a scene with one material per surface, or of a depth image.
+
+        `center`: middle of the array in sensor axes (x, y, z) [m].
+        """
+    def frame(self, motion: Placement, rates: Placement) -> IdealFrame | None:
+        """The frame of a motion at Chebyshev times of the frame; `rates`: time derivatives at its middle.
+
+        None where the motion needs more times.
+        """
+    def paths(
+        self, motion: Placement, rates: Placement, at: Placement, rates_at: Placement
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128], NDArray[np.uint32], NDArray[np.uint8]]:
+        """Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), bodies and orders (path,).
+
+        Of what rays see in the first part of a frame, at a time at which everything is `at` and changes by `rates_at`.
+        """
+    def image(self, at: Placement) -> Hits:
+        """Hits of the rays of an image at one time."""
+    def occluded(
+        self, at: Placement, points: NDArray[np.float64], *, ends_early: bool = True
+    ) -> tuple[NDArray[np.bool_], int]:
+        """Points (n, 3) in sensor axes about the middle of the array that a body occludes, (n,), and a count.
+
+        The count is that of searches that ended at a triangle in the way while there were boxes in front of it: 0
+        unless `ends_early`.
+        """

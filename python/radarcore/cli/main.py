@@ -180,7 +180,7 @@ def _scene_facts(path: Path) -> dict[str, Any]:
     """What a scene file holds, by name with unit."""
     from radarcore.scene.body import Body
     from radarcore.scenefile.load import load_scene
-    from radarcore.simulate.simulator import frame_times
+    from radarcore.simulate.times import frame_times
 
     simulation = load_scene(path)
     scene, run = simulation.scene, simulation.run

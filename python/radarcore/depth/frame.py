@@ -13,15 +13,20 @@ from radarcore import _core, check
 from radarcore.depth import quantisation, surfaces
 from radarcore.depth.quantisation import Quantisation
 from radarcore.geometry.camera import Camera
+from radarcore.geometry.pose import cross_matrix
 from radarcore.radar.radar import Radar
+from radarcore.receive.chain import receive
 from radarcore.recording.frame import Frame, Truth
-from radarcore.simulate.follow import Course, Follow, receive, synthesise, warn_beyond_range
-from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
+from radarcore.simulate.doubts import Doubts
+from radarcore.simulate.settings import Settings
+from radarcore.simulate.simulator import stats_of
 from radarcore.units import SPEED_OF_LIGHT
 
 SAMPLINGS = ("footprint", "point")
 """How a pixel stands for the patch it covers."""
 
+# Times of the frame at which motion is placed: more where it is too fast for fewer.
+_NUMS_OF_TIMES = (17, 33, 65)
 # A depth that is this close to the far plane is the far plane.
 _FAR_MARGIN = 1e-6
 # Quantisation that turns phases by more than this is worth a warning [degrees].
@@ -144,9 +149,7 @@ def frame_from_depth(
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
     check.choice("sampling", sampling, SAMPLINGS)
-    check.choice("method", method, METHODS)
-    check_tolerance(tolerance)
-    num_threads, seed = check_threads(threads), check.count("seed", seed, minimum=0)
+    settings = Settings(sampling=sampling, tolerance=tolerance, method=method, seed=seed, threads=threads)
     start = check.number("time", time, "s")
     at = start if image_time is None else check.number("image_time", image_time, "s")
 
@@ -183,44 +186,58 @@ def frame_from_depth(
         range_rate=np.where(silhouette, 0.0, range_rate),
     ).thinned(None if max_points is None else check.count("max_points", max_points))
 
-    # From pixels to paths, and from paths to samples, as `Simulator` does.
-    scatterers = _core.image_scatterers(
+    # From pixels to samples, as `Simulator` does.
+    ideal = _simulate(image, motion, radar, settings, start, at)
+    Doubts(radar, settings.tolerance).of_frame(ideal)
+    cube = receive(ideal.cube, radar, start, seed=settings.seed)
+
+    num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
+    counts = stats_of(ideal)
+    num_paths = counts["paths"]
+    stats: dict[str, Any] = {
+        **counts,
+        "rays_cast": image.distance.size,
+        "rays_hit": num_hit,
+        "paths_skipped": num_hit - num_paths,
+        "silhouettes_excluded": int(silhouette.sum()),
+        "normals_missing": int(missing.sum()),
+        "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
+    }
+    truth = None if body is None else motion.truth(image, num_bodies)
+    return Frame(cube, start, radar, truth, stats)
+
+
+def _simulate(
+    image: _Image, motion: _Motion, radar: Radar, settings: Settings, start: float, at: float
+) -> _core.IdealFrame:
+    """The ideal frame that starts at `start` [s] of what an image shows at the time `at` [s]."""
+    source = _core.DepthScene(
         np.ascontiguousarray(image.distance),
         np.ascontiguousarray(image.normals),
         np.ascontiguousarray(image.reflection),
         np.ascontiguousarray(image.albedo),
         np.ascontiguousarray(image.body),
-        num_bodies=num_bodies,
+        num_bodies=len(motion.twists),
         focal_length=(image.camera.fx, image.camera.fy),
         principal_point=(image.camera.cx, image.camera.cy),
+        range_rate=np.ascontiguousarray(image.range_rate) if image.range_rate.any() else None,
+        age=start - at,
+    )
+    engine = _core.Simulator(
+        source,
+        [],
         antennas=radar._core,
-        is_footprint=sampling == "footprint",
-        seed=seed,
-        threads=num_threads,
+        waveform=radar.waveform._core,
+        center=(0.0, 0.0, 0.0),
+        settings=settings.to_core(),
+        threads=settings.threads,
     )
-    course = motion.course(scatterers, image, at, num_threads)
-    synthesis = synthesise(
-        [course], radar.waveform, radar.num_channels, start, tolerance=tolerance, method=method, threads=num_threads
-    )
-    cube = receive(synthesis.cube, radar, start, seed=seed, tolerance=tolerance)
-    synthesis.nodes.warn_beyond(tolerance, stacklevel=2)
-    warn_beyond_range(synthesis.farthest, radar, stacklevel=2)
-
-    num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
-    stats: dict[str, Any] = {
-        "rays_cast": image.distance.size,
-        "rays_hit": num_hit,
-        "tiles_skipped": 0,
-        "tiles_reused": 0,
-        "paths": len(scatterers),
-        "paths_skipped": num_hit - len(scatterers),
-        "silhouettes_excluded": int(silhouette.sum()),
-        "normals_missing": int(missing.sum()),
-        "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
-        **synthesis.stats,
-    }
-    truth = None if body is None else motion.truth(image, num_bodies)
-    return Frame(cube, start, radar, truth, stats)
+    rates = motion.placement(start - at + 0.5 * np.array([radar.waveform.duration]), is_rate=True)
+    for num_times in _NUMS_OF_TIMES:
+        places = motion.placement(start - at + radar.waveform.delay_times(num_times))
+        if (ideal := engine.frame(places, rates)) is not None:
+            return ideal
+    raise AssertionError("the core follows any motion through the largest number of times as well as it can")
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,45 +259,16 @@ class _Motion:
         rates = np.zeros((num_bodies, 6)) if twists is None else check.array("twists", twists, (num_bodies, 6))
         return cls(rates, None if interval is None else check.positive("interval", interval, "s"))
 
-    def course(self, scatterers: _core.Scatterers, image: _Image, at: float, threads: int | None) -> Course:
-        """How the paths run through time; the image shows them at the time `at` [s]."""
-        no_rcs = np.zeros(0)
-
-        def follow(
-            poses: NDArray[np.float64], others: NDArray[np.float64], part: slice
-        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-            delay, amplitude = scatterers.paths(
-                poses,
-                np.zeros((len(poses), 0, 3)),
-                no_rcs,
-                amplitudes_at=(others, np.zeros((len(others), 0, 3)), []),
-                first=part.start,
-                last=part.stop,
-                step=part.step,
-                threads=threads,
-            )
-            if not np.isfinite(amplitude).all():
-                raise ValueError("distance: expected nothing at the place of an antenna, got a path of length zero")
-            return delay, amplitude
-
-        rest = np.broadcast_to(np.eye(3, 4), (1, len(self.twists), 3, 4)).copy()
-
-        def rigid(
-            times: NDArray[np.float64], others: NDArray[np.float64], part: slice
-        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-            return follow(_screws(self.twists, times - at), _screws(self.twists, others - at), part)
-
-        def radial(
-            times: NDArray[np.float64], _: NDArray[np.float64], part: slice
-        ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-            delay, amplitude = follow(rest, rest, part)
-            rate = 2.0 / SPEED_OF_LIGHT * image.range_rate.flat[scatterers.cell()[part]]
-            return delay + rate * (times - at)[:, None, None], amplitude
-
-        by_difference = self.interval is not None
-        is_static = not (image.range_rate if by_difference else self.twists).any()
-        chosen: Follow = radial if by_difference else rigid
-        return Course(len(scatterers), is_static, chosen)
+    def placement(self, elapsed: NDArray[np.float64], *, is_rate: bool = False) -> _core.Placement:
+        """Bodies at times after that of the image [s], or their time derivatives; the sensor's axes are the world's."""
+        poses = _screws(self.twists, elapsed)
+        sensor = np.broadcast_to(np.eye(3, 4), (len(elapsed), 3, 4)).copy()
+        if is_rate:
+            # d/dt [R | p] = [w x R | w x p + v].
+            turning = cross_matrix(self.twists[:, 3:]) @ poses
+            turning[..., 3] += self.twists[:, :3]
+            poses, sensor = turning, np.zeros_like(sensor)
+        return _core.Placement(sensor, poses, np.zeros((len(elapsed), 0, 3)))
 
     def truth(self, image: _Image, num_bodies: int) -> Truth:
         """Nearest visible point of every body."""

@@ -136,17 +136,6 @@ def relative_poses(bodies: Matrix, sensor: Matrix) -> Matrix:
     return seen
 
 
-def relative_rates(seen: Matrix, body_rates: Matrix, sensor: Matrix, sensor_rate: Matrix) -> Matrix:
-    """Time derivatives of `relative_poses`, (..., body, 3, 4).
-
-    From these, `seen`, and the time derivatives of the places in the world, as there.
-    """
-    to_sensor, turning = np.swapaxes(sensor[..., :3], -1, -2), np.swapaxes(sensor_rate[..., :3], -1, -2)
-    drift = to_sensor[..., None, :, :] @ (body_rates - _moved_only(sensor_rate)[..., None, :, :])
-    rates: Matrix = drift + (turning @ sensor[..., :3])[..., None, :, :] @ seen
-    return rates
-
-
 def _moved_only(maps: Matrix) -> Matrix:
     """Positions alone, as maps (..., 3, 4) without a rotation."""
     moved = np.zeros_like(maps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,15 +72,6 @@ class Parts:
         return np.ascontiguousarray(deformation.rate_at(time))
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """The vertices of the bodies that deform, and the core's scene with their surfaces."""
-
-    vertices: dict[int, NDArray[np.float64]]
-    surfaces: list[_core.Surface]
-    core: _core.Scene
-
-
 class Scene:
     """Bodies and point targets; an empty scene is a scene without echoes.
 
@@ -110,7 +102,6 @@ class Scene:
         )
 
         self.parts = Parts.of(self.bodies)
-        self._shape = self._shape_of({}, [body.mesh._core for body in self.parts.meshed])
 
     @property
     def num_triangles(self) -> int:
@@ -123,24 +114,21 @@ class Scene:
 
         A mesh that several bodies share counts once, and once more for each of them that deforms.
         """
-        meshes = [body.mesh._core for body in self.parts.meshed]
-        surfaces = {id(surface): surface for surface in [*meshes, *self._shape.surfaces]}
-        return sum(sum(surface.memory) for surface in surfaces.values())
+        meshed = self.parts.meshed
+        surfaces = {id(body.mesh): body.mesh._core for body in meshed}
+        deformed = [meshed[mesh].mesh._core for mesh in self.parts.deforming]
+        return sum(sum(surface.memory) for surface in [*surfaces.values(), *deformed])
 
-    def _core_at(self, time: float, threads: int | None) -> _core.Scene:
-        """The core's scene with the vertices of a time [s]; what has not changed since the last call stays as it is."""
-        shape = self._shape
-        vertices = {b: self.parts.vertices_at(b, time) for b in self.parts.deforming}
-        moved = [b for b, new in vertices.items() if not np.array_equal(new, shape.vertices.get(b, ()))]
-        if moved:
-            surfaces = list(shape.surfaces)
-            for b in moved:
-                surfaces[b] = surfaces[b].deform(vertices[b], threads=threads)
-            self._shape = shape = self._shape_of(vertices, surfaces)
-        return shape.core
-
-    def _shape_of(self, vertices: dict[int, NDArray[np.float64]], surfaces: list[_core.Surface]) -> _Shape:
-        return _Shape(vertices, surfaces, _core.Scene(surfaces))
+    @cached_property
+    def _core(self) -> _core.Scene:
+        parts = self.parts
+        return _core.Scene(
+            [body.mesh._core for body in parts.meshed],
+            deforming=parts.deforming,
+            rcs=parts.cross_sections,
+            body_numbers=parts.mesh_numbers.tolist(),
+            point_numbers=parts.point_numbers.tolist(),
+        )
 
     @property
     def is_static(self) -> bool:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.motion.protocol import Motion
+from radarcore.geometry.pose import relative_poses
+from radarcore.motion.protocol import Motion, poses_at
 from radarcore.radar.radar import Radar
 from radarcore.scene.body import Body
 from radarcore.scene.scene import Scene
-from radarcore.simulate.places import Places
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0
@@ -23,8 +23,9 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
     Nor may the antennas be inside a body, unless it is large enough to be a room around them.
     """
     antennas = np.concatenate([radar.tx, radar.rx])
-    place = Places(scene, motion, np.zeros(3)).at(np.array([time]))
-    for pose, number in zip(place.poses[0], scene.parts.mesh_numbers, strict=True):
+    parts, sensor = scene.parts, poses_at(motion, [time])[0]
+    poses = np.array([poses_at(body.motion, [time])[0] for body in parts.meshed]).reshape(-1, 3, 4)
+    for pose, number in zip(relative_poses(poses, sensor), parts.mesh_numbers, strict=True):
         body = scene.bodies[number]
         assert isinstance(body, Body)  # the scene says so
         corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
@@ -35,7 +36,8 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
                 f"pose: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
                 f"got them inside {scene.names[number]!r}"
             )
-    for point, number in zip(place.points[0], scene.parts.point_numbers, strict=True):
+    points = (parts.positions + time * parts.velocities - sensor[:, 3]) @ sensor[:, :3]
+    for point, number in zip(points, parts.point_numbers, strict=True):
         _check_gap(float(np.linalg.norm(point - antennas, axis=1).min()), scene.names[number])
 
 

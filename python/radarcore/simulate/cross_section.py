@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.geometry.mesh import Mesh
-from radarcore.simulate.simulator import check_max_bounces
+from radarcore.simulate.settings import check_max_bounces
 from radarcore.simulate.synthesis import check_threads
 
 
@@ -23,7 +23,7 @@ def rcs(
 ) -> NDArray[np.float64]:
     """Far-field radar cross-sections of a perfectly conducting mesh.
 
-    By physical optics after up to `max_bounces` reflections, eqs. (7) to (9) of the README with a plane wave: neither
+    By physical optics after up to `max_bounces` reflections, docs/theory.md eqs. (7) to (9), with a plane wave: neither
     edges nor creeping waves.
 
     Parameters

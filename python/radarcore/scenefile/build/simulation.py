@@ -13,7 +13,7 @@ from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.tables import SceneTable
 from radarcore.simulate.clearance import check_antennas
-from radarcore.simulate.simulator import frame_times
+from radarcore.simulate.times import frame_times
 
 
 def simulation(table: SceneTable, file: Path) -> Simulation:

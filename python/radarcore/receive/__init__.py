@@ -1,0 +1,1 @@
+"""Receiver: effects on the ideal beat signal."""

@@ -1,0 +1,60 @@
+"""Doubts about results: one warning of each kind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radarcore import _core, notice
+from radarcore.radar.radar import Radar
+from radarcore.scene import library
+from radarcore.scene.scene import Scene
+
+
+class Doubts:
+    """Warnings of a simulation, each given once.
+
+    Parameters
+    ----------
+    radar : Radar
+    tolerance : float
+        Bound on the error of the synthesis.
+    """
+
+    def __init__(self, radar: Radar, tolerance: float) -> None:
+        self._radar, self._tolerance = radar, tolerance
+        self._told: set[str] = set()
+
+    def of_materials(self, scene: Scene) -> None:
+        """Warn of materials at frequencies for which they are not known."""
+        if self._is_new("materials"):
+            used = (body.material for body in scene.parts.meshed)
+            if text := library.extrapolation(used, self._radar.waveform.center_frequency):
+                notice.warn(text)
+
+    def of_rate(self, rate: float) -> None:
+        """Warn of frames that overlap at a rate [Hz]."""
+        duration = self._radar.waveform.duration
+        if duration * rate > 1.0:
+            notice.warn(
+                f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second: no real sensor can do that"
+            )
+
+    def of_frame(self, ideal: _core.IdealFrame) -> None:
+        """Warn of motion that the series within a frame do not follow, and of echoes from beyond the largest range."""
+        phase, weight = ideal.series_errors
+        if (residual := float(np.hypot(phase, weight))) > self._tolerance and self._is_new("series"):
+            reason = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
+            notice.warn(
+                f"{reason} are followed within a frame to {residual:.1e} only, tolerance is {self._tolerance:.1e}"
+            )
+        if ideal.farthest > self._radar.max_range and self._is_new("range"):
+            notice.warn(
+                f"the scene reaches to {ideal.farthest:.2f} m, beyond max_range {self._radar.max_range:.2f} m of the "
+                "waveform: echoes from there appear at wrong ranges"
+            )
+
+    def _is_new(self, kind: str) -> bool:
+        if kind in self._told:
+            return False
+        self._told.add(kind)
+        return True

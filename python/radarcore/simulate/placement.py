@@ -1,0 +1,95 @@
+"""Places of sensor, bodies, points and vertices at the Chebyshev times of frames, as the core takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import _core
+from radarcore.motion.group import Motions
+from radarcore.motion.protocol import Motion
+from radarcore.radar.waveform import Waveform
+from radarcore.scene.scene import Scene
+
+_BYTES_AHEAD = 64_000_000
+"""Most memory of the places of frames that are placed together."""
+
+_FRAMES_AHEAD = 16
+"""Most frames that are placed together: from there on, a call costs little beside its work."""
+
+_FLOAT = 8
+"""Bytes of a number."""
+
+
+class Placement:
+    """A scene and a sensor that move: their places at the times of a frame.
+
+    Parameters
+    ----------
+    scene : Scene
+    sensor_motion : Motion
+        Sensor to world.
+    waveform : Waveform
+        Times of a frame.
+    """
+
+    def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
+        self._parts, self._waveform = scene.parts, waveform
+        # The sensor is the last of them.
+        self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
+
+    def frames_ahead(self, num_times: int) -> int:
+        """Number of frames that are worth placing together."""
+        vertices = sum(self._parts.meshed[mesh].mesh.vertices.size for mesh in self._parts.deforming)
+        per_frame = num_times * (12 * (len(self._parts.meshed) + 1)) + _num_vertex_times(num_times) * vertices
+        return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
+
+    def frames(self, starts: Sequence[float], num_times: int) -> Iterator[tuple[_core.Placement, _core.Placement]]:
+        """Places at `num_times` times of each of the frames that start at `starts` [s], and rates at their middles."""
+        first = np.array(starts)[:, None]
+        times = first + self._waveform.delay_times(num_times)
+        vertex_times = first + self._waveform.delay_times(_num_vertex_times(num_times))
+        middles = first[:, 0] + 0.5 * self._waveform.duration
+        num_frames = len(starts)
+        poses = self._motions.poses_at(times.ravel()).reshape(num_frames, num_times, -1, 3, 4)
+        rates = self._motions.rates_at(middles)[:, None]
+        for frame, middle in enumerate(middles.tolist()):
+            yield (
+                self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame])),
+                self._placed(rates[frame], self._parts.velocities[None], self._vertex_rates(middle)),
+            )
+
+    def at(self, time: float) -> _core.Placement:
+        """Places at one time [s]."""
+        times = np.array([time])
+        return self._placed(self._motions.poses_at(times), self._points(times), self._vertices(times))
+
+    def rates_at(self, time: float) -> _core.Placement:
+        """Time derivatives of the places at one time [s]."""
+        rates = self._motions.rates_at(np.array([time]))
+        return self._placed(rates, self._parts.velocities[None], self._vertex_rates(time))
+
+    @staticmethod
+    def _placed(
+        poses: NDArray[np.float64], points: NDArray[np.float64], vertices: Sequence[NDArray[np.float64]]
+    ) -> _core.Placement:
+        bodies, sensor = np.ascontiguousarray(poses[:, :-1]), np.ascontiguousarray(poses[:, -1])
+        return _core.Placement(sensor, bodies, points, vertices)
+
+    def _points(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._parts.positions + times[:, None, None] * self._parts.velocities
+
+    def _vertices(self, times: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        parts = self._parts
+        return [np.array([parts.vertices_at(mesh, at) for at in times.tolist()]) for mesh in parts.deforming]
+
+    def _vertex_rates(self, time: float) -> list[NDArray[np.float64]]:
+        return [self._parts.vertex_rates_at(mesh, time)[None] for mesh in self._parts.deforming]
+
+
+def _num_vertex_times(num_times: int) -> int:
+    """Number of times for vertices, which are many: about half of those for poses, and odd too."""
+    half = (num_times + 1) // 2
+    return half + 1 - half % 2

@@ -1,0 +1,184 @@
+"""Settings of a simulation: sampling, sum, floors, reflections, seed, threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from radarcore import _core, check
+from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
+
+SAMPLINGS = ("adaptive", "footprint", "point")
+"""Ways to cast rays, and to let a hit stand for the surface around it."""
+
+_CELLS_PER_DEGREE = 64.0 / 60.0
+"""Of the base grid of adaptive sampling."""
+
+_RAY_BUDGET = 40_000
+"""Rays through cells of adaptive sampling by default."""
+
+_RAYS_PER_CELL = 4
+"""Of the base grid, at least: all of its cells can be split once."""
+
+_IMAGE_SIDE = 256
+"""Pixels of images by default."""
+
+MAX_BOUNCES = 64
+"""More reflections than any path has that is not lost in the noise."""
+
+_NOT_RECORDED = ("method", "threads")
+"""Settings that change no result."""
+
+_OF_ADAPTIVE = ("rcs_floor", "ray_budget", "end_points")
+"""Settings of adaptive sampling alone."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settings:
+    """Settings of `Simulator`, which documents them."""
+
+    resolution: int | tuple[int, int] | None = None
+    field_of_view_deg: tuple[float, float] = (60.0, 60.0)
+    sampling: str = "adaptive"
+    tolerance: float = 1e-4
+    method: str = "auto"
+    rcs_floor: float = 1e-5
+    ray_budget: float | None = None
+    end_points: bool = True
+    gain_floor_db: float = 80.0
+    max_bounces: int = 1
+    bounce_floor_db: float = 80.0
+    retrace_deg: float = 10.0
+    seed: int = 0
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        checked = {
+            "resolution": None if self.resolution is None else _resolution(self.resolution),
+            "field_of_view_deg": _field_of_view(self.field_of_view_deg),
+            "sampling": check.choice("sampling", self.sampling, SAMPLINGS),
+            "tolerance": check_tolerance(self.tolerance),
+            "method": check.choice("method", self.method, METHODS),
+            "rcs_floor": check.positive("rcs_floor", self.rcs_floor, "m^2"),
+            "end_points": bool(self.end_points),
+            "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
+            "max_bounces": check_max_bounces(self.max_bounces),
+            "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
+            "retrace_deg": _positive_or_infinite("retrace_deg", self.retrace_deg, "degrees"),
+            "seed": check_seed(self.seed),
+            "threads": check_threads(self.threads),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        if self.ray_budget is not None:
+            object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self.num_cells))
+
+    @property
+    def num_pixels(self) -> tuple[int, int]:
+        """Rows and columns of images, and of the rays of frames unless sampling is adaptive."""
+        return (_IMAGE_SIDE, _IMAGE_SIDE) if self.resolution is None else _resolution(self.resolution)
+
+    @property
+    def num_cells(self) -> tuple[int, int]:
+        """Rows and columns of the base grid of adaptive sampling."""
+        columns, rows = (max(1, int(np.ceil(_CELLS_PER_DEGREE * angle - 1e-9))) for angle in self.field_of_view_deg)
+        return (rows, columns) if self.resolution is None else _resolution(self.resolution)
+
+    @property
+    def most_rays(self) -> int | None:
+        """Most rays through cells; none: as many as `rcs_floor` asks for."""
+        if self.ray_budget is None:
+            rows, columns = self.num_cells
+            return max(_RAY_BUDGET, _RAYS_PER_CELL * rows * columns)
+        return None if self.ray_budget == np.inf else int(self.ray_budget)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Settings that change results, for recordings; infinite ones are None, as JSON has no infinity."""
+        values = {field.name: getattr(self, field.name) for field in fields(Settings)}
+        values["resolution"] = self.num_cells if self.sampling == "adaptive" else self.num_pixels
+        values["ray_budget"] = self.most_rays
+        left_out = _NOT_RECORDED if self.sampling == "adaptive" else _NOT_RECORDED + _OF_ADAPTIVE
+        return {name: _as_json(value) for name, value in values.items() if name not in left_out}
+
+    def to_core(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
+        """The core's settings; what may be reused or skipped changes no result."""
+        half_sides = np.tan(0.5 * np.deg2rad(self.field_of_view_deg)).tolist()
+        rays = self.num_cells if self.sampling == "adaptive" else self.num_pixels
+        return _core.Settings(
+            sampling=self.sampling,
+            rays=(*rays, *half_sides),
+            image=(*self.num_pixels, *half_sides),
+            rcs_floor=self.rcs_floor,
+            ray_budget=self.most_rays,
+            end_points=self.end_points,
+            gain_floor=None if self.gain_floor_db == np.inf else _ratio(self.gain_floor_db),
+            skip_empty=skip_empty,
+            reuse_tiles=reuse_tiles,
+            max_bounces=self.max_bounces,
+            bounce_floor=_ratio(self.bounce_floor_db),
+            retrace=float(np.deg2rad(self.retrace_deg)),
+            seed=self.seed,
+            tolerance=self.tolerance,
+            method=self.method,
+        )
+
+
+def _ratio(floor_db: float) -> float:
+    return float(10.0 ** (-0.1 * floor_db))
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return list(value)
+    return None if value == np.inf else value
+
+
+def check_max_bounces(value: int) -> int:
+    """A number of reflections."""
+    number = check.count("max_bounces", value)
+    if number > MAX_BOUNCES:
+        raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")
+    return number
+
+
+def check_seed(value: int) -> int:
+    """A seed of 64 bits."""
+    seed = check.count("seed", value, minimum=0)
+    if seed >= 2**64:
+        raise ValueError(f"seed: expected less than 2**64, got {value}")
+    return seed
+
+
+def _positive_or_infinite(name: str, value: float, unit: str) -> float:
+    return np.inf if value == np.inf else check.positive(name, value, unit)
+
+
+def _ray_budget(value: float, num_cells: tuple[int, int]) -> float:
+    """Enough for the base grid."""
+    if value == np.inf:
+        return np.inf
+    (rows, columns), budget = num_cells, check.count("ray_budget", value)
+    if budget < rows * columns:
+        raise ValueError(f"ray_budget: expected at least the {rows} x {columns} rays of the base grid, got {budget}")
+    if budget >= 2**32:
+        raise ValueError(f"ray_budget: expected less than 2**32, or inf, got {budget}")
+    return budget
+
+
+def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:
+    pair = (value, value) if np.ndim(value) == 0 else tuple(value)  # type: ignore[arg-type]  # ndim tells them apart
+    if len(pair) != 2:
+        raise ValueError(f"resolution: expected an integer or (rows, columns), got {value!r}")
+    rows, columns = (check.count("resolution", side) for side in pair)
+    if rows * columns > 2**28:
+        raise ValueError(f"resolution: expected at most {2**28} rays, got {rows} x {columns}")
+    return rows, columns
+
+
+def _field_of_view(value: tuple[float, float]) -> tuple[float, float]:
+    angles = check.array("field_of_view_deg", value, (2,))
+    if (angles <= 0.0).any() or (angles >= 180.0).any():
+        raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")
+    return float(angles[0]), float(angles[1])
