@@ -222,9 +222,7 @@ def test_interrupt_from_the_keyboard_leaves_the_frames_so_far(tmp_path: Path) ->
 APPEND_UNTIL_KILLED = """
 import sys
 import numpy as np
-from radarcore.radar import Radar
-from radarcore.recording import Frame, RecordingWriter, Truth
-from radarcore.waveform import Waveform
+from radarcore import Frame, Radar, RecordingWriter, Truth, Waveform
 
 waveform = Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e7, num_samples=256, num_chirps=64)
 radar = Radar(waveform, rx=np.zeros((4, 3)))
@@ -260,9 +258,7 @@ def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path, num_s
 FILL_UP = """
 import resource, sys
 import numpy as np
-from radarcore.radar import Radar
-from radarcore.recording import Frame, RecordingWriter
-from radarcore.waveform import Waveform
+from radarcore import Frame, Radar, RecordingWriter, Waveform
 
 radar = Radar(Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e7, num_samples=256, num_chirps=64))
 resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))  # room for 3.8 frames of 131072 bytes
@@ -611,9 +607,8 @@ def test_writer_refuses_a_count_that_is_none_before_anything_is_written(tmp_path
 INTERRUPT_AT_ANY_MOMENT = """
 import signal, sys, warnings
 import numpy as np
-from radarcore.radar import bgt60tr13c
-from radarcore.codes import to_samples
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
+from radarcore.recording.codes import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=16)
@@ -653,9 +648,8 @@ def test_interrupt_at_any_moment_leaves_the_whole_frames(tmp_path: Path) -> None
 WRITE_UNTIL_FULL = """
 import errno, sys, warnings
 import numpy as np
-from radarcore.radar import bgt60tr13c
-from radarcore.codes import to_samples
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
+from radarcore.recording.codes import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=64)  # frames of 48 KiB

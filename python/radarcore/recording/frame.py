@@ -92,7 +92,7 @@ class Frame:
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
         just before this one.
     raw : (channel, chirp, sample) uint16, optional
-        Codes of the ADC; the cube is then in full scale, see `radarcore.codes.to_samples`.
+        Codes of the ADC; the cube is then in full scale, see `radarcore.recording.codes.to_samples`.
     """
 
     cube: NDArray[Any]

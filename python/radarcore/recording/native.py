@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import errno
 import json
-import warnings
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
 from radarcore.recording.npy import ArrayFile, naming
@@ -130,14 +129,14 @@ def truth_arrays(truth: Truth | None) -> dict[str, NDArray[np.float64]]:
 
 
 def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bool) -> None:
-    """Warn the caller of `Recording.load` of frames that its writer did not finish."""
+    """Warn of frames that its writer did not finish."""
     if planned is not None and num_frames < planned:
         message = f"{path}: {num_frames} of {planned} planned frames, its writer was interrupted"
     elif not closed:
         message = f"{path}: {num_frames} frames, its writer was interrupted"
     else:
         return
-    warnings.warn(message, stacklevel=4)  # the caller of Recording.load
+    notice.warn(message)
 
 
 def exists(path: Path, what: str) -> FileExistsError:

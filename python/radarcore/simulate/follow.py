@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core
+from radarcore import _core, notice
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
@@ -81,7 +80,7 @@ class Nodes:
         """Both errors together."""
         return float(np.hypot(self.phase, self.weight))
 
-    def warn_beyond(self, tolerance: float, stacklevel: int) -> bool:
+    def warn_beyond(self, tolerance: float) -> bool:
         """Warn and say so when the series is worse than the tolerance."""
         if self.residual <= tolerance:
             return False
@@ -90,9 +89,8 @@ class Nodes:
             if self.phase > self.weight
             else "amplitudes (turning edges)"
         )
-        warnings.warn(
+        notice.warn(
             f"{reason} are followed within a frame to {self.residual:.1e} only, tolerance is {tolerance:.1e}",
-            stacklevel=stacklevel + 1,
         )
         return True
 
@@ -247,14 +245,13 @@ def _longest(delay: NDArray[np.float64], amplitude: NDArray[np.complex128]) -> f
     return float(delay.max(initial=0.0, where=amplitude.any(axis=0)))
 
 
-def warn_beyond_range(farthest: float, radar: Radar, stacklevel: int) -> bool:
+def warn_beyond_range(farthest: float, radar: Radar) -> bool:
     """Warn and say so when echoes come from beyond what the waveform tells apart."""
     if farthest <= radar.max_range:
         return False
-    warnings.warn(
+    notice.warn(
         f"the scene reaches to {farthest:.2f} m, beyond max_range {radar.max_range:.2f} m of the waveform: echoes from "
         "there appear at wrong ranges",
-        stacklevel=stacklevel + 1,
     )
     return True
 

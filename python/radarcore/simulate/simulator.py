@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
@@ -246,7 +245,7 @@ class Simulator:
     def depth_image(self, time: float = 0.0) -> DepthImage:
         """What the rays of the image hit at a time [s]."""
         at = check.number("time", time, "s")
-        self._warn_of_materials(stacklevel=3)
+        self._warn_of_materials()
         return self._image(self._cast_image(at), at)
 
     def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
@@ -280,7 +279,7 @@ class Simulator:
         are taken back to `time` with their bodies, or with their facets where bodies deform.
         """
         start = check.number("time", time, "s")
-        self._warn_of_materials(stacklevel=3)
+        self._warn_of_materials()
         _, _, cast_time = self._times_of(start, self._blocks(start)[0])
         rays = self._cast_rays(cast_time)
         scatterers = self._scatterers(rays)
@@ -313,7 +312,7 @@ class Simulator:
         the frame. `Frame.truth` holds for the middle of the frame, or of that part of it.
         """
         start = check.number("time", time, "s")
-        self._warn_of_materials(stacklevel=3)
+        self._warn_of_materials()
         with self._places.kept():
             return self._frame(start)
 
@@ -328,10 +327,10 @@ class Simulator:
         cube = receive(ideal, self.radar, start, seed=self.seed, tolerance=self.tolerance)
         if not self._has_warned_of_series:
             worst = max((part.synthesis.nodes for part in parts), key=lambda nodes: nodes.residual)
-            self._has_warned_of_series = worst.warn_beyond(self.tolerance, stacklevel=3)
+            self._has_warned_of_series = worst.warn_beyond(self.tolerance)
         if not self._has_warned_of_range:
             farthest = max(part.farthest for part in parts)
-            self._has_warned_of_range = warn_beyond_range(farthest, self.radar, stacklevel=3)
+            self._has_warned_of_range = warn_beyond_range(farthest, self.radar)
         stats = {"casts": len(parts), **_summed([{**part.stats, **part.synthesis.stats} for part in parts])}
         truth = self._truth(middle.rays, middle.rays.body().ravel(), middle.time)
         return Frame(cube, start, self.radar, truth, stats)
@@ -422,7 +421,7 @@ class Simulator:
         """
         times = frame_times(start, stop, rate)
         self._warn_of_overlap(rate)
-        bar = _progress(times, progress)
+        bar = notice.progress(times, "simulating", "frame", shown=progress)
         if path is None:
             return Recording.from_frames([self.frame(time) for time in bar], source=self._source())
         with RecordingWriter(
@@ -721,19 +720,18 @@ class Simulator:
         velocity = (points * velocities).sum(axis=1) / np.maximum(distance, np.finfo(float).tiny)
         return Truth(self.scene.names, distance, velocity, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
 
-    def _warn_of_materials(self, stacklevel: int) -> None:
+    def _warn_of_materials(self) -> None:
         if not self._has_warned_of_materials:
             self._has_warned_of_materials = True
             used = (body.material for body in self.scene.parts.meshed)
             if text := library.extrapolation(used, self.radar.waveform.center_frequency):
-                warnings.warn(text, stacklevel=stacklevel)
+                notice.warn(text)
 
     def _warn_of_overlap(self, rate: float) -> None:
         duration = self.radar.waveform.duration
         if duration * rate > 1.0:
-            warnings.warn(
+            notice.warn(
                 f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second: no real sensor can do that",
-                stacklevel=3,
             )
 
     def _source(self) -> dict[str, Any]:
@@ -844,9 +842,3 @@ def frame_times(start: float, stop: float, rate: float) -> list[float]:
     if num_frames > _MAX_FRAMES:
         raise ValueError(f"rate, stop: expected at most {_MAX_FRAMES} frames, got {num_frames:.3g}")
     return [first + i / per_second for i in range(int(num_frames))]
-
-
-def _progress(times: list[float], progress: bool) -> Any:
-    from tqdm import tqdm  # heavier than the rest of the import
-
-    return tqdm(times, desc="simulating", unit="frame", disable=None if progress else True)
