@@ -423,7 +423,10 @@ FAULTS = {
         BALL + "colour = 1",
         "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape, material",
     ),
-    "near key": (BALL + 'materal = "wood"', "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?"),
+    "near key": (
+        BALL + 'materal = "wood"',
+        "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?",
+    ),
     "near shape key": (
         shaped('{ kind = "sphere", raduis = 0.1 }'),
         "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
