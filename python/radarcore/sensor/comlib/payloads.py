@@ -271,6 +271,7 @@ def unpack_bits(data: bytes, num_codes: int, resolution: int) -> NDArray[np.uint
 
 
 def pack(name: str, layout: str, *numbers: int) -> bytes:
+    """Numbers in a layout of `struct`; a ValueError where one does not fit."""
     try:
         return struct.pack(layout, *numbers)
     except struct.error as error:
