@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,17 @@ def test_recording_gives_its_frames_back() -> None:
         rec[3]
     with pytest.raises(TypeError, match="frame_index: expected an integer"):
         rec["first"]  # type: ignore[index]
+
+
+def test_slice_is_the_recording_of_its_frames() -> None:
+    rec = replace(recording(5), lost=np.array([0, 2, 0, 1, 0]))
+    some = rec[1:4]
+    assert_same(some, Recording.from_frames(list(rec.frames())[1:4], rec.source))
+    assert np.shares_memory(some.cube, rec.cube)
+    assert len(rec[:0]) == 0
+    assert len(rec[-2:]) == 2
+    with pytest.raises(ValueError, match="frames that follow each other, got step 2"):
+        rec[::2]
 
 
 @pytest.mark.parametrize("where", ["rec", "deep/down/rec", "rec.npz", "deep/rec.npz"])

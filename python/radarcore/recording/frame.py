@@ -70,8 +70,8 @@ class Truth:
         kept = (a[..., columns] for a in (self.range, self.velocity, self.azimuth, self.elevation))
         return Truth(tuple(names), *kept)
 
-    def __getitem__(self, frame_index: int) -> Truth:
-        """Truth of one frame of a recording."""
+    def __getitem__(self, frame_index: int | slice) -> Truth:
+        """Truth of one frame of a recording, or of several."""
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
 
 

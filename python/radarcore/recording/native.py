@@ -16,7 +16,7 @@ from __future__ import annotations
 import errno
 import json
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +36,13 @@ TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What a file holds of a recording, by the names that `Recording` has for it."""
+    """Content of a recording's file, unchecked; see `Recording`."""
 
     cube: NDArray[Any]
     time: NDArray[np.float64]
     radar: Radar
-    truth: Truth | None
-    source: dict[str, Any]
+    truth: Truth | None = None
+    source: dict[str, Any] = field(default_factory=dict)
     lost: NDArray[np.int32] | None = None
 
 
