@@ -11,7 +11,10 @@ import time
 import numpy as np
 
 import radarcore as rc
-from radarcore.sensor import bgt60, open_sensor
+from radarcore.sensor import open_sensor
+from radarcore.sensor.bgt60.registers import start_words
+from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
+from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
 from radarcore.sensor.strata import packets
@@ -62,9 +65,9 @@ def board_alone(radar: rc.Radar, num_frames: int) -> float:
     """Frames that the emulated board makes per second, as bytes that nobody looks at."""
     controller = Controller(Constant(), speed=None)
     board = CdcBoard(controller)
-    settings = bgt60.achieved(bgt60.Settings.from_radar(radar))
-    slice_size = bgt60.choose_slice_size(settings)
-    words = bgt60.start_words(bgt60.registers(settings, slice_size))
+    settings = achieved(Settings.from_radar(radar))
+    slice_size = choose_slice_size(settings)
+    words = start_words(registers_of(settings, slice_size))
     for request in (
         Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(slice_size)),
         Request.write(Code.DATA, Data.START, 0),
@@ -90,7 +93,7 @@ def main() -> None:
         wanted = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples)
         shortest = chirps * wanted.waveform.chirp_interval + 2e-3
         radar = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples, frame_interval=max(25e-3, shortest))
-        board = 1.0 / bgt60.achieved(bgt60.Settings.from_radar(radar)).frame_time
+        board = 1.0 / achieved(Settings.from_radar(radar)).frame_time
         number = 20 if options.tiny else max(200, round(40 * board))
         rates = [frames_per_second(transport, radar, number) for transport in ("cdc", "vendor")]
         rates.append(1.0 / max(1.0 / rates[0] - 1.0 / board_alone(radar, number), 1e-6))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import operator
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -117,3 +119,15 @@ def shape_text(shape: tuple[int | None, ...]) -> str:
     """Text of a shape with free lengths, for messages: ``(n, 3)``."""
     inner = ", ".join("n" if length is None else str(length) for length in shape)
     return f"({inner},)" if len(shape) == 1 else f"({inner})"
+
+
+def near(name: object, known: Iterable[str]) -> list[str]:
+    """Known names that may have been meant, the nearest first."""
+    return difflib.get_close_matches(str(name), known, n=3)
+
+
+def near_names(name: object, known: Iterable[str]) -> str:
+    """Text of what may have been meant, or of all there is."""
+    names = list(known)
+    meant = near(name, names)
+    return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"

@@ -91,7 +91,7 @@ def test_simulate_replaces_a_recording_only_when_told_to(scene: Path, tmp_path: 
     [
         ("radius = 0.1", "radius = -0.1", "body[0] 'ball': radius: expected a positive number [m], got -0.1"),
         ("radius = 0.1", 'radius = "10 cm"', "body[0] 'ball': radius: expected a number [m], got '10 cm'"),
-        ("radius =", "raduis =", "body[0] 'ball': shape: unknown key 'raduis', did you mean 'radius'?"),
+        ("radius =", "raduis =", "body[0] 'ball': shape: unknown key 'raduis'; did you mean 'radius'?"),
         ("rate = 10.0", "rate = -1", "run: rate: expected a positive number [Hz], got -1.0"),
         ("stop_frequency = 60e9", "stop_frequency = 60", "radar: stop_frequency: expected 1e8 to 3e12 [Hz]"),
         ("1.5, 0.0, 0.0", "0.1, 0.0, 0.0", "sensor: pose: expected all antennas at least 1 mm from every surface"),

@@ -530,7 +530,7 @@ def test_recording_is_replaced_only_when_asked_and_other_files_stay(tmp_path: Pa
 
 SAVE_ON_SMALL_DISK = """
 import resource, sys
-from radarcore.recording import Recording
+from radarcore import Recording
 
 rec = Recording.load(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))  # room for texts and the header

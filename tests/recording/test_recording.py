@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,17 @@ def test_recording_gives_its_frames_back() -> None:
         rec[3]
     with pytest.raises(TypeError, match="frame_index: expected an integer"):
         rec["first"]  # type: ignore[index]
+
+
+def test_slice_is_the_recording_of_its_frames() -> None:
+    rec = replace(recording(5), lost=np.array([0, 2, 0, 1, 0]))
+    some = rec[1:4]
+    assert_same(some, Recording.from_frames(list(rec.frames())[1:4], rec.source))
+    assert np.shares_memory(some.cube, rec.cube)
+    assert len(rec[:0]) == 0
+    assert len(rec[-2:]) == 2
+    with pytest.raises(ValueError, match="frames that follow each other, got step 2"):
+        rec[::2]
 
 
 @pytest.mark.parametrize("where", ["rec", "deep/down/rec", "rec.npz", "deep/rec.npz"])
@@ -222,9 +234,7 @@ def test_interrupt_from_the_keyboard_leaves_the_frames_so_far(tmp_path: Path) ->
 APPEND_UNTIL_KILLED = """
 import sys
 import numpy as np
-from radarcore.radar import Radar
-from radarcore.recording import Frame, RecordingWriter, Truth
-from radarcore.waveform import Waveform
+from radarcore import Frame, Radar, RecordingWriter, Truth, Waveform
 
 waveform = Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e7, num_samples=256, num_chirps=64)
 radar = Radar(waveform, rx=np.zeros((4, 3)))
@@ -260,9 +270,7 @@ def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path, num_s
 FILL_UP = """
 import resource, sys
 import numpy as np
-from radarcore.radar import Radar
-from radarcore.recording import Frame, RecordingWriter
-from radarcore.waveform import Waveform
+from radarcore import Frame, Radar, RecordingWriter, Waveform
 
 radar = Radar(Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e7, num_samples=256, num_chirps=64))
 resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))  # room for 3.8 frames of 131072 bytes
@@ -611,9 +619,8 @@ def test_writer_refuses_a_count_that_is_none_before_anything_is_written(tmp_path
 INTERRUPT_AT_ANY_MOMENT = """
 import signal, sys, warnings
 import numpy as np
-from radarcore.radar import bgt60tr13c
-from radarcore.codes import to_samples
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
+from radarcore.recording.codes import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=16)
@@ -653,9 +660,8 @@ def test_interrupt_at_any_moment_leaves_the_whole_frames(tmp_path: Path) -> None
 WRITE_UNTIL_FULL = """
 import errno, sys, warnings
 import numpy as np
-from radarcore.radar import bgt60tr13c
-from radarcore.codes import to_samples
-from radarcore.recording import Frame, Recording, RecordingWriter
+from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
+from radarcore.recording.codes import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=64)  # frames of 48 KiB

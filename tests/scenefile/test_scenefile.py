@@ -423,13 +423,16 @@ FAULTS = {
         BALL + "colour = 1",
         "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape, material",
     ),
-    "near key": (BALL + 'materal = "wood"', "body[0] 'ball': unknown key 'materal', did you mean 'material'?"),
+    "near key": (
+        BALL + 'materal = "wood"',
+        "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?",
+    ),
     "near shape key": (
         shaped('{ kind = "sphere", raduis = 0.1 }'),
-        "body[0] 'a': shape: unknown key 'raduis', did you mean 'radius'?",
+        "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
     ),
-    "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys', did you mean 'body'?"),
-    "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton', did you mean 'resolution'?"),
+    "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
+    "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
     "kind": (
         shaped('{ kind = "spere", radius = 0.1 }'),
         "body[0] 'a': kind: expected one of 'plate', 'disc', 'box', 'sphere', 'cylinder', 'capsule', 'dihedral', "
@@ -442,7 +445,7 @@ FAULTS = {
     "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
     "material key": (
         BALL + "material = { albdo = 0.1 }",
-        "body[0] 'ball': material: unknown key 'albdo', did you mean 'albedo'?",
+        "body[0] 'ball': material: unknown key 'albdo'; did you mean 'albedo'?",
     ),
     "choice": (
         '[run]\nsampling = "points"',
@@ -450,7 +453,7 @@ FAULTS = {
     ),
     "attachment": (
         BALL + '[sensor]\nattached_to = "bal"',
-        "sensor: attached_to: unknown 'bal', did you mean 'ball'?",
+        "sensor: attached_to: unknown 'bal'; did you mean 'ball'?",
     ),
     "body attachment": (
         BALL + 'attached_to = "arm/tool0"',
@@ -462,7 +465,7 @@ FAULTS = {
     ),
     "link": (
         '[sensor]\nattached_to = "arm/tol0"\n[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
-        "sensor: attached_to: unknown 'arm/tol0', did you mean 'arm/tool0'?",
+        "sensor: attached_to: unknown 'arm/tol0'; did you mean 'arm/tool0'?",
     ),
     "same names": (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
     "same humans": (
@@ -539,7 +542,7 @@ FAULTS = {
     "material without a name": ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
     "key of a material": (
         '[[material]]\nname = "felt"\nrougness = 1e-3',
-        "material[0] 'felt': unknown key 'rougness', did you mean 'roughness'?",
+        "material[0] 'felt': unknown key 'rougness'; did you mean 'roughness'?",
     ),
     "material of the library": (
         '[[material]]\nname = "wood"\nreflection = -0.5',
@@ -706,7 +709,7 @@ RADAR_FAULTS = {
     ),
     "receiver": (
         radar("receiver = { noise_figure = 3 }"),
-        "radar: receiver: unknown key 'noise_figure', did you mean 'noise_figure_db'?",
+        "radar: receiver: unknown key 'noise_figure'; did you mean 'noise_figure_db'?",
     ),
     "antennas": (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
     "syntax": ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),
@@ -782,7 +785,7 @@ def test_several_faults_are_one_line_each(tmp_path: Path) -> None:
         rc.load_scene(path)
     assert str(caught.value).splitlines() == [
         f"{path}: run: rate: expected a number [Hz], got 'fast'",
-        f"{path}: run: unknown key 'stopp', did you mean 'stop'?",
+        f"{path}: run: unknown key 'stopp'; did you mean 'stop'?",
     ]
 
 

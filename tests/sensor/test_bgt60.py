@@ -12,8 +12,22 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import radarcore as rc
-from radarcore.sensor import bgt60
-from radarcore.sensor.bgt60 import Settings
+from radarcore.sensor.bgt60.registers import (
+    ADC0,
+    FIFO_RESET,
+    FSM_RESET,
+    MAIN,
+    RESET_VALUES,
+    chip_name,
+    start_words,
+    temperature_code,
+    temperature_of,
+    word_bytes,
+    write_word,
+)
+from radarcore.sensor.bgt60.settings import IF_GAINS_DB, Settings, achieved, registers_of, settings_of
+from radarcore.sensor.bgt60.slices import choose_slice_size, sdk_slice_size, slice_size_of
+from radarcore.sensor.bgt60.timing import scaled_timer, timer_cycles
 
 CLOCK = 80e6  # [Hz]
 
@@ -66,24 +80,24 @@ def image(text: str) -> dict[int, int]:
     ids=["V1", "V2", "V3"],
 )
 def test_registers_are_those_of_published_lists(given_settings: Settings, slice_size: int, changes: str) -> None:
-    found = bgt60.registers(given_settings, slice_size)
+    found = registers_of(given_settings, slice_size)
     expected = image(V1) | image(changes)
     assert {f"{a:02X}={v:06X}" for a, v in found.items()} == {f"{a:02X}={v:06X}" for a, v in expected.items()}
     assert list(found) == sorted(found)
-    assert bgt60.slice_size_of(found) == slice_size
+    assert slice_size_of(found) == slice_size
 
 
 def test_published_lists_are_decoded() -> None:
-    decoded = bgt60.settings_of(image(V1))
+    decoded = settings_of(image(V1))
     # The end is where 3208 steps per cycle lead in 2809 cycles: 63.500044 GHz.
     assert decoded == Settings(
         end_frequency=640e6 * (96 + (-5636096 + 3208 * 2809) / 2**20), chirp_time=591.125e-6, frame_time=6179472 / CLOCK
     )
     assert round(decoded.end_frequency / 1e3) == 63_500_044
-    decoded = bgt60.settings_of(image(V1) | image(V2_CHANGES))
+    decoded = settings_of(image(V1) | image(V2_CHANGES))
     assert (decoded.rx_mask, decoded.num_samples, decoded.num_chirps) == (1, 8, 32)
     assert (decoded.chirp_time, decoded.frame_time) == (15.9625e-6, pytest.approx(10.0053e-3, abs=50e-9))
-    decoded = bgt60.settings_of(image(V1) | image(V3_CHANGES))
+    decoded = settings_of(image(V1) | image(V3_CHANGES))
     assert (decoded.rx_mask, decoded.sample_rate, decoded.if_gain_db) == (4, 2352941.0, 60)
     assert decoded.start_frequency == pytest.approx(61.020099e9, abs=500.0)
     assert (decoded.chirp_time, decoded.frame_time) == (69.9625e-6, pytest.approx(5.0039e-3, abs=50e-9))
@@ -92,7 +106,7 @@ def test_published_lists_are_decoded() -> None:
 def test_chip_at_power_up_has_the_default_settings() -> None:
     # Its frame ends idle with the timer (195, 11), and its unused shapes have a delay but are off.
     power_up = image(V1) | {0x2D: 10 | 1 << 9 | 195 << 11 | 11 << 19, 0x3F: 0x393B00, 0x47: 0x393B00, 0x4F: 0x393B00}
-    decoded = bgt60.settings_of(power_up)
+    decoded = settings_of(power_up)
     assert decoded.frame_time == 6181508 / CLOCK
     default = Settings()
     for name in ("chirp_time", "frame_time"):
@@ -104,27 +118,27 @@ def test_chip_at_power_up_has_the_default_settings() -> None:
 
 
 def test_start_sends_main_last_with_the_trigger() -> None:
-    registers = bgt60.registers(dataclasses.replace(V1_SETTINGS, if_gain_db=33), 6144)
-    words = bgt60.start_words(registers)
+    registers = registers_of(dataclasses.replace(V1_SETTINGS, if_gain_db=33), 6144)
+    words = start_words(registers)
     assert [f"{word:08X}" for word in words] == WORDS.split()
-    assert bgt60.word_bytes(words) == bytes.fromhex("".join(WORDS.split()))
+    assert word_bytes(words) == bytes.fromhex("".join(WORDS.split()))
     # The order of the mapping does not matter.
-    assert bgt60.start_words(dict(reversed(registers.items()))) == words
+    assert start_words(dict(reversed(registers.items()))) == words
 
 
 def test_words_go_out_most_significant_byte_first() -> None:
-    assert bgt60.word_bytes([bgt60.write_word(bgt60.ADC0, 0x0A0210)]) == bytes.fromhex("030a0210")
-    stop = bgt60.write_word(bgt60.MAIN, 0x1E8270 | bgt60.FSM_RESET | bgt60.FIFO_RESET)
-    assert bgt60.word_bytes([stop]) == bytes.fromhex("011e827c")
+    assert word_bytes([write_word(ADC0, 0x0A0210)]) == bytes.fromhex("030a0210")
+    stop = write_word(MAIN, 0x1E8270 | FSM_RESET | FIFO_RESET)
+    assert word_bytes([stop]) == bytes.fromhex("011e827c")
     with pytest.raises(ValueError, match="registers: expected MAIN"):
-        bgt60.start_words({1: 0x0A0210})
+        start_words({1: 0x0A0210})
     for address, value in ((0x80, 0), (-1, 0), (0, 1 << 24), (0, -1)):
         with pytest.raises(ValueError, match="address, value: expected 7 and 24 bits"):
-            bgt60.write_word(address, value)
+            write_word(address, value)
 
 
 def test_registers_after_a_reset() -> None:
-    values = bgt60.RESET_VALUES
+    values = RESET_VALUES
     assert list(values) == list(range(0x60))
     expected = image("00=1E0000 01=0A2240 02=000303 04=196524 05=040014 06=710000 55=001F40 56=060000 57=000200")
     expected |= image("0B=000B60 0F=000B60 16=000B60 1D=000B60 24=000B60 2B=000B60 5D=0000A8 5F=100000")
@@ -132,12 +146,12 @@ def test_registers_after_a_reset() -> None:
 
 
 def test_chips_are_named_by_their_id() -> None:
-    assert bgt60.chip_name(0x000303) == "BGT60TR13C"
-    assert bgt60.chip_name(0x000504) == "BGT60ATR24C"
-    assert bgt60.chip_name(0x060B) == "BGT60UTR13DAIP"
+    assert chip_name(0x000303) == "BGT60TR13C"
+    assert chip_name(0x000504) == "BGT60ATR24C"
+    assert chip_name(0x060B) == "BGT60UTR13DAIP"
     # Later chips have step and technology above the digital id.
-    assert bgt60.chip_name(0x05080A) == "BGT120UTR13E"
-    assert bgt60.chip_name(0) == "unknown chip 0x000000"
+    assert chip_name(0x05080A) == "BGT120UTR13E"
+    assert chip_name(0) == "unknown chip 0x000000"
 
 
 # Times.
@@ -163,8 +177,8 @@ def test_chips_are_named_by_their_id() -> None:
     ],
 )
 def test_scaled_timer_comes_nearest(cycles: int, timer: tuple[int, int], result: int) -> None:
-    assert bgt60.scaled_timer(cycles) == timer
-    assert bgt60.timer_cycles(*timer) == result
+    assert scaled_timer(cycles) == timer
+    assert timer_cycles(*timer) == result
 
 
 # N, fs, n, chirp time, frame time; timer after chirps and read-back time, timer after frames, cycles, read-back time.
@@ -185,11 +199,11 @@ TIMES = [
 def test_times_are_rounded_as_in_the_worked_examples(row: tuple[Any, ...]) -> None:
     samples, rate, chirps, chirp, frame, chirp_timer, chirp_back, frame_timer, cycles, frame_back = row
     wanted = Settings(num_samples=samples, sample_rate=rate, num_chirps=chirps, chirp_time=chirp, frame_time=frame)
-    registers = bgt60.registers(wanted, 2)
+    registers = registers_of(wanted, 2)
     for value, mode, timer in ((registers[0x37], IDLE, chirp_timer), (registers[0x2D], DEEP, frame_timer)):
         assert (value >> 9 & 3, value >> 11 & 255, value >> 19) == (mode, *timer)
-    back = bgt60.settings_of(registers)
-    assert back == bgt60.achieved(wanted)
+    back = settings_of(registers)
+    assert back == achieved(wanted)
     assert back.frame_time == cycles / CLOCK
     assert float(np.float32(back.chirp_time)) == chirp_back
     assert float(np.float32(back.frame_time)) == frame_back
@@ -208,15 +222,15 @@ def test_times_are_rounded_as_in_the_worked_examples(row: tuple[Any, ...]) -> No
 def test_chirps_follow_no_faster_than_they_last(samples: int, rate: float, least: float) -> None:
     fast = Settings(num_samples=samples, sample_rate=rate, num_chirps=2, chirp_time=least)
     # The shortest delay is one cycle.
-    assert bgt60.achieved(fast).chirp_time == pytest.approx(least + 1 / CLOCK, abs=1e-12)
+    assert achieved(fast).chirp_time == pytest.approx(least + 1 / CLOCK, abs=1e-12)
     # A single chirp takes its own time; that time can be set again, and so can its float32.
-    alone = bgt60.achieved(dataclasses.replace(fast, num_chirps=1))
+    alone = achieved(dataclasses.replace(fast, num_chirps=1))
     assert alone.chirp_time == pytest.approx(least, abs=1e-15)
     for again in (alone.chirp_time, float(np.float32(alone.chirp_time))):
-        assert bgt60.achieved(dataclasses.replace(alone, chirp_time=again)) == alone
+        assert achieved(dataclasses.replace(alone, chirp_time=again)) == alone
     text = f"chirp_time: expected at least {least * 1e6:.4f} us for {samples} samples at {rate / 1e6:g} MHz, got "
     with pytest.raises(ValueError, match=text):
-        bgt60.registers(dataclasses.replace(fast, chirp_time=least - 1 / CLOCK), 2)
+        registers_of(dataclasses.replace(fast, chirp_time=least - 1 / CLOCK), 2)
 
 
 def test_least_time_may_be_given_in_float32() -> None:
@@ -225,11 +239,11 @@ def test_least_time_may_be_given_in_float32() -> None:
         cycles = 8 * -(-(samples * 40 + 399) // 8) + 217
         least = float(np.float32(cycles / CLOCK))
         alone = Settings(num_samples=samples, num_chirps=1, chirp_time=least, frame_time=least)
-        assert bgt60.achieved(alone).frame_time == (cycles + 1) / CLOCK
+        assert achieved(alone).frame_time == (cycles + 1) / CLOCK
 
 
 def frame_timer(wanted: Settings) -> tuple[int, int]:
-    value = bgt60.registers(wanted, 2)[0x2D]
+    value = registers_of(wanted, 2)[0x2D]
     return value >> 11 & 255, value >> 19
 
 
@@ -240,30 +254,30 @@ def test_times_count_in_float32() -> None:
     for delay in range(200, 240, 4):
         wanted = Settings(num_chirps=4096, chirp_time=591.125e-6, frame_time=(chirps + delay) / CLOCK)
         counted = round(float(np.float32(wanted.frame_time)) * CLOCK) - chirps
-        assert frame_timer(wanted) == bgt60.scaled_timer(counted)
-        differing += bgt60.scaled_timer(counted) != bgt60.scaled_timer(delay)
+        assert frame_timer(wanted) == scaled_timer(counted)
+        differing += scaled_timer(counted) != scaled_timer(delay)
     assert differing >= 3
 
 
 def test_parts_of_100_ps_are_dropped_before_cycles_are_rounded() -> None:
     # Half a cycle is 62.5 steps of 100 ps; 62.7 are 62, less than half, and 63.3 are 63, more.
-    cycles = next(x for x in range(100, 200) if bgt60.scaled_timer(x) != bgt60.scaled_timer(x + 1))
+    cycles = next(x for x in range(100, 200) if scaled_timer(x) != scaled_timer(x + 1))
     for steps, counted in ((62.7, cycles), (63.3, cycles + 1)):
         frame = (3177 + cycles) / CLOCK + steps * 1e-10
-        assert frame_timer(Settings(num_chirps=1, frame_time=frame)) == bgt60.scaled_timer(counted)
+        assert frame_timer(Settings(num_chirps=1, frame_time=frame)) == scaled_timer(counted)
 
 
 def test_chip_sleeps_as_deep_as_there_is_time_for() -> None:
     # 3177 cycles of chirp; waking takes 4167 cycles from idle and 84050 from deep sleep.
     for delay, mode in ((4166, 0), (4168, IDLE), (84049, IDLE), (84052, DEEP)):
         timing = Settings(num_chirps=2, chirp_time=(3177 + delay) / CLOCK, frame_time=1.0)
-        assert bgt60.registers(timing, 2)[0x37] >> 9 & 3 == mode
-        assert abs(bgt60.achieved(timing).chirp_time * CLOCK - 3177 - delay) <= 0.004 * delay + 6
+        assert registers_of(timing, 2)[0x37] >> 9 & 3 == mode
+        assert abs(achieved(timing).chirp_time * CLOCK - 3177 - delay) <= 0.004 * delay + 6
 
 
 def test_single_chirp_has_no_delay_of_its_own() -> None:
     # The frame ends 3177 cycles after its start and then waits.
-    frame = bgt60.achieved(Settings(num_chirps=1, chirp_time=5e-3, frame_time=3178 / CLOCK))
+    frame = achieved(Settings(num_chirps=1, chirp_time=5e-3, frame_time=3178 / CLOCK))
     assert frame.frame_time == 3178 / CLOCK
 
 
@@ -291,11 +305,11 @@ def test_single_chirp_has_no_delay_of_its_own() -> None:
 )
 def test_gain_goes_to_the_nearest_step(gains: range, result: int) -> None:
     for gain in gains:
-        assert bgt60.achieved(Settings(if_gain_db=gain)).if_gain_db == result
+        assert achieved(Settings(if_gain_db=gain)).if_gain_db == result
         # The first amplifier has 18 dB for these.
-        first = bgt60.registers(Settings(if_gain_db=gain), 2)[0x12] >> 20
+        first = registers_of(Settings(if_gain_db=gain), 2)[0x12] >> 20
         assert first == (7 if result in (18, 23, 28, 33, 38, 43, 48) else 0)
-    assert result in bgt60.IF_GAINS_DB
+    assert result in IF_GAINS_DB
 
 
 @pytest.mark.parametrize(
@@ -316,12 +330,12 @@ def test_gain_goes_to_the_nearest_step(gains: range, result: int) -> None:
 )
 def test_sample_rate_is_the_clock_divided(rate: float, divider: int, back: float) -> None:
     wanted = Settings(sample_rate=rate, num_samples=16)
-    adc = bgt60.registers(wanted, 2)[0x01]
+    adc = registers_of(wanted, 2)[0x01]
     assert adc >> 14 == divider
     assert adc & 0x3FFF == (0x210 if divider >= 28 else 0x010)  # with tracking, or too fast for it
-    assert bgt60.achieved(wanted).sample_rate == back
+    assert achieved(wanted).sample_rate == back
     # The exact rate, as a radar has it, is the same one.
-    assert bgt60.achieved(dataclasses.replace(wanted, sample_rate=CLOCK / divider)).sample_rate == back
+    assert achieved(dataclasses.replace(wanted, sample_rate=CLOCK / divider)).sample_rate == back
 
 
 def test_every_divider_is_found_again_from_its_rate() -> None:
@@ -330,7 +344,7 @@ def test_every_divider_is_found_again_from_its_rate() -> None:
         for rate in (read_back, CLOCK / divider):
             if rate >= 78201.0:
                 assert (
-                    bgt60.registers(Settings(sample_rate=rate, num_samples=8, end_frequency=59e9), 2)[0x01] >> 14
+                    registers_of(Settings(sample_rate=rate, num_samples=8, end_frequency=59e9), 2)[0x01] >> 14
                     == divider
                 )
 
@@ -350,7 +364,7 @@ def test_every_divider_is_found_again_from_its_rate() -> None:
     ],
 )
 def test_highpass_goes_to_the_nearest_cutoff(cutoff: float, result: float) -> None:
-    assert bgt60.achieved(Settings(highpass_cutoff=cutoff)).highpass_cutoff == result
+    assert achieved(Settings(highpass_cutoff=cutoff)).highpass_cutoff == result
 
 
 @pytest.mark.parametrize(
@@ -373,24 +387,24 @@ def test_highpass_goes_to_the_nearest_cutoff(cutoff: float, result: float) -> No
 )
 def test_sensor_adc_averages_as_long_as_the_chirp_allows(sampling: int, field: int) -> None:
     narrow = Settings(num_samples=sampling // 40, end_frequency=59e9)
-    assert bgt60.registers(narrow, 2)[0x07] == 0x010100 | field
+    assert registers_of(narrow, 2)[0x07] == 0x010100 | field
 
 
 def test_transmitter_off_has_no_power() -> None:
-    off = bgt60.registers(Settings(is_transmitting=False, rx_mask=4), 2)
+    off = registers_of(Settings(is_transmitting=False, rx_mask=4), 2)
     # Neither TX1_EN nor LO_DIST1, which RX2 and TX share.
     assert (off[0x10], off[0x11]) == (0x130450, 0x4FF400)
-    decoded = bgt60.settings_of(off)
+    decoded = settings_of(off)
     assert (decoded.is_transmitting, decoded.tx_power_level) == (False, 0)
 
 
 def test_falling_ramp_starts_at_the_top() -> None:
     falling = Settings(start_frequency=63.5e9, end_frequency=58e9)
-    registers = bgt60.registers(falling, 2)
+    registers = registers_of(falling, 2)
     # The same step as the rising one, downwards, and 150 cycles before the start.
     assert registers[0x31] == 0x1000000 - 3208
     assert registers[0x30] == 3375104 + 150 * 3208
-    back = bgt60.settings_of(registers)
+    back = settings_of(registers)
     assert back.start_frequency == 63.5e9
     assert back.end_frequency == 640e6 * (96 + (3375104 - 3208 * 2809) / 2**20)
 
@@ -398,15 +412,15 @@ def test_falling_ramp_starts_at_the_top() -> None:
 def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() -> None:
     slow = Settings(sample_rate=500e3, num_samples=800, chirp_time=2e-3, frame_time=0.2)
     # 9011200 steps in 128249 cycles are 70.26 per cycle, rounded to 70: 20 MHz short. 71 would be too far.
-    back = bgt60.achieved(slow)
+    back = achieved(slow)
     assert back.end_frequency == pytest.approx(63.5e9 - 20.6e6, abs=0.1e6)
     wider = dataclasses.replace(slow, start_frequency=58.02e9)  # 70.0 per cycle
-    assert bgt60.registers(bgt60.achieved(wider), 2)[0x31] == 70
+    assert registers_of(achieved(wider), 2)[0x31] == 70
     beyond = dataclasses.replace(slow, start_frequency=58.03e9)  # 69.88, rounded up
-    assert bgt60.achieved(beyond).end_frequency > 63.505e9
-    assert bgt60.registers(bgt60.achieved(beyond), 2) == bgt60.registers(beyond, 2)
+    assert achieved(beyond).end_frequency > 63.505e9
+    assert registers_of(achieved(beyond), 2) == registers_of(beyond, 2)
     with pytest.raises(ValueError, match=r"end_frequency: expected 58 GHz to 63.5 GHz, got 63.56 GHz"):
-        bgt60.registers(dataclasses.replace(beyond, end_frequency=63.56e9), 2)
+        registers_of(dataclasses.replace(beyond, end_frequency=63.56e9), 2)
 
 
 # Limits.
@@ -468,7 +482,7 @@ def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() ->
 def test_chip_refuses_and_names_the_nearest(changes: dict[str, Any], message: str) -> None:
     wanted = Settings(**changes)  # finite numbers are taken
     with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
-        bgt60.registers(wanted, 2)
+        registers_of(wanted, 2)
     assert str(caught.value).startswith(message)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
@@ -496,7 +510,7 @@ def test_chip_refuses_and_names_the_nearest(changes: dict[str, Any], message: st
 )
 def test_chip_can_do_its_limits(changes: dict[str, Any]) -> None:
     wanted = Settings(**changes)
-    back = bgt60.achieved(wanted)
+    back = achieved(wanted)
     for name in changes.keys() - {"start_frequency", "end_frequency", "chirp_time"}:
         assert getattr(back, name) == pytest.approx(changes[name], rel=0.004)
 
@@ -507,13 +521,13 @@ def test_ramp_must_not_begin_beyond_the_pll(ends: tuple[float, float]) -> None:
     with pytest.raises(
         ValueError, match=r"end_frequency: expected at (most|least) [\d.]+ GHz after 3.3625 us"
     ) as caught:
-        bgt60.registers(steep, 2)
+        registers_of(steep, 2)
     # What it names as the nearest is within a step of the slope, 269 cycles of 610 Hz, of what fits.
     nearest = float(str(caught.value).split("the nearest is ")[1].split()[0]) * 1e9
-    bgt60.registers(dataclasses.replace(steep, end_frequency=nearest), 2)
+    registers_of(dataclasses.replace(steep, end_frequency=nearest), 2)
     further = nearest + np.sign(ends[1] - ends[0]) * 170e3
     with pytest.raises(ValueError, match="end_frequency"):
-        bgt60.registers(dataclasses.replace(steep, end_frequency=further), 2)
+        registers_of(dataclasses.replace(steep, end_frequency=further), 2)
 
 
 @pytest.mark.parametrize(
@@ -526,7 +540,7 @@ def test_ramp_must_not_begin_beyond_the_pll(ends: tuple[float, float]) -> None:
 )
 def test_slices_hold_pairs_and_fit_the_memory(slice_size: int, message: str) -> None:
     with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
-        bgt60.registers(Settings(), slice_size)
+        registers_of(Settings(), slice_size)
     assert str(caught.value) == message
 
 
@@ -581,23 +595,23 @@ def test_settings_become_plain_numbers() -> None:
 )
 def test_slices_stay_in_step_with_frames(changes: dict[str, Any], size: int) -> None:
     wanted = Settings(**{"chirp_time": 2e-3, "frame_time": 1.0} | changes)
-    assert bgt60.choose_slice_size(wanted) == size
+    assert choose_slice_size(wanted) == size
     assert size % wanted.frame_size == 0 or wanted.frame_size % size == 0
-    assert bgt60.slice_size_of(bgt60.registers(wanted, size)) == size
+    assert slice_size_of(registers_of(wanted, size)) == size
 
 
 def test_odd_frame_that_is_too_long_is_refused_with_its_neighbours() -> None:
     long = {"chirp_time": 2e-3, "frame_time": 1.0, "rx_mask": 1}
     with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
-        bgt60.choose_slice_size(Settings(num_samples=65, num_chirps=65, **long))
+        choose_slice_size(Settings(num_samples=65, num_chirps=65, **long))
     assert str(caught.value) == (
         "num_samples: expected an even number of samples in a frame of more than 4096, got 1 receivers x 65 chirps x "
         "65 samples; the nearest are 64 or 66 samples, or 64 or 66 chirps"
     )
     for samples, chirps in ((64, 65), (66, 65), (65, 64), (65, 66)):
-        assert bgt60.choose_slice_size(Settings(num_samples=samples, num_chirps=chirps, **long)) % 2 == 0
+        assert choose_slice_size(Settings(num_samples=samples, num_chirps=chirps, **long)) % 2 == 0
     with pytest.raises(ValueError, match="the nearest are 2 samples, or 4094 or 4096 chirps"):
-        bgt60.choose_slice_size(
+        choose_slice_size(
             Settings(num_samples=1, num_chirps=4095, rx_mask=7, chirp_time=1e-4, frame_time=1.0, end_frequency=58.1e9)
         )
 
@@ -613,12 +627,12 @@ def test_odd_frame_that_is_too_long_is_refused_with_its_neighbours() -> None:
     ],
 )
 def test_slice_of_the_vendors_host(changes: dict[str, Any], size: int) -> None:
-    assert bgt60.sdk_slice_size(Settings(**changes)) == size
+    assert sdk_slice_size(Settings(**changes)) == size
 
 
 def test_odd_slice_of_the_vendors_host_is_refused() -> None:
     with pytest.raises(ValueError, match="got slices of 189 samples"):
-        bgt60.sdk_slice_size(Settings(num_samples=63, num_chirps=1))
+        sdk_slice_size(Settings(num_samples=63, num_chirps=1))
 
 
 # Registers of anyone.
@@ -626,7 +640,7 @@ def test_odd_slice_of_the_vendors_host_is_refused() -> None:
 
 def test_image_without_a_sawtooth_is_refused() -> None:
     good = image(V1)
-    bgt60.settings_of(good)
+    settings_of(good)
     for address, value in (
         (0x37, good[0x37] & ~0x10),  # no shape
         (0x37, good[0x37] | 1),  # repeated shape
@@ -652,31 +666,31 @@ def test_image_without_a_sawtooth_is_refused() -> None:
         (0x60, 0),
     ):
         with pytest.raises(ValueError, match=r"^registers: expected"):
-            bgt60.settings_of(good | {address: value})
+            settings_of(good | {address: value})
     with pytest.raises(ValueError, match=r"^registers: expected shape 1 to be on"):
-        bgt60.settings_of({})
+        settings_of({})
 
 
 def test_wrapped_ramp_of_the_vendors_host_is_refused() -> None:
     # 4000 samples at 2 MHz: 56 steps per cycle; 160399 cycles, 20050 times 8, of which 14 bits are kept.
     wrapped = {0x33: 4000, 0x32: 20050 & 0x3FFF, 0x31: 56, 0x30: -5636096 - 150 * 56 & 0xFFFFFF}
     with pytest.raises(ValueError, match="a ramp that lasts to the last sample"):
-        bgt60.settings_of(image(V1) | wrapped)
+        settings_of(image(V1) | wrapped)
 
 
 def test_other_timing_is_decoded_by_the_samples() -> None:
     # Power on 8 cycles later and the ramp 16 cycles later: the first sample sees 8 cycles less of the ramp.
     good = image(V1)
-    later = bgt60.settings_of(good | {0x2F: good[0x2F] + 1, 0x2D: good[0x2D] + 2})
-    normal = bgt60.settings_of(good)
+    later = settings_of(good | {0x2F: good[0x2F] + 1, 0x2D: good[0x2D] + 2})
+    normal = settings_of(good)
     assert normal.start_frequency - later.start_frequency == pytest.approx(8 * 3208 * 640e6 / 2**20, abs=1e-3)
     assert round((later.chirp_time - normal.chirp_time) * CLOCK) == 16  # the ramp is the longer path
     # Delays after the rising and the falling ramp: 8 d + 5 instead of 2.
-    delayed = bgt60.settings_of(good | {0x32: good[0x32] | 2 << 16, 0x36: 1 << 16})
+    delayed = settings_of(good | {0x32: good[0x32] | 2 << 16, 0x36: 1 << 16})
     assert round((delayed.chirp_time - normal.chirp_time) * CLOCK) == (21 - 2) + (13 - 2)
     # Fast down ramp by its mode, and none at all, instead of 6.
     for mode, cycles in enumerate((0, 40, 56, 24)):
-        ramp = bgt60.settings_of(good | {0x05: 0x080034 | mode << 6})
+        ramp = settings_of(good | {0x05: 0x080034 | mode << 6})
         assert round((ramp.chirp_time - normal.chirp_time) * CLOCK) == cycles - 6
 
 
@@ -687,7 +701,7 @@ bits24 = st.integers(0, 0xFFFFFF)
 def test_any_registers_are_decoded_or_refused(changes: dict[int, int], complete: bool) -> None:
     registers = (image(V1) if complete else {}) | changes
     try:
-        decoded = bgt60.settings_of(registers)
+        decoded = settings_of(registers)
         radar = decoded.to_radar()
     except ValueError:
         return
@@ -699,8 +713,8 @@ def test_registers_with_a_flipped_bit_are_decoded_or_refused(address: int, flip:
     registers = image(V1)
     registers[address] ^= 1 << flip
     try:
-        decoded = bgt60.settings_of(registers)
-        bgt60.registers(decoded, bgt60.slice_size_of(registers))
+        decoded = settings_of(registers)
+        registers_of(decoded, slice_size_of(registers))
     except ValueError:
         return
     assert 1 <= decoded.num_samples <= 4095
@@ -745,14 +759,14 @@ TIMERS = (0x2D, 0x37)
 @settings(deadline=None)
 @given(wanted=legal_settings(), slice_size=st.integers(1, 8192).map(lambda n: 2 * n))
 def test_registers_of_decoded_registers_are_the_same(wanted: Settings, slice_size: int) -> None:
-    registers = bgt60.registers(wanted, slice_size)
-    back = bgt60.settings_of(registers)
-    again = bgt60.registers(back, slice_size)
+    registers = registers_of(wanted, slice_size)
+    back = settings_of(registers)
+    again = registers_of(back, slice_size)
     assert {a: v for a, v in again.items() if a not in TIMERS} == {
         a: v for a, v in registers.items() if a not in TIMERS
     }
     # Times move by what float32 makes of them, 2**-24, and one cycle.
-    twice = bgt60.settings_of(again)
+    twice = settings_of(again)
     assert dataclasses.replace(twice, chirp_time=0.0, frame_time=0.0) == dataclasses.replace(
         back, chirp_time=0.0, frame_time=0.0
     )
@@ -763,7 +777,7 @@ def test_registers_of_decoded_registers_are_the_same(wanted: Settings, slice_siz
 @settings(deadline=None)
 @given(wanted=legal_settings())
 def test_achieved_settings_are_within_the_chips_steps(wanted: Settings) -> None:
-    back = bgt60.achieved(wanted)
+    back = achieved(wanted)
     for name in ("num_samples", "num_chirps", "rx_mask", "is_transmitting", "num_frames"):
         assert getattr(back, name) == getattr(wanted, name)
     assert back.tx_power_level == (wanted.tx_power_level if wanted.is_transmitting else 0)
@@ -789,7 +803,7 @@ def test_achieved_settings_are_within_the_chips_steps(wanted: Settings) -> None:
 
 def test_preset_radar_has_the_default_settings() -> None:
     default = Settings.from_radar(rc.bgt60tr13c())
-    assert bgt60.registers(default, 6144) == image(V1)
+    assert registers_of(default, 6144) == image(V1)
     assert default.start_frequency == pytest.approx(58e9, abs=1.0)
     assert default.end_frequency == pytest.approx(63.5e9, abs=1.0)
 
@@ -801,7 +815,7 @@ def test_options_of_the_chip_are_passed_on() -> None:
 
 
 def test_settings_become_the_preset_radar() -> None:
-    radar = bgt60.achieved(Settings()).to_radar()
+    radar = achieved(Settings()).to_radar()
     preset = rc.bgt60tr13c()
     assert (radar.tx.tolist(), radar.rx.tolist()) == (preset.tx.tolist(), preset.rx.tolist())
     assert (radar.pattern, radar.receiver, radar.tx_power_dbm) == (preset.pattern, preset.receiver, 4.0)
@@ -814,7 +828,7 @@ def test_settings_become_the_preset_radar() -> None:
     # The first sample is taken at 58.487544 GHz.
     assert waveform.start_frequency + waveform.slope * waveform.adc_delay == pytest.approx(58.487544e9, abs=500.0)
     # Effective bandwidth: B Ts / (Ts + 3.1125 us).
-    width = bgt60.achieved(Settings()).end_frequency - 58e9
+    width = achieved(Settings()).end_frequency - 58e9
     assert waveform.bandwidth == pytest.approx(width * 32.0 / 35.1125, rel=1e-12)
 
 
@@ -832,7 +846,7 @@ def test_sampled_band_is_that_of_the_waveform(rate: float, adc_delay: float, sig
         frame_interval=0.1,
         adc_delay=adc_delay,
     )
-    radar = bgt60.achieved(Settings.from_radar(rc.Radar(wanted))).to_radar()
+    radar = achieved(Settings.from_radar(rc.Radar(wanted))).to_radar()
     found = radar.waveform
 
     def band(waveform: rc.Waveform) -> tuple[float, float]:
@@ -853,8 +867,8 @@ def radars() -> st.SearchStrategy[rc.Radar]:
 @settings(deadline=None)
 @given(radar=radars())
 def test_radar_of_a_radar_is_a_fixed_point(radar: rc.Radar) -> None:
-    once = bgt60.achieved(Settings.from_radar(radar)).to_radar()
-    twice = bgt60.achieved(Settings.from_radar(once)).to_radar()
+    once = achieved(Settings.from_radar(radar)).to_radar()
+    twice = achieved(Settings.from_radar(once)).to_radar()
     for name in ("start_frequency", "slope", "sample_rate", "num_samples", "num_chirps", "adc_delay"):
         assert getattr(once.waveform, name) == getattr(twice.waveform, name)
     for name in ("chirp_interval", "frame_interval"):
@@ -962,18 +976,18 @@ def test_radar_of_impossible_settings_is_refused() -> None:
 
 
 def test_temperature_of_a_code() -> None:
-    assert bgt60.temperature_of(700) == pytest.approx(13.327, abs=1e-3)
-    assert bgt60.temperature_of(0) == pytest.approx(-276.1678, abs=1e-3)
+    assert temperature_of(700) == pytest.approx(13.327, abs=1e-3)
+    assert temperature_of(0) == pytest.approx(-276.1678, abs=1e-3)
     for code in range(1024):
-        assert bgt60.temperature_code(bgt60.temperature_of(code)) == code
+        assert temperature_code(temperature_of(code)) == code
     # A step of the code is 0.414 degrees.
-    assert abs(bgt60.temperature_of(bgt60.temperature_code(36.6)) - 36.6) <= 0.207
+    assert abs(temperature_of(temperature_code(36.6)) - 36.6) <= 0.207
 
 
 def test_temperatures_beyond_the_sensor_have_its_last_codes() -> None:
-    assert (bgt60.temperature_code(-400.0), bgt60.temperature_code(1e300)) == (0, 1023)
+    assert (temperature_code(-400.0), temperature_code(1e300)) == (0, 1023)
     for code in (-1, 1024):
         with pytest.raises(ValueError, match=r"^code: expected"):
-            bgt60.temperature_of(code)
+            temperature_of(code)
     with pytest.raises(ValueError, match=r"^temperature: expected a finite number"):
-        bgt60.temperature_code(float("nan"))
+        temperature_code(float("nan"))

@@ -18,20 +18,26 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.board import Lost, RawFrame
-from radarcore.sensor.comlib import messages
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.messages import (
+from radarcore.sensor.comlib.codes import Base, Direction, EndpointType, status_text
+from radarcore.sensor.comlib.messages import BoardParser, Damage, HostParser, Message, StatusMessage
+from radarcore.sensor.comlib.payloads import (
     AdcSettings,
-    BoardParser,
-    Damage,
     Endpoint,
-    EndpointType,
+    Firmware,
     FmcwSettings,
     Format,
     Frame,
-    HostParser,
-    Message,
-    StatusMessage,
+    Info,
+    Reading,
+    decode_byte,
+    decode_endpoints,
+    decode_number,
+    encode_byte,
+    encode_endpoints,
+    encode_number,
+    pack_bits,
+    unpack_bits,
 )
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.peripheral import Unplugged
@@ -57,16 +63,16 @@ FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4, 
         ("5A 00 01 00 00 DB E0", Message(0, b"\0")),
         (
             "5A 00 14 00 00 03 53 41 42 52 01 00 43 4D 46 52 01 00 58 44 41 52 01 00 DB E0",
-            Message(0, messages.encode_endpoints(ENDPOINTS)),
+            Message(0, encode_endpoints(ENDPOINTS)),
         ),
         ("5B 00 00 00", StatusMessage(0, 0)),
-        ("5A 01 02 00 01 01 DB E0", Message(1, messages.encode_byte(messages.Base.GET_FRAME, 1))),
+        ("5A 01 02 00 01 01 DB E0", Message(1, encode_byte(Base.GET_FRAME, 1))),
         ("5A 01 0B 00 41 40 00 00 00 10 00 00 00 0F 00 DB E0", Message(1, Format(64, 16, 0xF).encode())),
         (
             "5A 02 0B 00 01 40 C0 65 03 00 90 D0 03 00 1F DB E0",
-            Message(2, FmcwSettings(57_000_000, 64_000_000, messages.Direction.UP, 31).encode()),
+            Message(2, FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31).encode()),
         ),
-        ("5A 01 05 00 02 50 C3 00 00 DB E0", Message(1, messages.encode_number(messages.Base.SET_INTERVAL, 50_000))),
+        ("5A 01 05 00 02 50 C3 00 00 DB E0", Message(1, encode_number(Base.SET_INTERVAL, 50_000))),
         (
             "5A 01 18 00 00 07 00 00 00 01 00 00 00 01 04 00 00 00 01 00 0C 00 23 61 45 89 C7 AB DB E0",
             Message(1, Frame(7, FOUR_CODES, rx_mask=1).encode()),
@@ -79,26 +85,26 @@ def test_messages_are_the_bytes_of_the_protocol(text, message):
 
 
 def test_records_come_back_as_they_were_sent():
-    assert messages.decode_endpoints(messages.encode_endpoints(ENDPOINTS)) == ENDPOINTS
+    assert decode_endpoints(encode_endpoints(ENDPOINTS)) == ENDPOINTS
     assert [endpoint.letters for endpoint in ENDPOINTS] == ["RBAS", "RFMC", "RADX"]
     for record in (
-        messages.Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
-        messages.Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
+        Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
+        Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
         Format(256, 31, 5, 2),
         FmcwSettings(1, 2, 3, 4),
         AdcSettings(640_000, 12, 1),
     ):
         assert type(record).decode(record.encode()) == record
-    reading = messages.Reading(0, -12_345)
-    assert messages.Reading.decode(reading.encode(messages.Base.TEMPERATURE)) == reading
-    assert messages.decode_number(messages.encode_number(0x35, 150_000)) == 150_000
+    reading = Reading(0, -12_345)
+    assert Reading.decode(reading.encode(Base.TEMPERATURE)) == reading
+    assert decode_number(encode_number(0x35, 150_000)) == 150_000
 
 
 def test_status_names_depend_on_the_endpoint():
-    assert messages.status_text(0, 2) == "bad start byte (0x0002)"
-    assert messages.status_text(1, 2) == "busy (0x0002)"
-    assert messages.status_text(1, 0x12E) == "FIFO overflow (0x012E)"
-    assert messages.status_text(1, 0x7777) == "unknown status (0x7777)"
+    assert status_text(0, 2) == "bad start byte (0x0002)"
+    assert status_text(1, 2) == "busy (0x0002)"
+    assert status_text(1, 0x12E) == "FIFO overflow (0x012E)"
+    assert status_text(1, 0x7777) == "unknown status (0x7777)"
 
 
 @pytest.mark.parametrize(
@@ -118,15 +124,15 @@ def test_what_does_not_fit_is_refused(make, message):
 @pytest.mark.parametrize(
     "decode",
     [
-        messages.decode_endpoints,
-        messages.decode_number,
-        messages.decode_byte,
-        messages.Firmware.decode,
-        messages.Info.decode,
+        decode_endpoints,
+        decode_number,
+        decode_byte,
+        Firmware.decode,
+        Info.decode,
         Format.decode,
         FmcwSettings.decode,
         AdcSettings.decode,
-        messages.Reading.decode,
+        Reading.decode,
         Frame.decode,
     ],
 )
@@ -183,10 +189,10 @@ def test_frames_of_every_order_are_decoded(is_interleaved, data_format):
 @fuzz
 def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
     codes = np.array(numbers, np.uint16) & np.uint16((1 << resolution) - 1)
-    data = messages.pack_bits(codes, resolution)
+    data = pack_bits(codes, resolution)
     assert len(data) == -(-len(numbers) * resolution // 8)
     assert int.from_bytes(data, "little") == sum(int(code) << resolution * i for i, code in enumerate(codes))
-    np.testing.assert_array_equal(messages.unpack_bits(data, len(codes), resolution), codes)
+    np.testing.assert_array_equal(unpack_bits(data, len(codes), resolution), codes)
 
 
 @pytest.mark.parametrize(
@@ -386,9 +392,9 @@ def test_emulator_chirp_lasts_as_long_as_the_measured_one():
     emulator = ComLibEmulator(Ramp())
     talk(emulator, 1, Format(256, 16, 0xF).encode())
     (duration, _) = talk(emulator, 1, b"\x34")
-    assert messages.decode_number(duration.payload) == 150_000  # 256 samples at 2 MHz: 150 us
+    assert decode_number(duration.payload) == 150_000  # 256 samples at 2 MHz: 150 us
     (slope, _) = talk(emulator, 2, b"\x02")
-    assert messages.decode_number(slope.payload) == 46_666_667  # 7 GHz in 150 us, in MHz/s
+    assert decode_number(slope.payload) == 46_666_667  # 7 GHz in 150 us, in MHz/s
 
 
 @pytest.mark.parametrize(
@@ -399,7 +405,7 @@ def test_emulator_chirp_lasts_as_long_as_the_measured_one():
         (1, b"\x99", 0xFFFF),
         (1, b"\x01", 0xFFFF),
         (1, b"\x01\x01\x01", 0xFFFF),
-        (1, messages.encode_number(0x02, 1), 0x05),
+        (1, encode_number(0x02, 1), 0x05),
         (1, bytes(8).replace(b"\0", b"\x03", 1), 0x03),
         (1, b"\x30\x01", 0x07),
         (1, b"\x32\x02", 0x06),
@@ -425,7 +431,7 @@ def test_emulator_tells_its_driver_and_its_power():
     emulator = ComLibEmulator(Ramp())
     assert talk(emulator, 1, b"\x20") == [Message(1, b"\x21\x01\0\0"), StatusMessage(1, 0)]
     (power, _) = talk(emulator, 1, b"\x32\x01")
-    assert messages.Reading.decode(power.payload) == (1, 8400)  # step 31 of 0.4 dB, where 10 is 0 dBm
+    assert Reading.decode(power.payload) == (1, 8400)  # step 31 of 0.4 dB, where 10 is 0 dBm
     with pytest.raises(ValueError, match="sample_rate: expected 20000 to 3000000 Hz, got 4000000"):
         ComLibEmulator(Ramp(), sample_rate=4e6)
 
@@ -456,7 +462,7 @@ def test_frames_are_not_counted_without_a_trigger():
     emulator = ComLibEmulator(Ramp())
     frames = [Frame.decode(talk(emulator, 1, b"\x01\x01")[0].payload) for _ in range(2)]
     assert [frame.number for frame in frames] == [0, 0]
-    talk(emulator, 1, messages.encode_number(0x02, 50_000))
+    talk(emulator, 1, encode_number(0x02, 50_000))
     frames = [Frame.decode(talk(emulator, 1, b"\x01\x01")[0].payload) for _ in range(2)]
     assert [frame.number for frame in frames] == [0, 1]
 
@@ -464,7 +470,7 @@ def test_frames_are_not_counted_without_a_trigger():
 def test_frame_that_is_not_ready_is_refused_or_held_back():
     # A frame every 100 ms, which takes days of the clock.
     emulator = ComLibEmulator(Ramp(), speed=1e-6)
-    talk(emulator, 1, messages.encode_number(0x02, 100_000))
+    talk(emulator, 1, encode_number(0x02, 100_000))
     assert talk(emulator, 1, b"\x01\x00") == [StatusMessage(1, 0x02)]
     assert talk(emulator, 1, b"\x01\x01") == []
     # What is asked next waits behind it.
@@ -473,14 +479,14 @@ def test_frame_that_is_not_ready_is_refused_or_held_back():
 
 def test_frame_comes_when_its_interval_is_over():
     emulator = ComLibEmulator(Ramp(), speed=2.0)
-    talk(emulator, 1, messages.encode_number(0x02, 100_000))
+    talk(emulator, 1, encode_number(0x02, 100_000))
     begin = time.monotonic()
     emulator.receive(Message(1, b"\x01\x01").encode())
     data = emulator.send(100, 60.0)
     # Half the interval, less what passed before the clock was read.
     assert data
     assert time.monotonic() - begin > 0.02
-    assert data[4] == messages.Base.FRAME
+    assert data[4] == Base.FRAME
 
 
 def test_unplugged_board_wakes_who_waits():
@@ -737,12 +743,12 @@ class Lying(ComLibEmulator):
         ({(1, 0x40): Format(32, 16, 0xF).encode()}, ProtocolError, "the board was set to .*64.* and says .*32"),
         ({(2, 0x00): FmcwSettings(57_000_000, 58_000_000, 2, 0).encode()}, ProtocolError, "the board was set to"),
         (
-            {(1, 0x34): messages.encode_number(0x35, 7)},
+            {(1, 0x34): encode_number(0x35, 7)},
             ProtocolError,
             "expected the one with more samples to last longer",
         ),
         (
-            {(1, 0x34): messages.encode_number(0x37, 7)},
+            {(1, 0x34): encode_number(0x37, 7)},
             ProtocolError,
             "expected answer 0x35 of endpoint 1 to 0x34, got none",
         ),
@@ -775,12 +781,12 @@ def test_frame_of_another_format_than_set_is_refused(frame, message):
 
 
 def test_slope_follows_from_the_ramp_where_the_board_does_not_tell():
-    board = ComLibBoard(Pipe(Lying({(2, 0x02): messages.encode_number(0x02, 0)})))
+    board = ComLibBoard(Pipe(Lying({(2, 0x02): encode_number(0x02, 0)})))
     assert board.configure(radar()).waveform.slope == pytest.approx(40e12, rel=1e-6)
 
 
 def test_board_without_temperature_sensor_says_so():
-    info = messages.Info(56_000_000, 64_000_000, 1, 4, 31, 0, 1, 0, 0, 0, "board")
+    info = Info(56_000_000, 64_000_000, 1, 4, 31, 0, 1, 0, 0, 0, "board")
     board = ComLibBoard(Pipe(Lying({(1, 0x22): info.encode()})))
     with pytest.raises(SensorError, match="has no temperature sensor"):
         board.temperature()

@@ -18,11 +18,12 @@ from radarcore.sensor import (
     SensorError,
     SensorNotFoundError,
     SensorTimeoutError,
-    bgt60,
     list_sensors,
     open_sensor,
     virtual_board,
 )
+from radarcore.sensor.bgt60.registers import start_words
+from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
@@ -141,8 +142,8 @@ def test_overflow_of_the_fifo_is_reported_and_measuring_goes_on():
 def test_chip_that_nobody_reads_overflows_and_starts_again():
     controller = Controller(Numbered(), speed=1000.0)
     with opened(controller) as sensor:
-        settings = bgt60.Settings.from_radar(SMALL)
-        controller.chip.execute(bgt60.start_words(bgt60.registers(settings, 768)))
+        settings = Settings.from_radar(SMALL)
+        controller.chip.execute(start_words(registers_of(settings, 768)))
         deadline = time.monotonic() + 10.0
         while not controller.chip.has_overflown and time.monotonic() < deadline:
             time.sleep(0.01)

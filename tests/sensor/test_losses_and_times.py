@@ -10,7 +10,9 @@ import pytest
 
 import radarcore as rc
 from boards import Numbered, number_of, numbered, opened
-from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError, bgt60
+from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError
+from radarcore.sensor.bgt60.settings import Settings, achieved
+from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
@@ -65,13 +67,13 @@ class Measuring:
         self.board = StrataBoard(self.link)
         self.radar = self.board.configure(radar)
         self.board.start()
-        settings = bgt60.Settings.from_radar(radar)
-        self.slice_size = bgt60.choose_slice_size(settings)
+        settings = Settings.from_radar(radar)
+        self.slice_size = choose_slice_size(settings)
         self.frame_size = settings.frame_size
         self.frame_time = self.radar.waveform.frame_interval
         self.stamps, self.packets_per_slice = stamps, packets_per_slice
         self.shape = (self.radar.num_channels, self.radar.waveform.num_chirps, self.radar.waveform.num_samples)
-        self.active = self.radar.waveform.num_chirps * bgt60.achieved(settings).chirp_time
+        self.active = self.radar.waveform.num_chirps * achieved(settings).chirp_time
 
     def packets(self, number, *, counter=None, stamp=0.0):
         """Slice of a measurement, from 0; `stamp` is what the board's clock is ahead [s]."""

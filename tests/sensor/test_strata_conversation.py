@@ -7,7 +7,9 @@ import pytest
 
 import radarcore as rc
 from boards import Numbered, opened
-from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError, bgt60
+from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
+from radarcore.sensor.bgt60.registers import FIFO_RESET, FSM_RESET, FSTAT, MAIN, start_words, write_word
+from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
@@ -108,9 +110,9 @@ def test_emulated_board_counts_radars_of_its_type_alone():
 def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
     """FSTAT and the status of every SPI answer have it; the next function is refused, once."""
     controller = Controller(Numbered(), speed=1000.0)
-    settings = bgt60.Settings.from_radar(rc.bgt60tr13c(num_samples=64, num_chirps=16, frame_interval=25e-3))
-    image = bgt60.registers(settings, 3072)
-    controller.chip.execute(bgt60.start_words(image))
+    settings = Settings.from_radar(rc.bgt60tr13c(num_samples=64, num_chirps=16, frame_interval=25e-3))
+    image = registers_of(settings, 3072)
+    controller.chip.execute(start_words(image))
     deadline = time.monotonic() + 20.0
     while not controller.chip.has_overflown and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -118,13 +120,13 @@ def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
     def execute(word):
         return controller.handle(Request.transfer(*AT_CHIP, packets.encode_commands([word])))
 
-    assert execute(bgt60.FSTAT << 25).status == 0x05
-    (answer,) = packets.decode_values(execute(bgt60.FSTAT << 25).payload)
+    assert execute(FSTAT << 25).status == 0x05
+    (answer,) = packets.decode_values(execute(FSTAT << 25).payload)
     assert answer >> 24 & 0x08
     assert answer & 1 << 23
     assert len(controller.packets) == 0, "nobody has asked for data"
-    execute(bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | bgt60.FSM_RESET | bgt60.FIFO_RESET))
-    (answer,) = packets.decode_values(execute(bgt60.FSTAT << 25).payload)
+    execute(write_word(MAIN, image[MAIN] | FSM_RESET | FIFO_RESET))
+    (answer,) = packets.decode_values(execute(FSTAT << 25).payload)
     assert not answer >> 24 & 0x08
     assert answer & 0xFFFFFF == 1 << 20, "empty"
     controller.close()

@@ -2,7 +2,7 @@
 
 H is the received phasor of a channel at one frequency for 1 W, isotropic antennas and a perfect conductor. The slow
 truth integrates physical optics, README eq. (2) with F = 1 and the phase of propagation, over the surface; the bounds
-are those of tests/test_closed_forms.py.
+are those of test_closed_forms.py.
 """
 
 from __future__ import annotations

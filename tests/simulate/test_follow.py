@@ -61,7 +61,7 @@ def test_errors_of_amplitudes_are_those_that_are_told(phase: float, turns: float
     assert error <= (nodes.weight if nodes.weight <= TOLERANCE else 5.0 * nodes.weight) + 1e-12
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        assert nodes.warn_beyond(TOLERANCE, 1) == bool(told) == (nodes.residual > TOLERANCE)
+        assert nodes.warn_beyond(TOLERANCE) == bool(told) == (nodes.residual > TOLERANCE)
     # What oscillates slowly enough is followed, however little or much phases swing.
     assert turns > 22.0 or nodes.residual <= 0.2 * TOLERANCE
 

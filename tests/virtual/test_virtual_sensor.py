@@ -13,7 +13,9 @@ import pytest
 import radarcore as rc
 from boards import CLI, SWING, python
 from radarcore.cli.main import main
-from radarcore.sensor import RequestError, bgt60, open_sensor, virtual_board
+from radarcore.sensor import RequestError, open_sensor, virtual_board
+from radarcore.sensor.bgt60.registers import start_words
+from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise, Playback
 from radarcore.virtual.source import Simulated
@@ -100,7 +102,7 @@ def test_what_the_client_sets_is_simulated(swing):
 
 def test_gain_of_the_client_scales_the_samples(swing):
     source = Simulated(rc.load_scene(swing).simulator())
-    radar = bgt60.achieved(bgt60.Settings.from_radar(CLIENT)).to_radar()
+    radar = achieved(Settings.from_radar(CLIENT)).to_radar()
     low, high = (source.frame(radar, 0, 0.0, if_gain_db=gain).astype(float) - 2047.5 for gain in (30.0, 50.0))
     # Noise is the same; rounding to codes is half a code.
     np.testing.assert_allclose(low, high / 10.0, atol=0.51 + 0.051)
@@ -121,7 +123,7 @@ def test_level_is_that_of_the_radar_equation():
 
 
 def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp_path):
-    radar = bgt60.achieved(bgt60.Settings.from_radar(rc.bgt60tr13c(num_chirps=8))).to_radar()
+    radar = achieved(Settings.from_radar(rc.bgt60tr13c(num_chirps=8))).to_radar()
     noise = Noise(seed=5)
     raw = np.stack([noise.frame(radar, index, 0.0) for index in range(3)])
     recording = rc.Recording(
@@ -141,9 +143,9 @@ def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp
 def test_serve_tells_why_no_frames_come(swing):
     with virtual_board(rc.load_scene(swing), speed=None) as board:
         assert board.news() == []
-        image = bgt60.registers(bgt60.Settings.from_radar(rc.bgt60tr13c()), 6144)
+        image = registers_of(Settings.from_radar(rc.bgt60tr13c()), 6144)
         image[0x37] = 0  # no shape
-        board._controller.chip.execute(bgt60.start_words(image))
+        board._controller.chip.execute(start_words(image))
         (line,) = board.news()
         assert line.startswith("the client's settings give no frames: ")
         assert board.news() == [], "once"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.depth import quantisation, surfaces
 from radarcore.depth.quantisation import Quantisation
 from radarcore.geometry.camera import Camera
@@ -405,18 +404,16 @@ def _warn_of_quantisation(steps: Quantisation, radar: Radar, interval: float | N
     wavelength = radar.waveform.wavelength
     phase = steps.phase_error_deg(wavelength)
     if phase > _PHASE_WARNING_DEG:
-        warnings.warn(
+        notice.warn(
             f"distance: quantised in steps of up to {1e6 * steps.largest:.3g} um, {phase:.0f} degrees of phase (rms) "
             f"at {1e-9 * SPEED_OF_LIGHT / wavelength:.1f} GHz: expect false echoes and no use for Doppler",
-            stacklevel=3,
         )
     if interval is None:
         return
     drift = np.sqrt(2.0) * phase * radar.waveform.duration / interval
     if drift > _PHASE_WARNING_DEG:
         speed = np.sqrt(2.0 / 12.0) * steps.largest / interval
-        warnings.warn(
+        notice.warn(
             f"previous: differences of quantised depths are velocities with errors of {speed:.2g} m/s (rms), "
             f"{drift:.0f} degrees of phase within the frame",
-            stacklevel=3,
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import warnings
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.geometry.mesh import Mesh
 
 
@@ -42,7 +41,7 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     factor = check.positive("scale", scale, "m per unit")
     vertices, triangles = _core.load_obj(fspath(path))[:2] if _is_obj(path) else _load_with_trimesh(Path(path))
     if len(triangles) == 0:
-        warnings.warn(f"{fspath(path)}: no faces; the mesh is empty", stacklevel=2)
+        notice.warn(f"{fspath(path)}: no faces; the mesh is empty")
     return Mesh(vertices * factor, triangles, **options)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
 
 _LONG_BUILD = 1_000_000
@@ -79,10 +78,9 @@ class Mesh:
         self.vertices.flags.writeable = False
         self.triangles.flags.writeable = False
         if len(rows) > 0 and len(self.triangles) == 0:
-            warnings.warn(
+            notice.warn(
                 f"triangles: expected some with an area above 1e-18 m^2, got {len(rows)} degenerate ones; "
                 "the mesh is empty",
-                stacklevel=2,
             )
 
     @property
@@ -122,9 +120,7 @@ def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None]
     if num_triangles <= _LONG_BUILD or not progress:
         yield None
         return
-    from tqdm import tqdm  # heavier than the rest of the import
-
-    with tqdm(total=num_triangles, desc="building", unit="triangle", unit_scale=True, disable=None) as bar:
+    with notice.progress(None, "building", "triangle", total=num_triangles) as bar:
 
         def report(share: float) -> None:
             bar.update(round(share * num_triangles) - bar.n)

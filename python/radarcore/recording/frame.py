@@ -70,8 +70,8 @@ class Truth:
         kept = (a[..., columns] for a in (self.range, self.velocity, self.azimuth, self.elevation))
         return Truth(tuple(names), *kept)
 
-    def __getitem__(self, frame_index: int) -> Truth:
-        """Truth of one frame of a recording."""
+    def __getitem__(self, frame_index: int | slice) -> Truth:
+        """Truth of one frame of a recording, or of several."""
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
 
 
@@ -92,7 +92,7 @@ class Frame:
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
         just before this one.
     raw : (channel, chirp, sample) uint16, optional
-        Codes of the ADC; the cube is then in full scale, see `radarcore.codes.to_samples`.
+        Codes of the ADC; the cube is then in full scale, see `radarcore.recording.codes.to_samples`.
     """
 
     cube: NDArray[Any]

@@ -17,7 +17,6 @@ from __future__ import annotations
 import json
 import platform
 import re
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime
@@ -29,7 +28,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
@@ -199,7 +198,7 @@ def _check_sensor(text: str, where: str) -> str:
     description = str(meta.get("description", ""))
     if description and "TR13C" not in description:
         message = f"{where}: the sensor is {description!r}; its antennas are taken for those of a BGT60TR13C"
-        warnings.warn(message, stacklevel=4)  # the caller of Recording.load
+        notice.warn(message)
     return description
 
 
@@ -414,7 +413,7 @@ def _warn_of_left_out(path: Path, stored: Stored) -> None:
         "times of frames": bool((np.abs(np.diff(stored.time) - interval) > 0.5 * interval).any()),
     }
     if names := [name for name, is_there in left_out.items() if is_there]:
-        warnings.warn(f"{path}: the layout of Infineon's tools has no {', no '.join(names)}", stacklevel=4)
+        notice.warn(f"{path}: the layout of Infineon's tools has no {', no '.join(names)}")
 
 
 def _make_room(path: Path, folder: str, overwrite: bool) -> None:

@@ -15,16 +15,15 @@ from __future__ import annotations
 
 import errno
 import json
-import warnings
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
 from radarcore.recording.npy import ArrayFile, naming
@@ -37,13 +36,13 @@ TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What a file holds of a recording, by the names that `Recording` has for it."""
+    """Content of a recording's file, unchecked; see `Recording`."""
 
     cube: NDArray[Any]
     time: NDArray[np.float64]
     radar: Radar
-    truth: Truth | None
-    source: dict[str, Any]
+    truth: Truth | None = None
+    source: dict[str, Any] = field(default_factory=dict)
     lost: NDArray[np.int32] | None = None
 
 
@@ -130,14 +129,14 @@ def truth_arrays(truth: Truth | None) -> dict[str, NDArray[np.float64]]:
 
 
 def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bool) -> None:
-    """Warn the caller of `Recording.load` of frames that its writer did not finish."""
+    """Warn of frames that its writer did not finish."""
     if planned is not None and num_frames < planned:
         message = f"{path}: {num_frames} of {planned} planned frames, its writer was interrupted"
     elif not closed:
         message = f"{path}: {num_frames} frames, its writer was interrupted"
     else:
         return
-    warnings.warn(message, stacklevel=4)  # the caller of Recording.load
+    notice.warn(message)
 
 
 def exists(path: Path, what: str) -> FileExistsError:

@@ -6,15 +6,14 @@ import errno
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.radar.radar import Radar
 from radarcore.recording import infineon
 from radarcore.recording.codes import to_codes
 from radarcore.recording.frame import (
@@ -35,7 +34,7 @@ from radarcore.recording.writer import RecordingWriter
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Stored):
     """Frames of one radar.
 
     Parameters
@@ -55,13 +54,6 @@ class Recording:
         ``stats["lost_before"]``.
     """
 
-    cube: NDArray[Any]
-    time: NDArray[np.float64]
-    radar: Radar
-    truth: Truth | None = None
-    source: dict[str, Any] = field(default_factory=dict)
-    lost: NDArray[np.int32] | None = None
-
     def __post_init__(self) -> None:
         check_radar(self.radar)
         object.__setattr__(self, "cube", checked_cube(self.cube, (None, *frame_shape(self.radar))))
@@ -75,8 +67,24 @@ class Recording:
     def __len__(self) -> int:
         return len(self.cube)
 
-    def __getitem__(self, frame_index: int) -> Frame:
-        """Frame at an index; negative ones count from the end. Its cube is a view."""
+    @overload
+    def __getitem__(self, frame_index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, frame_index: slice) -> Recording: ...
+    def __getitem__(self, frame_index: int | slice) -> Frame | Recording:
+        """Frame at an index, or the recording of a slice of frames that follow each other; their cubes are views."""
+        return self._part(frame_index) if isinstance(frame_index, slice) else self._frame(frame_index)
+
+    def _part(self, frames: slice) -> Recording:
+        """The recording of some frames."""
+        if frames.step not in (None, 1):
+            raise ValueError(f"frame_index: expected a slice of frames that follow each other, got step {frames.step}")
+        truth = None if self.truth is None else self.truth[frames]
+        lost = None if self.lost is None else self.lost[frames]
+        return replace(self, cube=self.cube[frames], time=self.time[frames], truth=truth, lost=lost)
+
+    def _frame(self, frame_index: int) -> Frame:
+        """Frame at an index; negative ones count from the end."""
         if not -len(self) <= (index := check.count("frame_index", frame_index, -(2**63))) < len(self):
             raise IndexError(f"frame_index: expected an index into {len(self)} frames, got {frame_index}")
         cube = self.cube[index]
@@ -185,19 +193,8 @@ class Recording:
             When the format cannot hold this recording.
         """
         path = Path(path)
-        by_name = None if format is None else check.choice("format", format, ("npz", "infineon"))
-        kind = by_name or format_of(path)
-        stored = Stored(self.cube, self.time, self.radar, self.truth, self.source, self.lost)
-        if kind == "infineon":
-            infineon.save(path, stored, overwrite)
-            return
-        if kind == "npz":
-            save_npz(path, stored, overwrite)
-            return
-        with RecordingWriter(path, self.radar, num_frames=len(self), source=self.source, overwrite=overwrite) as writer:
-            writer.open_as(kind_of(self.cube, self.truth))  # also where there are no frames
-            for frame in self.frames():
-                writer.append(frame)
+        kind = format_of(path) if format is None else check.choice("format", format, ("npz", "infineon"))
+        _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mmap: bool = True) -> Recording:
@@ -221,18 +218,38 @@ class Recording:
             When it is not a recording, of a newer version, damaged, or the arrays do not fit the radar.
         """
         path = Path(path)
-        if infineon.is_recording(path):
-            stored = infineon.load(path)
-        elif path.is_dir():
-            stored = load_directory(path, mmap)
-        elif path.exists():
-            stored = load_npz(path)
-        else:
+        known = next((kind for kind in _FORMATS.values() if kind.knows(path)), None)
+        if known is None:
             raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
+        stored = known.load(path, mmap)
         try:
             return cls(**vars(stored))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error
+
+
+class _Format(NamedTuple):
+    """Recordings on disk: whether a path has this format, and how to read and write it."""
+
+    knows: Callable[[Path], bool]
+    load: Callable[[Path, bool], Stored]
+    save: Callable[[Path, Recording, bool], None]
+
+
+def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
+    source, num_frames = recording.source, len(recording)
+    with RecordingWriter(path, recording.radar, num_frames=num_frames, source=source, overwrite=overwrite) as writer:
+        writer.open_as(kind_of(recording.cube, recording.truth))  # also where there are no frames
+        for frame in recording.frames():
+            writer.append(frame)
+
+
+_FORMATS = {
+    "infineon": _Format(infineon.is_recording, lambda path, _: infineon.load(path), infineon.save),
+    "directory": _Format(Path.is_dir, load_directory, _save_directory),
+    "npz": _Format(Path.exists, lambda path, _: load_npz(path), save_npz),
+}
+"""In the order in which they are tried on a path."""
 
 
 def _paced(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 
+from radarcore import check
 from radarcore.scene.material import Material
 from radarcore.scene.permittivity import ColeCole, ItuPermittivity, Permittivity
 
@@ -88,7 +88,7 @@ class _Library(Mapping[str, Material]):
         try:
             return self._materials[name]
         except KeyError:
-            raise KeyError(f"no material {name!r}; {near_names(name, self._materials)}") from None
+            raise KeyError(f"no material {name!r}; {check.near_names(name, self._materials)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._materials)
@@ -98,12 +98,6 @@ class _Library(Mapping[str, Material]):
 
     def __repr__(self) -> str:
         return f"<materials: {', '.join(self._materials)}>"
-
-
-def near_names(name: object, known: Iterable[str]) -> str:
-    """What may have been meant, or all there is."""
-    near = difflib.get_close_matches(str(name), known, n=3)
-    return f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(known)}"
 
 
 materials: Mapping[str, Material] = _Library()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import tomllib
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple, get_args
 
 from pydantic import ValidationError
 
+from radarcore import check
 from radarcore.scenefile.tables import SceneTable, Table
 
 Location = tuple[str | int, ...]
@@ -35,15 +35,8 @@ def table(file: Path) -> SceneTable:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Text about a name that is not there, with the nearest that is."""
-    names = list(known)
-    near = nearest(name, names)
-    return f"{name!r}; known: {', '.join(names) or 'none'}" if near is None else f"{name!r}, did you mean {near!r}?"
-
-
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The name that was probably meant."""
-    return next(iter(difflib.get_close_matches(name, known, n=1, cutoff=0.5)), None)
+    """Text about a name that is not there, with near ones that are."""
+    return f"{name!r}; {check.near_names(name, known)}"
 
 
 def place(kind: str, index: int, name: object) -> str:
@@ -138,8 +131,8 @@ def _fault(details: Any) -> _Fault:
     key = _key(details["loc"])
     if kind == "extra_forbidden":
         name = str(key.path[-1])
-        near = nearest(name, key.known)
-        meant = None if near is None else (*key.path[:-1], near)
+        near = check.near(name, key.known)
+        meant = (*key.path[:-1], near[0]) if near else None
         return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "", is_unknown_key=True, meant=meant)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.

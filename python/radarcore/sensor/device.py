@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import warnings
 import weakref
 from collections import deque
 from collections.abc import Callable, Generator
@@ -13,7 +12,7 @@ from os import PathLike
 from types import TracebackType
 from typing import Any
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import FULL_SCALE, Frame
@@ -298,7 +297,7 @@ class Sensor:
                 if lost > 0:
                     self.num_lost += lost
                     if is_first_loss:
-                        warnings.warn(f"{self.info.port}: {losses}", FramesLostWarning, stacklevel=2)
+                        notice.warn(f"{self.info.port}: {losses}", FramesLostWarning)
                 stats: dict[str, Any] = {"index": raw.index, "lost_before": lost, "host_time": raw.host_time}
                 if lost > 0:
                     stats["lost_reason"] = ", ".join(losses.reasons)
@@ -356,8 +355,6 @@ class Sensor:
         recording : Recording
             Read from `path`. After Ctrl-C (KeyboardInterrupt is raised on) what was written is there to be loaded.
         """
-        from tqdm import tqdm  # heavier than the rest of the import
-
         radar = self._configured("record")
         if duration is not None and num_frames is not None:
             raise ValueError("duration: expected either duration or num_frames, got both")
@@ -365,7 +362,7 @@ class Sensor:
             seconds = check.positive("duration", duration, "s")
             num_frames = max(1, round(seconds / radar.waveform.frame_interval))
         frames = self.frames(num_frames)
-        bar = tqdm(frames, desc="recording", unit="frame", total=num_frames, disable=None if progress else True)
+        bar = notice.progress(frames, "recording", "frame", total=num_frames, shown=progress)
         with (
             RecordingWriter(path, radar, num_frames=num_frames, source=self.source(), overwrite=overwrite) as writer,
             closing(frames),  # measuring ends here, also where writing fails

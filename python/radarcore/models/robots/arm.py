@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
 from typing import Literal, cast
@@ -144,7 +143,7 @@ class RobotArm:
             return check.array("joint_angles", joint_angles, (len(self.joint_names),))
         for name in joint_angles:
             if name not in self.joint_names:
-                raise KeyError(_unknown("moving joint", name, self.joint_names))
+                raise KeyError(f"no moving joint {name!r}; {check.near_names(name, self.joint_names)}")
         return check.array("joint_angles", [joint_angles.get(name, 0.0) for name in self.joint_names], (None,))
 
     def link_pose(self, link: str, joint_angles: JointAngles) -> Pose:
@@ -180,7 +179,7 @@ class RobotArm:
         try:
             return self._numbers[link]
         except KeyError:
-            raise KeyError(_unknown("link", link, self.links)) from None
+            raise KeyError(f"no link {link!r}; {check.near_names(link, self.links)}") from None
 
     def link_poses(self, angles: Matrix, root: Matrix | None = None) -> Matrix:
         """Maps of all links to the root's surroundings, (..., num_links, 4, 4), in the order of `links`.
@@ -395,7 +394,7 @@ def _from_the_root(joints: tuple[Joint, ...], links: Mapping[str, Mesh | None]) 
     for joint in joints:
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
-                raise ValueError(f"joint {joint.name!r}, {role}: {_unknown('link', link, links)}")
+                raise ValueError(f"joint {joint.name!r}, {role}: no link {link!r}; {check.near_names(link, links)}")
         if names.count(joint.name) > 1:
             raise ValueError(f"joints: expected names that differ, got {joint.name!r} twice")
         if others := [other.name for other in joints if other.child == joint.child and other is not joint]:
@@ -421,10 +420,3 @@ def _matrix(pose: Pose) -> Matrix:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
     return matrix
-
-
-def _unknown(kind: str, name: object, known: Iterable[str]) -> str:
-    known = list(known)
-    near = difflib.get_close_matches(str(name), known, n=3)
-    hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(known)}"
-    return f"no {kind} {name!r}; {hint}"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.geometry.pose import Matrix
 from radarcore.models.robots.joint import Joint, Jointed
 
@@ -45,7 +44,7 @@ class JointTrajectory:
         self._derivative = self._spline.derivative()
         if arm is not None:
             for excess in self.excesses(arm):
-                warnings.warn(excess, stacklevel=2)
+                notice.warn(excess)
 
     @property
     def num_joints(self) -> int:

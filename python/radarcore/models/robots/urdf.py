@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -12,6 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import notice
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh
@@ -108,7 +108,7 @@ class _Reader:
         if kind not in ("revolute", "continuous", "prismatic", "fixed"):
             raise self.error(f"{where}: expected revolute, continuous, prismatic or fixed, got {kind!r}")
         if element.find("mimic") is not None:
-            warnings.warn(f"{self.path}: {where} mimics another; it is a joint of its own here", stacklevel=2)
+            notice.warn(f"{self.path}: {where} mimics another; it is a joint of its own here")
         parent, child = element.find("parent"), element.find("child")
         if parent is None or child is None:
             raise self.error(

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from radarcore import check
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
 from radarcore.scene.body import Body, PointTarget
-from radarcore.scene.library import near_names
 from radarcore.scene.material import Material
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.materials import material_of, named_material
@@ -100,7 +100,7 @@ class Parts:
             meshes = self._meshes(table.shape)
             for name in own:
                 if name not in meshes:
-                    raise ValueError(f"no material {name!r} in the file; {near_names(name, meshes)}")
+                    raise ValueError(f"no material {name!r} in the file; {check.near_names(name, meshes)}")
         prefix = "" if table.name is None else f"{table.name}/"
         return [
             Body(mesh, material=own.get(name, rest), motion=motion, name=f"{prefix}{name or 'rest'}")

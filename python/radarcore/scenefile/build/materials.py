@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from radarcore.scene.library import materials, near_names
+from radarcore import check
+from radarcore.scene.library import materials
 from radarcore.scene.material import Material
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.read import place
@@ -27,7 +28,7 @@ def materials_of(tables: list[NamedMaterialTable]) -> dict[str, Material]:
 def named_material(name: str, known: Mapping[str, Material]) -> Material:
     """A known material; a ValueError that names near ones for any other."""
     if name not in known:
-        raise ValueError(f"no material {name!r}; {near_names(name, known)}")
+        raise ValueError(f"no material {name!r}; {check.near_names(name, known)}")
     return known[name]
 
 

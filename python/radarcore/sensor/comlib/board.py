@@ -14,34 +14,33 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
-from radarcore.sensor.comlib.messages import (
+from radarcore.sensor.comlib.codes import (
     Adc,
-    AdcSettings,
     Base,
-    Damage,
     Direction,
-    Endpoint,
     EndpointType,
-    Firmware,
     Fmcw,
+    ProtocolStatus,
+    SignalPart,
+    Status,
+    status_text,
+)
+from radarcore.sensor.comlib.codes import Protocol as ProtocolCode
+from radarcore.sensor.comlib.messages import Damage, HostParser, Message, StatusMessage
+from radarcore.sensor.comlib.payloads import (
+    AdcSettings,
+    Endpoint,
+    Firmware,
     FmcwSettings,
     Format,
     Frame,
-    HostParser,
     Info,
-    Message,
-    ProtocolStatus,
     Reading,
-    SignalPart,
-    Status,
-    StatusMessage,
     decode_endpoints,
     decode_number,
     encode_byte,
     encode_number,
-    status_text,
 )
-from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
 from radarcore.sensor.transport import Stream
 

@@ -16,7 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
-from radarcore.sensor import bgt60
+from radarcore.sensor.bgt60.registers import (
+    CHIP_ID,
+    FIFO_RESET,
+    FRAME_START,
+    FSM_RESET,
+    FSTAT,
+    MAIN,
+    RESET_VALUES,
+    SADC_RESULT,
+    SFCTL,
+    STAT0,
+    SW_RESET,
+    temperature_code,
+)
+from radarcore.sensor.bgt60.settings import Settings, settings_of
+from radarcore.sensor.bgt60.slices import slice_size_of
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.packing import test_pattern
 
@@ -28,7 +43,7 @@ _STATUS_OVERFLOW = 0x08
 
 _LFSR_EN = 1 << 17
 _CW_MODE = 1 << 16
-_MAIN_ACTIONS = bgt60.FRAME_START | bgt60.SW_RESET | bgt60.FSM_RESET | bgt60.FIFO_RESET
+_MAIN_ACTIONS = FRAME_START | SW_RESET | FSM_RESET | FIFO_RESET
 _STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
 _FSTAT_OVERFLOW = 1 << 23
 _FSTAT_EMPTY = 1 << 20
@@ -100,8 +115,8 @@ class Chip:
 
     def _clear(self) -> None:
         with self._lock:
-            self.registers = dict(bgt60.RESET_VALUES)
-            self.registers[bgt60.CHIP_ID] = self.chip_id
+            self.registers = dict(RESET_VALUES)
+            self.registers[CHIP_ID] = self.chip_id
         self._empty()
 
     def _empty(self) -> None:
@@ -125,33 +140,33 @@ class Chip:
     def read(self, address: int) -> int:
         """Value of a register; those that do not exist are zero."""
         with self._lock:
-            if address == bgt60.STAT0:
+            if address == STAT0:
                 return self.registers[address] | _STAT0_READY
-            if address == bgt60.SADC_RESULT:
-                return bgt60.temperature_code(self.temperature)
-            if address == bgt60.FSTAT:
+            if address == SADC_RESULT:
+                return temperature_code(self.temperature)
+            if address == FSTAT:
                 flags = (_FSTAT_OVERFLOW if self.has_overflown else 0) | (_FSTAT_EMPTY if self._fill == 0 else 0)
                 return self._fill // 2 | flags
             return self.registers.get(address, 0)
 
     def write(self, address: int, value: int) -> None:
         """Set a register; bits of MAIN that act do so at once and read back as zero."""
-        if address in (bgt60.CHIP_ID, bgt60.STAT0, bgt60.SADC_RESULT, bgt60.FSTAT):
+        if address in (CHIP_ID, STAT0, SADC_RESULT, FSTAT):
             return
         with self._lock:
             if address in self.registers:
-                self.registers[address] = value & ~_MAIN_ACTIONS if address == bgt60.MAIN else value
-        if address == bgt60.MAIN:
+                self.registers[address] = value & ~_MAIN_ACTIONS if address == MAIN else value
+        if address == MAIN:
             self._act(value)
 
     def _act(self, main: int) -> None:
-        if main & bgt60.SW_RESET:
+        if main & SW_RESET:
             self.reset()
-        if main & (bgt60.FSM_RESET | bgt60.FIFO_RESET):
+        if main & (FSM_RESET | FIFO_RESET):
             self._stop()
-        if main & bgt60.FIFO_RESET:
+        if main & FIFO_RESET:
             self._empty()
-        if main & bgt60.FRAME_START and not main & _CW_MODE:  # a continuous wave has no frames
+        if main & FRAME_START and not main & _CW_MODE:  # a continuous wave has no frames
             self._start()
 
     def has_samples(self, num_samples: int) -> bool:
@@ -202,14 +217,14 @@ class Chip:
     def _start(self) -> None:
         self._stop()
         try:
-            settings = bgt60.settings_of(self.registers)
+            settings = settings_of(self.registers)
             radar = settings.to_radar()
         except ValueError as error:  # no frame comes of such registers
             self.failure = error
             return
         self.slowest = np.inf
-        piece = bgt60.slice_size_of(self.registers)
-        is_test = bool(self.registers[bgt60.SFCTL] & _LFSR_EN)
+        piece = slice_size_of(self.registers)
+        is_test = bool(self.registers[SFCTL] & _LFSR_EN)
         arguments = (self._run, settings, radar, piece, is_test, self._thread)
         self._thread = threading.Thread(target=self._measure, args=arguments, name="radarcore-sequencer", daemon=True)
         self._thread.start()
@@ -223,7 +238,7 @@ class Chip:
     def _measure(
         self,
         run: int,
-        settings: bgt60.Settings,
+        settings: Settings,
         radar: Radar,
         piece: int,
         is_test: bool,

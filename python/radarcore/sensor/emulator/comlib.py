@@ -13,32 +13,23 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.sensor.comlib.messages import (
-    MAX_PAYLOAD,
-    Adc,
+from radarcore.sensor.comlib.codes import Adc, Base, Direction, EndpointType, Fmcw, SignalPart, Status
+from radarcore.sensor.comlib.codes import Protocol as ProtocolCode
+from radarcore.sensor.comlib.messages import MAX_PAYLOAD, BoardParser, Message, StatusMessage
+from radarcore.sensor.comlib.payloads import (
     AdcSettings,
-    Base,
-    BoardParser,
-    Direction,
     Endpoint,
-    EndpointType,
     Firmware,
-    Fmcw,
     FmcwSettings,
     Format,
     Frame,
     Info,
-    Message,
     Reading,
-    SignalPart,
-    Status,
-    StatusMessage,
     decode_byte,
     decode_number,
     encode_endpoints,
     encode_number,
 )
-from radarcore.sensor.comlib.messages import Protocol as ProtocolCode
 from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 

@@ -10,7 +10,21 @@ from typing import Any
 import numpy as np
 
 from radarcore.radar.radar import Radar
-from radarcore.sensor import bgt60
+from radarcore.sensor.bgt60.registers import (
+    CHIP_ID,
+    FIFO_RESET,
+    FSM_RESET,
+    MAIN,
+    SADC_RESULT,
+    SFCTL,
+    STAT0,
+    chip_name,
+    start_words,
+    temperature_of,
+    write_word,
+)
+from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
+from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
 from radarcore.sensor.packing import unpack_msb
@@ -42,7 +56,7 @@ _MOST_RESTARTS = 10
 class StrataBoard:
     """Host's side of a board with a BGT60TR13C; a `Board`.
 
-    Slices are whole frames, or whole parts of one (`bgt60.choose_slice_size`). Where packets are missing, the frames
+    Slices are whole frames, or whole parts of one (`choose_slice_size`). Where packets are missing, the frames
     they belong to are reported as lost: by time stamps, or else by the counters of packets. A frame of several slices
     cannot be put together again safely then, nor after an error of the board: measuring is started anew.
 
@@ -54,7 +68,7 @@ class StrataBoard:
 
     def __init__(self, link: Link, *, timeout: float = 1.0) -> None:
         self._link = link
-        self._settings: bgt60.Settings | None = None
+        self._settings: Settings | None = None
         self._slice_size = 0
         self._assembler: SliceAssembler | None = None
         self._is_running = False
@@ -85,9 +99,9 @@ class StrataBoard:
         name = self._try(Request.transfer(Code.BOARD_INFO, Info.NAME, 0)) or bytes(4)
 
         self._pins_reset()
-        self._execute([bgt60.write_word(bgt60.SFCTL, _SFCTL_AT_PROBE)])
+        self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
         self._link.discard()
-        chip = bgt60.chip_name(self._read_register(bgt60.CHIP_ID))
+        chip = chip_name(self._read_register(CHIP_ID))
         if chip != "BGT60TR13C":
             raise SensorError(f"{self._link.name}: expected a BGT60TR13C, got {chip}, whose registers are others")
         return BoardInfo(
@@ -100,12 +114,12 @@ class StrataBoard:
         )
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
-        """Settings for the next start; `options` are those of `bgt60.Settings.from_radar`."""
-        settings = bgt60.Settings.from_radar(radar, **options)
-        slice_size = bgt60.choose_slice_size(settings)
-        bgt60.registers(settings, slice_size)  # refuses what the chip cannot do
+        """Settings for the next start; `options` are those of `Settings.from_radar`."""
+        settings = Settings.from_radar(radar, **options)
+        slice_size = choose_slice_size(settings)
+        registers_of(settings, slice_size)  # refuses what the chip cannot do
         self.stop()
-        self._settings = bgt60.achieved(settings)
+        self._settings = achieved(settings)
         self._requested, self._slice_size = settings, slice_size
         return self._settings.to_radar()
 
@@ -120,15 +134,15 @@ class StrataBoard:
             self._begin()
 
     def _begin(self) -> None:
-        image = bgt60.registers(self._requested, self._slice_size)
+        image = registers_of(self._requested, self._slice_size)
         # A FIFO that has overflown before would end the data at once.
-        self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
+        self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
         self._is_running = True
         self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(self._slice_size)))
         self._link.ask(Request.write(Code.DATA, Data.START, 0))
         while self._link.packets(0.0):
             pass  # of an earlier measurement: this one has not begun
-        self._execute(bgt60.start_words(image))
+        self._execute(start_words(image))
         self._assembler = SliceAssembler(self._slice_size * 3 // 2)
         self._parts: list[Slice] = []
         self._expected: int | None = None  # counter of the next slice's first packet
@@ -249,8 +263,8 @@ class StrataBoard:
             if not self._is_running:
                 return
             self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
-            image = bgt60.registers(self._requested, self._slice_size)
-            self._execute([bgt60.write_word(bgt60.MAIN, image[bgt60.MAIN] | _RESETS)])
+            image = registers_of(self._requested, self._slice_size)
+            self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
             self._is_running = False  # and not before: who is interrupted above stops again
             self._link.discard()
 
@@ -279,16 +293,16 @@ class StrataBoard:
 
     def _measure_temperature(self) -> float:
         if self._is_running:
-            return bgt60.temperature_of(self._read_register(bgt60.SADC_RESULT) & 0x3FF)
+            return temperature_of(self._read_register(SADC_RESULT) & 0x3FF)
         # Idle: power the chip for its sensor, and reset it afterwards.
         self._execute(_SADC_POWER)
-        self._await(bgt60.STAT0, 1 << 2, 1 << 2)
+        self._await(STAT0, 1 << 2, 1 << 2)
         self._execute(_SADC_ENABLE)
-        self._await(bgt60.STAT0, 1, 1)
+        self._await(STAT0, 1, 1)
         self._execute(_SADC_START)
-        result = self._await(bgt60.SADC_RESULT, 1 << 10, 0)
+        result = self._await(SADC_RESULT, 1 << 10, 0)
         self._pins_reset()
-        return bgt60.temperature_of(result & 0x3FF)
+        return temperature_of(result & 0x3FF)
 
     def _await(self, address: int, mask: int, value: int) -> int:
         for _ in range(_SADC_TRIES):
@@ -311,7 +325,7 @@ class StrataBoard:
         return settings.num_samples * settings.num_chirps * settings.rx_mask.bit_count()
 
     @property
-    def _running(self) -> bgt60.Settings:
+    def _running(self) -> Settings:
         assert self._settings is not None  # `start` has looked
         return self._settings
 
@@ -357,5 +371,5 @@ def _elapsed(earlier: Slice, later: Slice) -> int | None:
 
 
 _EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
-_RESETS = bgt60.FSM_RESET | bgt60.FIFO_RESET
+_RESETS = FSM_RESET | FIFO_RESET
 _UNKNOWN = (Status.NOT_IMPLEMENTED, Status.NOT_CONFIGURED, Status.BAD_VALUE)

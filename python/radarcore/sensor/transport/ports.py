@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Literal
 
+from radarcore import notice
 from radarcore.sensor.errors import SensorError
 from radarcore.sensor.transport.serialport import SerialStream, serial_ports
 from radarcore.sensor.transport.stream import Stream, VendorPort
@@ -80,7 +80,7 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
     except SensorError as error:
         if not with_serial:
             raise
-        warnings.warn(f"only serial ports are listed: {error}", RuntimeWarning, stacklevel=2)
+        notice.warn(f"only serial ports are listed: {error}", RuntimeWarning)
         devices = []
     ports = [_serial_port(tty) for tty in ttys]
     for device in devices:

@@ -1,0 +1,33 @@
+"""Notices to the user: warnings that point at the user's line, and progress bars."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+_PACKAGE = __file__.removesuffix("notice.py")
+
+
+def warn(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the innermost line outside of radarcore: the one that called it."""
+    from inspect import currentframe  # takes longer to load than the rest
+
+    frame, level = currentframe(), 1
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)
+
+
+def progress(
+    steps: Iterable[Any] | None, description: str, unit: str, *, total: int | None = None, shown: bool = True
+) -> tqdm[Any]:
+    """A progress bar over some steps, or one that is moved on by hand; shown in terminals only."""
+    from tqdm import tqdm  # takes longer to load than the rest
+
+    return tqdm(
+        steps, desc=description, unit=unit, unit_scale=steps is None, total=total, disable=None if shown else True
+    )

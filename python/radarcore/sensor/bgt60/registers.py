@@ -1,0 +1,124 @@
+"""Registers of the chip BGT60TR13C, the words that set them, and what can be read from it."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterable, Mapping
+
+from radarcore import check
+
+CLOCK = 80e6
+"""Frequency of the chip's clock [Hz]."""
+
+FIFO_SIZE = 16384
+"""Samples that the chip's memory holds."""
+
+# Addresses.
+MAIN, ADC0, CHIP_ID, STAT1, PACR1, PACR2, SFCTL, SADC_CTRL = range(0x08)
+CSI_0, CSI_1, CSI_2, CSCI, CSDS_0, CSDS_1, CSDS_2, CSCDS, CSU1_0, CSU1_1, CSU1_2 = range(0x08, 0x13)
+CSC1, CSC2, CSC3, CSC4 = 0x16, 0x1D, 0x24, 0x2B
+CCR0, CCR1, CCR2, CCR3 = range(0x2C, 0x30)
+PLL1_0, PLL1_1, PLL1_2, PLL1_3, PLL1_4, PLL1_5, PLL1_6, PLL1_7 = range(0x30, 0x38)
+PLL2_7, PLL3_7, PLL4_7 = 0x3F, 0x47, 0x4F
+RFT0, RFT1, DFT0, SDFT0 = 0x55, 0x56, 0x57, 0x5B
+STAT0, SADC_RESULT, FSTAT = 0x5D, 0x5E, 0x5F
+FIFO = 0x60
+"""Where a burst reads samples; not a register."""
+
+# Bits of MAIN that act once and read as zero.
+FRAME_START, SW_RESET, FSM_RESET, FIFO_RESET = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+
+RESET_VALUES: dict[int, int] = dict.fromkeys(range(FIFO), 0) | {
+    MAIN: 0x1E0000,
+    ADC0: 0x0A2240,
+    CHIP_ID: 0x000303,
+    PACR1: 0x196524,
+    PACR2: 0x040014,
+    SFCTL: 0x710000,
+    CSCI: 0x000B60,
+    CSCDS: 0x000B60,
+    CSC1: 0x000B60,
+    CSC2: 0x000B60,
+    CSC3: 0x000B60,
+    CSC4: 0x000B60,
+    RFT0: 0x001F40,
+    RFT1: 0x060000,
+    DFT0: 0x000200,
+    STAT0: 0x0000A8,
+    FSTAT: 0x100000,
+}
+"""All registers after a reset."""
+
+CHIP_NAMES: dict[tuple[int, int], str] = {
+    (3, 3): "BGT60TR13C",
+    (5, 4): "BGT60ATR24C",
+    (5, 5): "BGT24LTR24",
+    (6, 6): "BGT60UTR13DAIP",
+    (6, 11): "BGT60UTR13DAIP",
+    (7, 7): "BGT60UTR11AIP",
+    (7, 9): "BGT60UTR11AIP",
+    (7, 12): "BGT60UTR11AIP",
+    (8, 8): "BGT60TR12E",
+    (8, 10): "BGT120UTR13E",
+    (8, 12): "BGT60UTR11AIP",
+    (9, 15): "BGT60ATR24EAIP",
+    (9, 16): "BGT24LTR13E",
+    (10, 13): "BGT120UTR24",
+    (10, 14): "BGT120UTR24",
+}
+"""Chips by (digital id, RF id)."""
+PLL_RANGE = 1 << 23  # frequencies are signed, 24 bits
+
+
+def start_words(registers: Mapping[int, int]) -> list[int]:
+    """SPI words that set the registers and start: ascending, MAIN last with FRAME_START."""
+    if MAIN not in registers:
+        raise ValueError("registers: expected MAIN among them, got none at 0x00")
+    others = sorted(address for address in registers if address != MAIN)
+    words = [write_word(address, registers[address]) for address in others]
+    return [*words, write_word(MAIN, registers[MAIN] | FRAME_START)]
+
+
+def write_word(address: int, value: int) -> int:
+    """SPI word that sets a register."""
+    if not (0 <= address < 0x80 and 0 <= value <= 0xFFFFFF):
+        raise ValueError(f"address, value: expected 7 and 24 bits, got {address} and {value}")
+    return address << 25 | 1 << 24 | value
+
+
+def word_bytes(words: Iterable[int]) -> bytes:
+    """SPI words as they go out, most significant byte first."""
+    return b"".join(word.to_bytes(4, "big") for word in words)
+
+
+def chip_name(chip_id: int) -> str:
+    """Name of the chip whose register CHIP_ID has this value."""
+    digital, rf = chip_id >> 8 & 0xFF, chip_id & 0xFF
+    return CHIP_NAMES.get((digital, rf), f"unknown chip 0x{chip_id:06X}")
+
+
+def temperature_of(code: int) -> float:
+    """Temperature [degrees Celsius] that the sensor's 10-bit code stands for."""
+    value = check.count("code", code, 0)
+    if value > 1023:
+        raise ValueError(f"code: expected 0 to 1023, got {value}")
+    return (value * 1.21 / 1023.0 - 0.78984) / 0.00286
+
+
+def temperature_code(temperature: float) -> int:
+    """Code of the chip's sensor at a temperature [degrees Celsius], from 0 to 1023."""
+    code = (check.number("temperature", temperature, "degrees Celsius") * 0.00286 + 0.78984) * 1023.0 / 1.21
+    return round(min(max(code, 0.0), 1023.0))
+
+
+def image_of(registers: Mapping[int, int]) -> dict[int, int]:
+    """All registers, those not given as after a reset."""
+    for address, value in registers.items():
+        if operator.index(address) not in RESET_VALUES or not 0 <= operator.index(value) <= 0xFFFFFF:
+            raise ValueError(f"registers: expected 24 bits at 0x00 to 0x5F, got {value} at {address}")
+    return RESET_VALUES | dict(registers)
+
+
+def signed(value: int) -> int:
+    """A field of 24 bits with its sign."""
+    return value - 2 * PLL_RANGE if value >= PLL_RANGE else value
