@@ -227,7 +227,10 @@ def test_file_without_faces_is_an_error(tmp_path: Path, text: str) -> None:
         ("v 0 0 0\nv 1 0 x\n", r"part\.obj:2: vertex: expected three numbers, got `1 0 x`"),
         ("# one\n\nv 0 0\n", r"part\.obj:3: vertex: expected three numbers, got `0 0`"),
         ("v 0 0 nan\n", r"part\.obj:1: vertex: expected finite numbers between -1e15 and 1e15, got `0 0 nan`"),
-        ("v 0 0 0\nv -inf 0 0\n", r"part\.obj:2: vertex: expected finite numbers between -1e15 and 1e15, got `-inf 0 0`"),
+        (
+            "v 0 0 0\nv -inf 0 0\n",
+            r"part\.obj:2: vertex: expected finite numbers between -1e15 and 1e15, got `-inf 0 0`",
+        ),
         ("v 0 1e308 0\n", r"part\.obj:1: vertex: expected finite numbers between -1e15 and 1e15, got `0 1e308 0`"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", r"part\.obj:4: face: expected a vertex index of at most 3, got `4`"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", r"part\.obj:4: face: expected a vertex index counted from 1, got `0`"),

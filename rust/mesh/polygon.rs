@@ -69,6 +69,10 @@ fn split_quad(a: DVec3, b: DVec3, c: DVec3, d: DVec3, rounding: f64) -> Option<V
 
 /// Triangles of five corners or more, cut in the plane; `None` where they do not make up the ring.
 fn cut_ears(points: &[DVec3], rounding: f64) -> Option<Vec<[u32; 3]>> {
+    if repeats_an_edge(points) {
+        return None;
+    }
+
     // Area times mean normal, by Newell's method; for a ring that encloses none, the normal of its widest wedge.
     let wedges = || edges(points).map(|(a, b)| a.cross(b) / 2.0);
     let widest = wedges().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?;
@@ -108,6 +112,15 @@ fn cut_ears(points: &[DVec3], rounding: f64) -> Option<Vec<[u32; 3]>> {
         / 2.0;
     let excess = (total - area[axis].abs()).abs();
     (excess <= rounding * perimeter(points)).then_some(triangles)
+}
+
+/// Whether the ring runs along one edge twice in the same direction, so that it lies over itself: earcut would take
+/// minutes for a ring of many laps.
+fn repeats_an_edge(points: &[DVec3]) -> bool {
+    let bits = |point: DVec3| point.to_array().map(|x| (x + 0.0).to_bits()); // -0 becomes 0
+    let mut edges: Vec<_> = edges(points).map(|(a, b)| (bits(a), bits(b))).collect();
+    edges.sort_unstable();
+    edges.windows(2).any(|pair| pair[0] == pair[1])
 }
 
 fn perimeter(points: &[DVec3]) -> f64 {

@@ -720,6 +720,12 @@ fn there_and_back(num_corners: usize, noise: f64) -> Vec<DVec3> {
 }
 
 #[test]
+fn ring_of_many_laps_is_refused() {
+    let text = CORNERS.to_owned() + &format!("f{}\n", " 1 3 4 2".repeat(1_000));
+    assert!(fault(&text).1.contains("expected a polygon whose edges do not cross"));
+}
+
+#[test]
 fn hopeless_ring_is_given_up_soon() {
     // What takes cubic time takes half a minute here.
     for noise in [1e-15, 1e-12, 1e-9, 1e-3] {
