@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check, notice
+from radarcore import _core, check
 from radarcore.geometry.mesh import Mesh
 
 
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:
     """Read a mesh file as one body.
 
-    OBJ is read by radarcore itself; every other format by trimesh (``pip install radarcore[mesh]``).
+    OBJ is read by the core; every other format by trimesh (``pip install radarcore[mesh]``).
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     factor = check.positive("scale", scale, "m per unit")
     vertices, triangles = _core.load_obj(fspath(path))[:2] if _is_obj(path) else _load_with_trimesh(Path(path))
     if len(triangles) == 0:
-        notice.warn(f"{fspath(path)}: no faces; the mesh is empty")
+        raise ValueError(f"{fspath(path)}: expected faces, got none")
     return Mesh(vertices * factor, triangles, **options)
 
 

@@ -1,63 +1,22 @@
-//! What the statements of an OBJ file of any dialect say.
+//! Statements of an OBJ file as tobj is to read them.
+//!
+//! tobj reads `v` and `f`, and loses or refuses much of what surrounds them. The rest of a file is dealt with here:
+//!
+//! - encodings, byte-order marks and line ends; lines joined by a backslash; comments after a statement;
+//! - names: tobj gives each run of faces one name, that of the last `o` or `g`, and only materials of an `.mtl`;
+//! - `l`, whose polylines tobj takes for faces, and `vt` and `vn`, whose faults would refuse a mesh that needs neither;
+//! - numbers after the coordinates: tobj divides by a fourth, and refuses colours of four or of some vertices only;
+//! - the order of vertices: tobj numbers them by the faces that use them and drops the others.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::fmt::Write;
+use std::io::{BufRead, Read};
 
-/// Coordinates from this on are refused, whatever the unit of the file: no body is so large, and squares stay finite.
-const LARGEST: f64 = 1e15;
+use super::fault::Fault;
 
-/// What is wrong with a file, and the line where it is, counted from 1.
-#[derive(Debug)]
-pub(super) struct Fault {
-    pub line: usize,
-    pub message: String,
-}
-
-/// Vertices, faces and names, each in file order.
-#[derive(Default)]
-pub(super) struct Statements {
-    pub vertices: Vec<[f64; 3]>,
-    /// Indices into `vertices` of the corners of all faces, one face after another.
-    pub corners: Vec<u32>,
-    pub faces: Vec<Face>,
-    pub objects: Names,
-    pub groups: Names,
-    pub materials: Names,
-}
-
-/// One `f` statement.
-pub(super) struct Face {
-    pub line: usize,
-    pub num_corners: usize,
-    pub object: u32,
-    pub group: u32,
-    pub material: u32,
-}
-
-/// Statements of a file, or its first fault.
-pub(super) fn read(bytes: &[u8]) -> Result<Statements, Fault> {
-    let text = decode(bytes)?;
-    let mut read = Statements::default();
-    let mut ahead = Ahead::default();
-    for (line, statement) in statements(&text) {
-        let statement = statement.trim();
-        let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
-        let outcome = match keyword {
-            "v" => read.add_vertex(rest),
-            "f" => read.add_face(line, rest, &mut ahead),
-            _ => {
-                read.select_name(keyword, rest.trim());
-                Ok(())
-            }
-        };
-        outcome.map_err(|message| Fault { line, message })?;
-    }
-    ahead.check(read.vertices.len())?;
-    Ok(read)
-}
-
-/// Text of a file, with `\n` as the only line end and without byte-order marks.
-fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Fault> {
+/// Text of a file, with `\n` as the only line end and without byte-order marks; or the fault of its first NUL.
+pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Fault> {
     let mut text = match bytes {
         [0xff, 0xfe, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_le_bytes)),
         [0xfe, 0xff, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_be_bytes)),
@@ -86,167 +45,166 @@ fn decode_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
         .collect()
 }
 
-/// Lines with those joined that end in a backslash, each with the number of its first line.
-fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+/// One statement of a file.
+pub(super) struct Statement<'a> {
+    /// Number of its first line, counted from 1.
+    pub line: usize,
+    text: Cow<'a, str>,
+}
+
+impl Statement<'_> {
+    /// Keyword, and the rest of the line.
+    pub fn split(&self) -> (&str, &str) {
+        let text = self.text.trim();
+        let (keyword, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        (keyword, rest.trim_start())
+    }
+}
+
+/// The rest of a line up to a comment. Names have none: they may hold blanks and `#`.
+pub(super) fn values(rest: &str) -> &str {
+    rest.split_once('#').map_or(rest, |(values, _)| values.trim_end())
+}
+
+/// Statements of a text: its lines, those joined that end in a backslash.
+pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     // A comment may end in a backslash by accident, as in a path: it ends with its line.
-    let continued = |line: &str| line.trim_end().ends_with('\\') && !line.split_ascii_whitespace().any(is_comment);
+    let continued = |line: &str| line.trim_end().ends_with('\\') && !line.contains('#');
     let mut lines = text.lines().zip(1..);
     std::iter::from_fn(move || {
-        let (line, number) = lines.next()?;
-        if !continued(line) {
-            return Some((number, Cow::Borrowed(line)));
+        let (first, line) = lines.next()?;
+        let mut text = Cow::Borrowed(first);
+        let mut last = first;
+        while continued(last) {
+            let kept = text.trim_end().trim_end_matches('\\').len();
+            text.to_mut().truncate(kept);
+            let Some((next, _)) = lines.next() else { break };
+            text.to_mut().extend([" ", next]);
+            last = next;
         }
-        let mut joined = line.trim_end().trim_end_matches('\\').to_owned();
-        for (line, _) in lines.by_ref() {
-            joined.push(' ');
-            joined.push_str(line.trim_end().trim_end_matches('\\'));
-            if !continued(line) {
-                break;
-            }
-        }
-        Some((number, Cow::Owned(joined)))
+        Some(Statement { line, text })
     })
 }
 
-/// Blank-separated words of a statement up to a comment.
-fn words(rest: &str) -> impl Iterator<Item = &str> {
-    rest.split_ascii_whitespace().take_while(|word| !is_comment(word))
+/// Reader of the vertices and faces of a text, one statement a line.
+///
+/// A last face names all vertices in file order: its corners say which number tobj has given to each of them.
+pub(super) struct Reader<S> {
+    statements: S,
+    /// Statement that is being read, and how much of it has been.
+    buffer: String,
+    num_read: usize,
+    /// Line of that statement in the file, counted from 1.
+    pub line: usize,
+    pub num_vertices: usize,
+    pub objects: Names,
+    pub groups: Names,
+    pub materials: Names,
+    is_closed: bool,
 }
 
-fn is_comment(word: &str) -> bool {
-    word.starts_with('#')
-}
+impl<'a, S: Iterator<Item = Statement<'a>>> Reader<S> {
+    pub fn new(statements: S) -> Self {
+        Self {
+            statements,
+            buffer: String::new(),
+            num_read: 0,
+            line: 1,
+            num_vertices: 0,
+            objects: Names::default(),
+            groups: Names::default(),
+            materials: Names::default(),
+            is_closed: false,
+        }
+    }
 
-/// A word for a message: characters that do not print are escaped, and it is cut where it is unreasonably long.
-fn quoted(word: &str) -> String {
-    const SHOWN: usize = 40;
-    let shown: String = word.chars().take(SHOWN).flat_map(char::escape_debug).collect();
-    let dots = if word.chars().nth(SHOWN).is_some() { "..." } else { "" };
-    format!("`{shown}{dots}`")
-}
-
-impl Statements {
-    /// Reads `x y z`; a weight or colour after them is ignored.
-    fn add_vertex(&mut self, rest: &str) -> Result<(), String> {
-        let mut vertex = [0.0; 3];
-        let mut num_coordinates = 0;
-        for (coordinate, word) in vertex.iter_mut().zip(words(rest)) {
-            let wrong = |expected: &str| format!("vertex: expected {expected}, got {}", quoted(word));
-            *coordinate = match word.parse::<f64>() {
-                Ok(number) if number.abs() < LARGEST => number,
-                Ok(number) if number.is_finite() => {
-                    return Err(wrong(&format!("a number between -{LARGEST:e} and {LARGEST:e}")));
+    /// Puts the next vertex or face into the buffer, after the last one the face of all vertices, and then nothing.
+    fn advance(&mut self) {
+        self.buffer.clear();
+        self.num_read = 0;
+        for statement in self.statements.by_ref() {
+            let (keyword, rest) = statement.split();
+            match keyword {
+                "v" => {
+                    self.num_vertices += 1;
+                    self.buffer.push('v');
+                    for word in values(rest).split_whitespace().take(3) {
+                        self.buffer.extend([" ", word]);
+                    }
                 }
-                Ok(_) => return Err(wrong("a finite number")),
-                Err(_) => return Err(wrong("a number")),
-            };
-            num_coordinates += 1;
-        }
-        if num_coordinates < 3 {
-            return Err(format!("vertex: expected 3 coordinates, got {num_coordinates}"));
-        }
-        self.vertices.push(vertex);
-        Ok(())
-    }
-
-    /// Reads corners `v`, `v/vt`, `v//vn` or `v/vt/vn`, of which only `v` is used.
-    fn add_face(&mut self, line: usize, rest: &str, ahead: &mut Ahead) -> Result<(), String> {
-        let mut num_corners = 0;
-        for word in words(rest) {
-            let index = self.vertex_index(word)?;
-            if index >= self.vertices.len() {
-                ahead.note(line, index);
+                "f" => {
+                    for names in [&mut self.objects, &mut self.groups, &mut self.materials] {
+                        names.add_face();
+                    }
+                    self.buffer.extend(["f ", values(rest)]);
+                }
+                "o" => self.objects.select(rest),
+                "g" => self.groups.select(rest),
+                "usemtl" => self.materials.select(rest),
+                _ => {}
             }
-            self.corners.push(index as u32); // those that do not fit are ahead of any vertex
-            num_corners += 1;
+            if !self.buffer.is_empty() {
+                self.line = statement.line;
+                self.buffer.push('\n');
+                return;
+            }
         }
-        if num_corners < 3 {
-            return Err(format!("face: expected at least 3 corners, got {num_corners}"));
-        }
-        self.faces.push(Face {
-            line,
-            num_corners,
-            object: self.objects.index(),
-            group: self.groups.index(),
-            material: self.materials.index(),
-        });
-        Ok(())
-    }
-
-    /// Reads the name of the faces that follow.
-    fn select_name(&mut self, keyword: &str, name: &str) {
-        match keyword {
-            "o" => self.objects.select(name),
-            "g" => self.groups.select(name),
-            "usemtl" => self.materials.select(name),
-            // Points, lines, curves, texture, normals, smoothing, material files, comments, unknown words.
-            _ => {}
-        }
-    }
-
-    /// Index into `vertices` of the vertex that a corner names; it may lie beyond those read so far.
-    fn vertex_index(&self, corner: &str) -> Result<usize, String> {
-        let word = corner.split_once('/').map_or(corner, |(vertex, _)| vertex);
-        let number: isize = word
-            .parse()
-            .map_err(|_| format!("face: expected a vertex index, got {}", quoted(corner)))?;
-        let num_vertices = self.vertices.len();
-        match number {
-            0 => Err("face: expected a vertex index counted from 1, got 0".to_owned()),
-            1.. => Ok(number.unsigned_abs() - 1),
-            // -1 is the last vertex read so far.
-            _ => num_vertices
-                .checked_sub(number.unsigned_abs())
-                .ok_or_else(|| format!("face: expected at most {num_vertices} vertices back, got {number}")),
+        if !std::mem::replace(&mut self.is_closed, true) {
+            self.buffer.push('f');
+            for number in 1..=self.num_vertices {
+                let _ = write!(self.buffer, " {number}"); // a String takes all
+            }
         }
     }
 }
 
-/// Indices of vertices that had not been read when a face named them. Only those larger than all before are kept:
-/// the first to lie beyond the end of the file is among them.
-#[derive(Default)]
-struct Ahead(Vec<(usize, usize)>);
-
-impl Ahead {
-    fn note(&mut self, line: usize, index: usize) {
-        if self.0.last().is_none_or(|&(_, largest)| index > largest) {
-            self.0.push((line, index));
-        }
-    }
-
-    fn check(&self, num_vertices: usize) -> Result<(), Fault> {
-        let missing = self.0.iter().find(|&&(_, index)| index >= num_vertices);
-        missing.map_or(Ok(()), |&(line, index)| {
-            let number = index + 1;
-            let message = format!("face: expected a vertex index of at most {num_vertices}, got {number}");
-            Err(Fault { line, message })
-        })
+impl<'a, S: Iterator<Item = Statement<'a>>> Read for Reader<S> {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let num_read = self.fill_buf()?.read(bytes)?;
+        self.consume(num_read);
+        Ok(num_read)
     }
 }
 
-/// Names in the order in which faces first use them.
+impl<'a, S: Iterator<Item = Statement<'a>>> BufRead for Reader<S> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        if self.num_read == self.buffer.len() {
+            self.advance();
+        }
+        Ok(&self.buffer.as_bytes()[self.num_read..])
+    }
+
+    fn consume(&mut self, num_bytes: usize) {
+        self.num_read += num_bytes;
+    }
+}
+
+/// Names of one kind, and those of all faces.
 #[derive(Default)]
 pub(super) struct Names {
+    /// Names in the order in which faces first use them.
     pub list: Vec<String>,
+    /// Index into `list` for each face.
+    pub of_face: Vec<u32>,
     known: HashMap<String, u32>,
     selected: String,
     /// Index of `selected` once a face uses it.
-    selected_index: Option<u32>,
+    index: Option<u32>,
 }
 
 impl Names {
     fn select(&mut self, name: &str) {
         name.clone_into(&mut self.selected);
-        self.selected_index = None;
+        self.index = None;
     }
 
-    /// Index of the selected name.
-    fn index(&mut self) -> u32 {
-        *self.selected_index.get_or_insert_with(|| {
+    fn add_face(&mut self) {
+        let index = *self.index.get_or_insert_with(|| {
             *self.known.entry(self.selected.clone()).or_insert_with(|| {
                 self.list.push(self.selected.clone());
                 (self.list.len() - 1) as u32
             })
-        })
+        });
+        self.of_face.push(index);
     }
 }
