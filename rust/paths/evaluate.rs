@@ -526,6 +526,7 @@ mod tests {
                 1,
             );
             let rule = crate::scattering::sampling::Rule {
+                beam: None,
                 base: plane,
                 rcs_floor: 1e-3,
                 budget: Some(1000),

@@ -169,22 +169,29 @@ impl Scene {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let plane = ImagePlane::centered(rows, columns, half_width, half_height);
         let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
-        let cast = Cast {
-            beam: beam.as_ref(),
-            skip_empty,
-            with_cosines,
-            previous: previous.as_ref().map(|hits| (&hits.snapshot, &hits.image)),
-            ..Cast::default()
-        };
-        let (snapshot, hits) = compute(py, threads, || {
+        let previous: Option<&Hits> = previous.as_deref();
+        compute(py, threads, || {
+            plane.check()?;
             let snapshot = self.snapshot(&poses);
-            let hits = snapshot.cast_image_with(&plane, &cast)?;
-            Ok((snapshot, hits))
-        })?;
-        Ok(Hits {
-            snapshot,
-            image: hits,
-            shown: OnceLock::new(),
+            let [u, v] = plane.ranges();
+            let beam = beam.and_then(|beam| beam.in_front(|| snapshot.nearest_in_front(), u, v));
+            let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
+            let cast = Cast {
+                outside: beam.is_some().then_some(&is_outside),
+                skip_empty,
+                with_cosines,
+                previous: previous
+                    .filter(|hits| hits.beam == beam)
+                    .map(|hits| (&hits.snapshot, &hits.image)),
+                ..Cast::default()
+            };
+            let image = snapshot.cast_image_with(&plane, &cast)?;
+            Ok(Hits {
+                snapshot,
+                beam,
+                image,
+                shown: OnceLock::new(),
+            })
         })
     }
 
@@ -218,15 +225,15 @@ impl Scene {
         let poses = self::poses(numbers("poses", &poses, [Some(self.surfaces.len()), Some(3), Some(4)])?);
         let materials = self::materials(&materials, self.surfaces.len())?;
         let array = &antennas.0;
+        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
         let rule = Rule {
             base: ImagePlane::centered(rows, columns, half_width, half_height),
             rcs_floor,
             budget,
             end_points,
-        };
-        let beam = beam.map(|(antennas, floor)| Beam::new(&antennas.0, floor));
-        let cast = Cast {
             beam: beam.as_ref(),
+        };
+        let cast = Cast {
             skip_empty,
             ..Cast::default()
         };
@@ -253,6 +260,8 @@ pub(super) type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArr
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Hits {
     pub(super) snapshot: Snapshot,
+    /// Beam that it was cast with; none: all directions.
+    pub(super) beam: Option<Beam>,
     pub(super) image: image::Hits,
     pub(super) shown: OnceLock<Shown>,
 }

@@ -137,7 +137,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             let points = &points[bundle.clone()];
             let found = &mut found[bundle.start - first..bundle.end - first];
             scratch.fan.hold(points);
-            if cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+            if cast.is_outside(&scratch.fan) {
                 counts.tiles_skipped += 1;
                 for found in found {
                     found.is_seen = false;

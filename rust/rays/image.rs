@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::antennas::beam::Beam;
 use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
@@ -30,7 +29,6 @@ pub struct Hits {
     pub cosine: Option<Vec<f64>>,
     /// What was done for them.
     pub counts: Counts,
-    beam: Option<Beam>,
 }
 
 /// What the hits of an image took.
@@ -55,20 +53,23 @@ impl Counts {
     }
 }
 
-/// How rays are cast; nothing of it changes what they hit, but for those out of the beam.
+/// Whether all directions `(1, u, v)` within ranges of u and of v are of no interest.
+pub type Outside<'a> = dyn Fn([f64; 2], [f64; 2]) -> bool + Sync + 'a;
+
+/// How rays are cast; nothing of it changes what they hit, but for those outside.
 #[derive(Clone, Copy)]
 pub struct Cast<'a> {
     /// Instruction set.
     pub level: Level,
     /// Whether tiles without bodies are left out.
     pub skip_empty: bool,
-    /// Directions of interest.
-    pub beam: Option<&'a Beam>,
+    /// Directions that are not cast.
+    pub outside: Option<&'a Outside<'a>>,
     /// Whether cosines of incidence are wanted as well.
     pub with_cosines: bool,
     /// How the rays of a tile search the tree of a body.
     pub walks: Walks,
-    /// Hits of another time. Tiles are taken over if no body has moved there.
+    /// Hits of another time with the same directions outside. Tiles are taken over if no body has moved there.
     pub previous: Option<(&'a Snapshot, &'a Hits)>,
 }
 
@@ -87,12 +88,20 @@ pub enum Walks {
 /// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- walks`).
 const MANY_LEAVES: usize = 24;
 
+impl Cast<'_> {
+    /// Whether no ray of a tile is of interest.
+    pub(super) fn is_outside(&self, fan: &Fan) -> bool {
+        let [u, v] = fan.ranges();
+        self.outside.is_some_and(|is_outside| is_outside(u, v))
+    }
+}
+
 impl Default for Cast<'_> {
     fn default() -> Self {
         Self {
             level: Level::best(),
             skip_empty: true,
-            beam: None,
+            outside: None,
             with_cosines: false,
             walks: Walks::Chosen,
             previous: None,
@@ -125,7 +134,6 @@ impl Snapshot {
             &[plane.rows, plane.columns],
             size_of::<f64>() + 2 * size_of::<u32>(),
         )?;
-        let beam = cast.beam.and_then(|beam| beam.before(self, plane));
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,
@@ -134,11 +142,10 @@ impl Snapshot {
             triangle: vec![0; num_pixels],
             cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
             counts: Counts::default(),
-            beam: None,
         };
         let previous = cast.previous.and_then(|(snapshot, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
-            let is_alike = before.plane == *plane && before.beam == beam && has_all;
+            let is_alike = before.plane == *plane && has_all;
             let moved = if is_alike { self.moved(snapshot) } else { None };
             moved.map(|moved| (before, moved))
         });
@@ -159,7 +166,6 @@ impl Snapshot {
                 cast.level.run(CastBand {
                     snapshot: self,
                     cast,
-                    beam: beam.as_ref(),
                     previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
                     index,
@@ -170,7 +176,6 @@ impl Snapshot {
                 })
             });
         hits.counts = counts.reduce(Counts::default, Counts::plus);
-        hits.beam = beam;
         Ok(hits)
     }
 
@@ -199,7 +204,6 @@ impl Snapshot {
 struct CastBand<'a> {
     snapshot: &'a Snapshot,
     cast: &'a Cast<'a>,
-    beam: Option<&'a Beam>,
     /// Hits of another time, and boxes where these may not be taken over.
     previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
@@ -222,7 +226,7 @@ impl Kernel for CastBand<'_> {
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
             scratch.fan.aim::<I>(self.plane, &tile);
-            if self.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+            if self.cast.is_outside(&scratch.fan) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
@@ -541,6 +545,7 @@ mod tests {
 
     use super::*;
     use crate::antennas::array::Array;
+    use crate::antennas::beam::Beam;
     use crate::antennas::gain_table::Table;
     use crate::antennas::pattern::Pattern;
     use crate::geometry::pose::Pose;
@@ -588,11 +593,8 @@ mod tests {
             };
             assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
             let everywhere = Beam::new(&array(&[DVec3::ZERO], &[gaussian(1.0, 1.0)]), 1e-8);
-            let again = Cast {
-                beam: Some(&everywhere),
-                ..again
-            };
-            assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
+            let [u, v] = plane.ranges();
+            assert_eq!(everywhere.in_front(|| 1.0, u, v), None);
             let other = ImagePlane::centered(93, 101, 0.5, 0.4);
             assert_eq!(after.cast_image_with(&other, &again).unwrap().counts.tiles_reused, 0);
         }
@@ -687,9 +689,12 @@ mod tests {
     /// How many pixels show something else behind a beam; of these, no pair of antennas sees what is there above the floor.
     fn num_out_of_beam(scene: &Snapshot, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
         let whole = scene.cast_image(plane).unwrap();
-        let beam = Beam::new(array, floor);
+        let [u, v] = plane.ranges();
+        let beam = Beam::new(array, floor)
+            .in_front(|| scene.nearest_in_front(), u, v)
+            .unwrap();
         let cast = Cast {
-            beam: Some(&beam),
+            outside: Some(&|u, v| beam.misses(u, v)),
             ..Cast::default()
         };
         let within = scene.cast_image_with(plane, &cast).unwrap();
