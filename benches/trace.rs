@@ -13,7 +13,7 @@ use glam::{DMat3, DVec3};
 use radarcore::geometry::pose::Pose;
 use radarcore::numeric::simd::Level;
 use radarcore::rays::camera::ImagePlane;
-use radarcore::rays::image::{Cast, Walks};
+use radarcore::rays::hits::{Cast, Walks};
 use radarcore::rays::scene::Snapshot;
 use radarcore::rays::surface::{ShadingMode, Surface};
 use radarcore::rays::tree::Ray;

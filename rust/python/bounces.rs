@@ -2,22 +2,21 @@
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyUntypedArrayMethods,
+    PyReadonlyArray4,
 };
 use pyo3::prelude::*;
 
-use super::arrays::{numbers, points, poses, vertices};
+use super::arrays::{numbers, poses, vertices};
 use super::paths::{AMPLITUDES_AT, DelaysAndAmplitudes, Nodes};
-use super::rays::{Hits, Surface};
 use super::scattering::{Material, materials, sampling};
 use super::threads::compute;
 use crate::antennas::array::Array;
-use crate::bounces::{self, Aspect, Launch, Limits};
+use crate::bounces::{self, Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;
 use crate::paths::kinematics::Places;
 use crate::paths::series::Selection;
-use crate::scattering::material;
+use crate::rays::scene::Snapshot;
 
 /// Routes over two and more surfaces; delays and amplitudes follow from where their bodies are.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -32,20 +31,20 @@ impl Bounces {
     #[allow(clippy::too_many_arguments)] // as Python hands them over
     pub(super) fn new(
         py: Python<'_>,
-        hits: &Hits,
+        snapshot: &Snapshot,
+        launches: &[Launch],
         materials: Vec<PyRef<'_, Material>>,
         array: Array,
         is_footprint: bool,
         limits: Limits,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let num_bodies = hits.snapshot.num_bodies();
+        let num_bodies = snapshot.num_bodies();
         let materials = self::materials(&materials, num_bodies)?;
         let (routes, counts) = compute(py, threads, || {
-            let launches = Launch::of_image(&hits.image);
             Ok(bounces::Bounces::new(
-                &hits.snapshot,
-                &launches,
+                snapshot,
+                launches,
                 &materials,
                 array,
                 limits,
@@ -184,37 +183,4 @@ impl Bounces {
         let rates = compute(py, threads, || Ok(self.routes.delay_rates(&places, &rates)))?;
         rates.into_pyarray(py).reshape(shape)
     }
-}
-
-/// Radar cross-sections [m^2] of a perfect conductor for unit vectors (direction, 3) to the transmitter and the receiver;
-/// `polarization` has the fields of both antennas (direction, 3).
-#[pyfunction(signature = (surface, transmitter, receiver, *, frequency, polarization=None, max_bounces, threads=None))]
-#[allow(clippy::too_many_arguments)] // as Python hands them over
-pub(super) fn cross_sections<'py>(
-    py: Python<'py>,
-    surface: PyRef<'py, Surface>,
-    transmitter: PyReadonlyArray2<'py, f64>,
-    receiver: PyReadonlyArray2<'py, f64>,
-    frequency: f64,
-    polarization: Option<(PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>)>,
-    max_bounces: usize,
-    threads: Option<usize>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let shape = [Some(transmitter.shape()[0]), Some(3)];
-    let vectors = |name: &str, array: &PyReadonlyArray2<'py, f64>| PyResult::Ok(points(numbers(name, array, shape)?));
-    let directions = [vectors("transmitter", &transmitter)?, vectors("receiver", &receiver)?];
-    let fields = match &polarization {
-        None => None,
-        Some((sent, received)) => Some([vectors("polarization", sent)?, vectors("polarization", received)?]),
-    };
-    let aspect = |i: usize| Aspect {
-        directions: [directions[0][i], directions[1][i]],
-        polarizations: fields.as_ref().map(|fields| [fields[0][i], fields[1][i]]),
-    };
-    let aspects: Vec<Aspect> = (0..transmitter.shape()[0]).map(aspect).collect();
-    let surface = &surface.0;
-    let sections = compute(py, threads, || {
-        bounces::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
-    })?;
-    Ok(sections.into_pyarray(py))
 }

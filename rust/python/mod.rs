@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod antennas;
 mod arrays;
 mod bounces;
+mod cross_section;
 mod error;
 mod geometry;
 mod paths;
@@ -31,7 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(synthesis::plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
     module.add_function(wrap_pyfunction!(scattering::image_scatterers, module)?)?;
-    module.add_function(wrap_pyfunction!(bounces::cross_sections, module)?)?;
+    module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;

@@ -13,12 +13,12 @@ use super::paths::Scatterers;
 use super::scattering::{Material, Samples, materials, sampling};
 use super::threads::{check_threads, compute};
 use crate::antennas::beam::Beam;
-use crate::bounces::Limits;
+use crate::bounces::{Launch, Limits};
 use crate::error::Error;
 use crate::geometry::pose::Pose;
 use crate::paths::scatterers;
 use crate::rays::camera::ImagePlane;
-use crate::rays::image::{self, Cast};
+use crate::rays::hits::{self, Cast};
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::smooth_hits::Shown;
 use crate::rays::surface::{self, ShadingMode};
@@ -262,7 +262,7 @@ pub(super) struct Hits {
     pub(super) snapshot: Snapshot,
     /// Beam that it was cast with; none: all directions.
     pub(super) beam: Option<Beam>,
-    pub(super) image: image::Hits,
+    pub(super) image: hits::Hits,
     pub(super) shown: OnceLock<Shown>,
 }
 
@@ -276,7 +276,7 @@ impl Hits {
     /// Rays that were cast, and tiles that were skipped and taken over.
     #[getter]
     fn counts(&self) -> (usize, usize, usize) {
-        let image::Counts {
+        let hits::Counts {
             rays,
             tiles_skipped,
             tiles_reused,
@@ -414,7 +414,17 @@ impl Hits {
     ) -> PyResult<Bounces> {
         let limits = Limits { max_bounces, floor };
         let array = antennas.0.clone();
-        Bounces::new(py, self, materials, array, is_footprint, limits, threads)
+        let launches = Launch::of_image(&self.image);
+        Bounces::new(
+            py,
+            &self.snapshot,
+            &launches,
+            materials,
+            array,
+            is_footprint,
+            limits,
+            threads,
+        )
     }
 }
 

@@ -14,7 +14,7 @@ use crate::antennas::polarization::Seen;
 use crate::error::{Error, Result};
 use crate::paths::scatterers;
 use crate::rays::camera::ImagePlane;
-use crate::rays::image;
+use crate::rays::hits;
 use crate::rays::scene::Snapshot;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{self, Dielectric, Response, Roughness};
@@ -106,7 +106,7 @@ impl Samples {
     /// Rays that were cast, bundles of rays that were skipped and taken over, and cells that could have been split.
     #[getter]
     fn counts(&self) -> (usize, usize, usize, usize) {
-        let image::Counts {
+        let hits::Counts {
             rays,
             tiles_skipped,
             tiles_reused,

@@ -4,7 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::numeric::simd::{Isa, Kernel};
-use crate::rays::image::{Cast, Counts, Scratch, Touch};
+use crate::rays::hits::{Cast, Counts};
+use crate::rays::image::{Scratch, Touch};
 use crate::rays::packet::{MOST_RAYS, PACKET};
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Tree;

@@ -3,7 +3,7 @@
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::error::Result;
-use crate::rays::image::{Cast, Counts};
+use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;

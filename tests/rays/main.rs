@@ -12,7 +12,7 @@ use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turn
 use radarcore::geometry::pose::Pose;
 use radarcore::numeric::simd::Level;
 use radarcore::rays::camera::ImagePlane;
-use radarcore::rays::image::{Cast, Walks};
+use radarcore::rays::hits::{Cast, Walks};
 use radarcore::rays::scene::Snapshot;
 use radarcore::rays::tree::Ray;
 use rayon::prelude::*;

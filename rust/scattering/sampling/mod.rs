@@ -18,7 +18,7 @@ use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::rays::batch::{Found, Known};
 use crate::rays::camera::{Cell, ImagePlane, morton};
-use crate::rays::image::{Cast, Counts};
+use crate::rays::hits::{Cast, Counts};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::Snapshot;
 use crate::rays::tree::Tree;

@@ -6,7 +6,6 @@ use super::{Channel, Job, Layout, Widths};
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, mul, mul_add};
-use crate::synthesis::low_rank::block_plan::offset;
 use crate::synthesis::low_rank::residual_phase::{Path, turns};
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
@@ -86,7 +85,7 @@ impl<T: Widths> SlowTime<T> {
         // Chirps by distance from the centre; equal distances on both sides share their cosines and sines.
         let block = &job.expansion.block;
         let mut offsets: Vec<(f64, usize)> = (0..block.chirps.len())
-            .map(|c| (offset(job.waveform, block, c), c))
+            .map(|c| (block.offset(job.waveform, c), c))
             .collect();
         offsets.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         let mut chirps: Vec<(f64, Option<usize>, Option<usize>)> = Vec::new();
