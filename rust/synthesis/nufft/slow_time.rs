@@ -2,7 +2,10 @@
 
 use num_complex::Complex;
 
-use super::{Channel, Job, Layout, Widths};
+use super::job::Job;
+use super::layout::Layout;
+use super::scalar::Scalar;
+use super::spectra::Channel;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, mul, mul_add};
@@ -10,7 +13,7 @@ use crate::synthesis::low_rank::residual_phase::{Path, turns};
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
 /// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
-pub fn add_chirps<T: Widths>(
+pub fn add_chirps<T: Scalar>(
     job: &Job,
     layout: &Layout,
     kernel: &KaiserBessel,
@@ -68,7 +71,7 @@ struct Group {
     pairs: Vec<[Option<usize>; 2]>,
 }
 
-impl<T: Widths> SlowTime<T> {
+impl<T: Scalar> SlowTime<T> {
     fn new(job: &Job, layout: &Layout, kernel: &KaiserBessel, channels: &[Channel<T>]) -> Self {
         let used = |row: usize| channels.iter().any(|channel| channel.is_used[row]).then_some(row);
         let half = layout.rows / 2;
@@ -122,7 +125,7 @@ const GROUP: usize = 16;
 /// Cosine and sine.
 type Phasor<V> = [V; 2];
 
-impl<T: Widths> Kernel for Tile<'_, T> {
+impl<T: Scalar> Kernel for Tile<'_, T> {
     type Output = Vec<T>;
 
     #[inline(always)]
@@ -141,7 +144,7 @@ struct Fast<I: Isa, const P: usize> {
     frequency: Wide<I, P>,
 }
 
-impl<T: Widths> Tile<'_, T> {
+impl<T: Scalar> Tile<'_, T> {
     /// All chirps at `8 P` samples, (channel, chirp, lane, [re, im]).
     #[inline(always)]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
@@ -389,7 +392,7 @@ impl<V> Default for Room<V> {
 
 /// Weighted sum of one channel's modes at the chirp before or after the middle, by `sign`.
 #[inline(always)]
-fn weighted<T: Widths, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
+fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
     let zero = <T::In<I>>::splat(T::zero());
     let sign = <T::In<I>>::splat(T::of(sign));
     let mut total = [zero, zero];
@@ -406,7 +409,7 @@ fn weighted<T: Widths, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Pha
 
 /// `a - b (re + j im)`
 #[inline(always)]
-fn less_product<T: Widths, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
+fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
     let (re, im) = (wide::number::<T, I>(re), wide::number::<T, I>(im));
     [
         b[1].mul_add(im, b[0].neg_mul_add(re, a[0])),
@@ -416,7 +419,7 @@ fn less_product<T: Widths, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re:
 
 /// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
 #[inline(always)]
-fn powers<T: Widths, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
+fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
     let mut high = 1;
     while high < GROUP {
