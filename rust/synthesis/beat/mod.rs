@@ -5,4 +5,4 @@ mod run;
 mod signal;
 
 pub use job::{Options, Samples};
-pub use signal::{Report, SINGLE_TOLERANCE, beat_signal, plan};
+pub use signal::{Report, beat_signal, plan};

@@ -352,8 +352,8 @@ fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numeric::simd::Level;
     use crate::numeric::random::mix;
+    use crate::numeric::simd::Level;
     use crate::synthesis::delay::Basis;
 
     const C: f64 = 299_792_458.0;

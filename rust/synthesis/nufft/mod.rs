@@ -15,5 +15,5 @@ mod transform;
 
 pub use job::{Job, MAX_CHANNELS, MAX_PARTS};
 pub use layout::{Layout, good_size};
-pub use spread::{Checked, Widths};
+pub use spread::Widths;
 pub use transform::add_channels;
