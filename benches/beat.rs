@@ -9,11 +9,7 @@ mod common;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Throughput};
 use num_complex::Complex64;
-use radarcore::numeric::simd::Level;
-use radarcore::synthesis::beat::{self, Options};
-use radarcore::synthesis::chirp::Waveform;
-use radarcore::synthesis::delay::{Basis, PathSeries};
-use radarcore::synthesis::plan::Method;
+use radarcore::{Basis, Level, Method, Options, PathSeries, Waveform, beat_signal};
 
 const C: f64 = 299_792_458.0;
 
@@ -95,7 +91,7 @@ impl Case {
         let pool = common::pool(self.threads);
         group.throughput(Throughput::Elements(self.num_paths as u64));
         group.bench_function(id, |bencher| {
-            bencher.iter(|| pool.install(|| beat::beat_signal(&waveform, &series, &options).unwrap()));
+            bencher.iter(|| pool.install(|| beat_signal(&waveform, &series, &options).unwrap()));
         });
     }
 }

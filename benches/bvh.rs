@@ -7,9 +7,7 @@ mod common;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
-use radarcore::geometry::aabb::Bounds;
-use radarcore::rays::surface::{ShadingMode, Surface};
-use radarcore::rays::tree::{Tree, WIDTH};
+use radarcore::{Bounds, ShadingMode, Surface, Tree, WIDTH};
 
 fn build(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/build");

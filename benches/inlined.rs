@@ -18,17 +18,14 @@ fn main() {
 mod linux {
     use std::hint::black_box;
 
-    use radarcore::numeric::simd::Level;
-    use radarcore::rays::scene::Snapshot;
-    use radarcore::rays::smooth_hits::Shown;
-    use radarcore::synthesis::beat;
+    use radarcore::{Level, Shown, Snapshot, beat_signal};
 
     pub fn check() {
         // What is never named is not linked: these lead to every kernel, at every level.
         black_box(Snapshot::cast_image_at as *const ());
         black_box(Snapshot::cast as *const ());
         black_box(Shown::new as *const ());
-        black_box(beat::beat_signal as *const ());
+        black_box(beat_signal as *const ());
 
         let executable = std::env::current_exe().and_then(std::fs::read).expect("own executable");
         let functions = functions(&executable).expect("symbols: profile.bench must not strip them");

@@ -10,13 +10,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::geometry::pose::Pose;
-use radarcore::numeric::simd::Level;
-use radarcore::rays::camera::ImagePlane;
-use radarcore::rays::image::{Cast, Walks};
-use radarcore::rays::scene::Snapshot;
-use radarcore::rays::surface::{ShadingMode, Surface};
-use radarcore::rays::tree::Ray;
+use radarcore::{Cast, ImagePlane, Level, Pose, Ray, ShadingMode, Snapshot, Surface, Walks};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {

@@ -22,11 +22,12 @@ use crate::paths::placement::World;
 use crate::rays::scene::Hidden;
 use crate::synthesis::beat::Samples;
 
-pub use model::{Cancel, DepthImage, Memory, Model, PosedScene, Scene, Settings, Source};
-pub use rays::{Image, RaySampling};
+pub use model::{Cancel, DepthImage, Model, RaySampling, Scene, Settings, Source};
+pub use rays::Image;
 pub use sum::{Outcome, PathArrays};
 pub use truth::Truth;
 
+use model::Shapes;
 use parts::Part;
 use rays::Rays;
 use sum::Groups;
@@ -47,12 +48,16 @@ pub struct Frame {
     pub counts: Counts,
 }
 
-/// Either a frame, or the number of times at which its motion has to be placed to be followed.
-pub enum Simulated {
-    /// The frame.
-    Frame(Box<Frame>),
-    /// More times than there were.
-    NeedsTimes(usize),
+/// Kept from frame to frame: what did not move need not be cast again. Results do not depend on it.
+#[derive(Default)]
+pub struct Memory {
+    /// Rays of the frame before.
+    rays: Option<Rays>,
+    /// Rays that launched ray tubes, with adaptive sampling.
+    tubes: Option<Image>,
+    /// The image before.
+    image: Option<Arc<Image>>,
+    shapes: Shapes,
 }
 
 /// Counts of what was done for a frame, summed over its parts, and the worst errors.
@@ -89,36 +94,36 @@ pub struct Counts {
 }
 
 /// Simulate a frame. `at` and `rates`: places and their time derivatives at the middle of the frame, in the world;
-/// `motion`: places at the Chebyshev times of the frame.
+/// `motion`: places at the Chebyshev times of the frame. None where these are too few for the motion.
 pub fn simulate(
     model: &Model,
     motion: &World,
     rates: &World,
     memory: &mut Memory,
     cancel: &Cancel,
-) -> Result<Simulated> {
+) -> Result<Option<Frame>> {
     // Motion as series over the frame, seen from the sensor.
     let placement = model.placement(motion)?;
     let motion_error = model.phase_error(&placement);
     if motion_error > MOTION_SHARE * model.settings.tolerance && placement.num_times() < MOST_TIMES {
-        return Ok(Simulated::NeedsTimes(2 * placement.num_times() - 1));
+        return Ok(None);
     }
     let rates = model.rates(&placement, motion, rates)?;
 
     let mut frame = FrameBuilder::new(model)?;
     for part in parts::of_frame(model, &placement, &rates) {
         cancel.check()?;
-        let scene = model.posed(&placement, &part, memory)?;
-        let rays = Rays::cast(model, scene, memory)?;
-        let groups = Groups::new(model, &placement, &rays, memory, cancel)?;
+        let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
+        let rays = Rays::cast(model, scene, memory.rays.as_ref())?;
+        let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
         let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
         frame.add(&part, samples, &outcome, &rays, &groups);
         if part.has_middle {
             frame.truth = truth::of(model, &rays, &placement, &rates);
         }
-        rays.remember(memory);
+        memory.rays = Some(rays);
     }
-    Ok(Simulated::Frame(Box::new(frame.finish(motion_error))))
+    Ok(Some(frame.finish(motion_error)))
 }
 
 /// Paths at one time, from the rays of the first part of the frame that `motion` and `rates` describe; `at` and `rates_at`: one
@@ -133,9 +138,10 @@ pub fn paths(
     let placement = model.placement(motion)?;
     let rates = model.rates(&placement, motion, rates)?;
     let part = &parts::of_frame(model, &placement, &rates)[0];
-    let rays = Rays::cast(model, model.posed(&placement, part, memory)?, memory)?;
-    let groups = Groups::new(model, &placement, &rays, memory, cancel)?;
-    rays.remember(memory);
+    let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
+    let rays = Rays::cast(model, scene, memory.rays.as_ref())?;
+    let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
+    memory.rays = Some(rays);
     let at_seen = model.placement(at)?;
     groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)
 }
@@ -143,14 +149,16 @@ pub fn paths(
 /// Image of what rays hit at one time.
 pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image>> {
     let placement = model.placement(at)?;
-    let scene = model.posed(&placement, &Part::at_once(&model.waveform), memory)?;
-    model.cast_image(scene, memory)
+    let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
+    let image = Arc::new(model.cast_image(scene, memory.image.as_deref())?);
+    memory.image = Some(image.clone());
+    Ok(image)
 }
 
 /// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.
 pub fn occluded(model: &Model, at: &World, points: &[DVec3], ends_early: bool, memory: &mut Memory) -> Result<Hidden> {
     let placement = model.placement(at)?;
-    let scene = model.posed(&placement, &Part::at_once(&model.waveform), memory)?;
+    let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
     Ok(scene.hide(points, ends_early))
 }
 

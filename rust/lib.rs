@@ -1,25 +1,25 @@
-//! Core of radarcore: triangles in, radar samples out.
+//! Core of radarcore: triangles in, samples of an FMCW millimetre-wave radar out.
 //!
 //! ```text
-//! Mesh ── tree ──┐
-//! poses ─────────┴─ Scene ── image tiles ── Hits ── scattering ── Paths ── beat signal
+//! mesh ── geometry ── rays ──┬── scattering ──┬── paths ── synthesis ── samples
+//!          pose     antennas ┘   bounces ─────┘
 //! ```
 //!
-//! Images: `rays` (pixels and tiles), `trace` (bodies at their places and images of them), `surface` (triangles of one body),
-//! `bvh` (trees), `walk` (ways through them), `bundle` (rays of a tile that search together), `leaf` (triangles in single
-//! precision), `woop` (the exact test), `shown`, `shading` and `facet` (the curved surfaces that facets stand for). `samples`:
-//! what a frame takes of a scene, `adaptive` cells (`parts`: what these must not miss) and `diffuse` points. `scatter` makes
-//! paths of what they show (`material` and `polarization`: what comes back of a wave; `antenna` and `pattern`: what is sent
-//! and received of it), which stays with its `facet` where a body deforms; `bounce` makes those of several reflections, and
-//! far-field cross-sections. `near` tells how near bodies are, for directions that no antenna sees; `quality` what a mesh is
-//! good for, with `echo`.
+//! Stages in the order of the work, one folder each:
 //!
-//! The beat signal, in the order of its work: `delay` and `block` (series of delays in blocks of chirps), `survey` (bounds
-//! on all paths), `plan` (what is done with them, by which `expansion` and `modes`), then `grid` (places, spreading with the `kernel`,
-//! transforms), `lanes` (chirps side by side) or `direct`; `beat` runs it and sees to the tolerance. Kernels are written
-//! once, with `simd` and `wide`, and compiled for every instruction set.
+//! - `numeric`: vectors for every instruction set, exact phase, Chebyshev series, random numbers, threads.
+//! - `geometry`: poses, boxes, triangles, normals of the smooth surface that a mesh stands for, OBJ files.
+//! - `antennas`: places, patterns and polarisation of an array, and the beam that it illuminates.
+//! - `rays`: image of a posed scene, by traversal of a bounding-volume tree and a watertight test of triangles.
+//! - `scattering`: hits to scatterers, by physical optics for the specular part and Lambert's law for the diffuse one.
+//! - `bounces`: paths of several reflections, by shooting and bouncing rays.
+//! - `paths`: delay and amplitude of every path at every time of a frame, as bodies move and deform.
+//! - `synthesis`: sum over all paths, to a tolerance: direct, by recurrence, or by NUFFT with low-rank corrections.
+//! - `python`: boundary, one file per stage.
 //!
-//! Conventions, stated once and used everywhere:
+//! Folders import downwards only, and files of a folder without circles; `tests/layers.rs` has the table and holds it.
+//!
+//! # Conventions
 //!
 //! - SI units and radians; a name says so when it means something else (`gain_db`).
 //! - Sensor frame: x forward (boresight), y left, z up. Poses map body coordinates to the sensor frame.
@@ -28,19 +28,135 @@
 //! - Amplitudes are in sqrt(W): the squared magnitude is the received power.
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
+//!
+//! # Glossary
+//!
+//! | | |
+//! |---|---|
+//! | adaptive cross approximation | low-rank interpolation of residual phases from a few of their rows and columns |
+//! | beat signal | product of the sent and the received wave, sampled; its frequency grows with range |
+//! | channel | pair of a transmitter and a receiver |
+//! | chirp, frame | one linear ramp of frequency; ramps that are processed together |
+//! | delay | two-way travel time of a wave along a path |
+//! | hit | nearest triangle along a ray, with distance and cosine of incidence |
+//! | node times | Chebyshev times of a frame at which paths are evaluated; polynomials lie between |
+//! | NUFFT | non-uniform FFT: points are spread on a grid by a kernel, transformed, and divided by the kernel's transform |
+//! | occluded | in sight of the radar but for a body in front |
+//! | packet | 16 rays of an 8 x 8 tile that traverse a tree together |
+//! | path | way of a wave from a transmitter over one or more surfaces to a receiver |
+//! | physical optics | currents on a lit surface as if it were an infinite plane, and what they radiate |
+//! | residual phase | what a moving path adds to its plane wave on the range-velocity grid |
+//! | scatterer | material point with the amplitude that it returns to every channel |
+//! | shooting and bouncing rays | ray tubes by geometrical optics, radiating at their last surface by physical optics |
+//! | specular, diffuse | reflected coherently as from a mirror; scattered into all directions with random phase |
+//! | traversal | walk through a tree of boxes, near children first |
+//! | triangle block | up to 16 triangles of a leaf, tested at once in single precision |
+//! | watertight test | ray against triangle without gaps along shared edges, in double precision |
+//!
+//! # From a mesh to samples
+//!
+//! A metal plate of 20 cm, 2 m in front of one antenna:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use glam::DVec3;
+//! use radarcore::*;
+//!
+//! # fn main() -> Result<()> {
+//! let corners = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]].map(|[y, z]| DVec3::new(0.0, y, z));
+//! let plate = Arc::new(Surface::new(&corners, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat)?);
+//! let pose = Pose { translation: DVec3::new(2.0, 0.0, 0.0), ..Pose::IDENTITY };
+//!
+//! // Rays: image of the scene.
+//! let scene = Snapshot::new(vec![plate], vec![pose]);
+//! let hits = scene.cast_image(&ImagePlane::centered(64, 64, 0.1, 0.1))?;
+//!
+//! // Scattering: hits to scatterers.
+//! let isotropic = Pattern::Gaussian { peak: 1.0, azimuth: 0.0, elevation: 0.0 };
+//! let antennas = Array {
+//!     tx: vec![DVec3::ZERO],
+//!     rx: vec![DVec3::ZERO],
+//!     tx_patterns: vec![isotropic.clone()],
+//!     rx_patterns: vec![isotropic],
+//!     power: 1e-3,
+//!     frequency: 60e9,
+//!     polarization: None,
+//! };
+//! let shown = Shown::new(&scene, &hits);
+//! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
+//!
+//! // Paths: delay and amplitude of each at one time, as nothing moves.
+//! let places = Places { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
+//! let num_paths = scatterers.len();
+//! let paths = scatterers.paths(&places, &places, Selection { first: 0, last: num_paths, step: 1 })?;
+//!
+//! // Synthesis: samples of 16 chirps.
+//! let waveform = Waveform {
+//!     start_frequency: 59.5e9,
+//!     slope: 1e9 / 64e-6,
+//!     sample_rate: 2e6,
+//!     adc_delay: 0.0,
+//!     num_samples: 128,
+//!     chirp_times: (0..16).map(|chirp| f64::from(chirp) * 400e-6).collect(),
+//! };
+//! let series = PathSeries {
+//!     basis: Basis::Chebyshev,
+//!     delay: &[&paths.delay],
+//!     amplitude: &[&paths.amplitude],
+//!     num_channels: 1,
+//!     num_paths,
+//! };
+//! let (samples, report) = beat_signal(&waveform, &series, &Options::default())?;
+//! let Samples::Single(samples) = samples else { unreachable!("asked for single precision") };
+//! assert_eq!(samples.len(), 16 * 128);
+//!
+//! // The radar equation with the cross-section 4 pi A^2 / lambda^2 of a plate: P (A / (4 pi R^2))^2.
+//! let power = samples.iter().map(|sample| f64::from(sample.norm_sqr())).sum::<f64>() / samples.len() as f64;
+//! let expected = 1e-3 * (0.04 / (4.0 * std::f64::consts::PI * 4.0)).powi(2);
+//! assert!((power / expected - 1.0).abs() < 0.1, "{power} {expected}");
+//! # let _ = report;
+//! # Ok(())
+//! # }
+//! ```
 
-pub mod antennas;
-pub mod bounces;
-pub mod constants;
-pub mod error;
-pub mod frame;
-pub mod geometry;
-pub mod numeric;
-pub mod paths;
+#![cfg_attr(
+    not(feature = "python"),
+    expect(dead_code, unused_imports, reason = "the boundary uses more than the names below")
+)]
+
+mod antennas;
+mod bounces;
+mod constants;
+mod error;
+mod frame;
+mod geometry;
+mod numeric;
+mod paths;
 #[cfg(feature = "python")]
 mod python;
-pub mod rays;
-pub mod scattering;
-pub mod synthesis;
+mod rays;
+mod scattering;
+mod synthesis;
 
+pub use antennas::array::Array;
+pub use antennas::pattern::Pattern;
 pub use error::{Error, Result};
+pub use geometry::aabb::Bounds;
+pub use geometry::pose::Pose;
+pub use numeric::simd::Level;
+pub use paths::kinematics::Places;
+pub use paths::scatterers::Scatterers;
+pub use paths::series::{Paths, Selection};
+pub use rays::camera::ImagePlane;
+pub use rays::hits::{Cast, Hits, Walks};
+pub use rays::scene::{Hit, NO_BODY, Snapshot};
+pub use rays::smooth_hits::Shown;
+pub use rays::surface::{ShadingMode, Surface};
+pub use rays::tree::{Ray, Tree, WIDTH};
+pub use scattering::material::{CONDUCTOR, Material};
+pub use scattering::physical_optics::Sampling;
+pub use synthesis::beat::{Options, Report, Samples, beat_signal};
+pub use synthesis::chirp::Waveform;
+pub use synthesis::delay::{Basis, PathSeries};
+pub use synthesis::plan::Method;

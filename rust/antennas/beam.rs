@@ -7,9 +7,6 @@ use glam::DVec3;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
-use crate::rays::camera::ImagePlane;
-use crate::rays::packet::Fan;
-use crate::rays::scene::Snapshot;
 
 /// Directions in which some pair of antennas has a gain of interest.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,11 +43,10 @@ impl Beam {
         }
     }
 
-    /// The same in front of bodies; none if all directions of an image are within.
-    pub fn before(&self, snapshot: &Snapshot, plane: &ImagePlane) -> Option<Self> {
-        let last = plane.center(plane.rows - 1, plane.columns - 1);
-        let first = plane.center(0, 0);
-        let [_, most] = self.decay([last.0, first.0], [last.1, first.1]);
+    /// Beam in front of bodies, of which the nearest is at a distance [m]; none if all directions `(1, u, v)` within ranges are
+    /// in it.
+    pub fn in_front(&self, nearest: impl FnOnce() -> f64, u: [f64; 2], v: [f64; 2]) -> Option<Self> {
+        let [_, most] = self.decay(u, v);
         if most <= self.depth {
             return None;
         }
@@ -58,14 +54,13 @@ impl Beam {
         if self.low != DVec3::ZERO || self.high != DVec3::ZERO {
             // In powers of two, so that it is the same for most images of things that move: only images with the same beam
             // take over tiles.
-            beam.closeness = snapshot.nearest_in_front().recip().log2().ceil().exp2();
+            beam.closeness = nearest().recip().log2().ceil().exp2();
         }
         Some(beam)
     }
 
-    /// Whether all rays of a tile are out of the beam.
-    pub fn misses(&self, fan: &Fan) -> bool {
-        let [u, v] = fan.ranges();
+    /// Whether all rays with directions within ranges are out of the beam.
+    pub fn misses(&self, u: [f64; 2], v: [f64; 2]) -> bool {
         self.seen(u, v).is_some_and(|[u, v]| self.decay(u, v)[0] > self.depth)
     }
 

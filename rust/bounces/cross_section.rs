@@ -7,8 +7,8 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::shooting::{Limits, Sent, Shooter};
 use super::tube::Tube;
-use super::{Limits, Sent, Shooter};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;

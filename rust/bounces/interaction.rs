@@ -3,9 +3,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::leaving;
 use crate::geometry::curved_triangle::{bend, shade};
 use crate::rays::scene::Snapshot;
+
+/// How far before a surface rays leave it, of their largest coordinate, and of a metre at least [m].
+const LEAVING: f64 = 1e-7;
 
 /// Rays at a smaller cosine to a facet do not meet it.
 const MIN_COSINE: f64 = 1e-6;
@@ -76,4 +78,9 @@ impl Place {
         };
         (length > -step).then_some((place, length))
     }
+}
+
+/// How far before a point of a surface a ray leaves it [m].
+pub fn leaving(point: DVec3) -> f64 {
+    LEAVING * point.abs().max_element().max(1.0)
 }

@@ -155,11 +155,6 @@ impl Bounces {
         self.first.len() - 1
     }
 
-    /// True when nothing comes back.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Number of TX-RX pairs.
     pub fn num_channels(&self) -> usize {
         self.array.num_channels()

@@ -4,8 +4,8 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::field::{Field, Incidence};
-use super::interaction::Place;
-use super::{Launch, leaving};
+use super::interaction::{Place, leaving};
+use super::launch::Launch;
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Ray;
 
@@ -193,6 +193,12 @@ impl Tube {
         let sum = -0.5 * (b + root.copysign(b));
         let roots = [sum / c, a / sum];
         roots.iter().filter(|t| **t > 0.0 && **t < distance).count() as u32
+    }
+
+    /// Derivatives of half the path by the plane coordinates of the image [m], on to an antenna in a direction: along the edges
+    /// of the footprint, of the tube and of the way to the antenna.
+    pub fn slope(&self, direction: DVec3) -> [f64; 2] {
+        self.edges.map(|edge| 0.5 * (self.direction - direction).dot(edge))
     }
 }
 

@@ -6,14 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::parts::Part;
-use super::rays::{Image, RaySampling, Rays};
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::bounces::Limits;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
-use crate::numeric::chebyshev::chebyshev_nodes;
 use crate::numeric::simd::Level;
 use crate::paths::placement::{Placement, VertexMotion, World};
 use crate::rays::camera::ImagePlane;
@@ -21,6 +18,7 @@ use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::Material;
+use crate::scattering::physical_optics::Sampling;
 use crate::synthesis::beat;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
@@ -85,6 +83,24 @@ pub enum Source {
     Scene(Scene),
     /// An image.
     Depth(Arc<DepthImage>),
+}
+
+/// Rays of frames.
+#[derive(Clone, Copy, Debug)]
+pub enum RaySampling {
+    /// Through cells that are split where it matters, see [`crate::scattering::sampling::Rule`].
+    Adaptive {
+        /// Coarsest cells.
+        base: ImagePlane,
+        /// Smallest cross-section of interest [m^2].
+        rcs_floor: f64,
+        /// Most rays; none: as many as the floor asks for.
+        budget: Option<usize>,
+        /// Cells with a fast phase stand for their ends.
+        end_points: bool,
+    },
+    /// Through the pixels of an image.
+    Pixels(ImagePlane, Sampling),
 }
 
 /// Settings of the simulation.
@@ -226,17 +242,17 @@ impl Model {
         per_length * placement.tail(&self.radii)
     }
 
-    /// Bodies at the time of a part's cast, those that deform with the vertices of that time.
-    pub(super) fn posed(&self, placement: &Placement, part: &Part, memory: &mut Memory) -> Result<Arc<PosedScene>> {
+    /// Bodies at the time `x` of the frame, those that deform with the vertices of that time.
+    pub(super) fn posed(&self, placement: &Placement, x: f64, shapes: &mut Shapes) -> Result<Arc<PosedScene>> {
         let Source::Scene(scene) = &self.source else {
             return Ok(Arc::new(PosedScene::new(Vec::new(), Vec::new())));
         };
         let mut surfaces = scene.surfaces.clone();
         for (body, motion) in scene.deforming.iter().zip(placement.vertices()) {
-            let vertices: Vec<DVec3> = motion.at(part.cast).into_iter().map(DVec3::from_array).collect();
-            surfaces[*body] = memory.deformed(*body, &scene.surfaces[*body], vertices)?;
+            let vertices: Vec<DVec3> = motion.at(x).into_iter().map(DVec3::from_array).collect();
+            surfaces[*body] = shapes.deformed(*body, &scene.surfaces[*body], vertices)?;
         }
-        Ok(Arc::new(PosedScene::new(surfaces, placement.poses_at(part.cast))))
+        Ok(Arc::new(PosedScene::new(surfaces, placement.poses_at(x))))
     }
 
     /// Highest frequency of the sampled band [Hz].
@@ -264,31 +280,22 @@ impl Model {
     }
 }
 
-/// Kept from frame to frame: what did not move need not be cast again. Results do not depend on it.
+/// Surfaces of bodies that deform, by body, as they were in the frame before.
 #[derive(Default)]
-pub struct Memory {
-    /// Rays of the frame before.
-    pub(super) rays: Option<Rays>,
-    /// Rays that launched ray tubes, with adaptive sampling.
-    pub(super) tubes: Option<Image>,
-    /// The image before.
-    pub(super) image: Option<Arc<Image>>,
-    /// Surfaces of bodies that deform, by body.
-    shapes: Vec<(usize, Arc<Surface>)>,
-}
+pub struct Shapes(Vec<(usize, Arc<Surface>)>);
 
-impl Memory {
-    /// A surface with other vertices; the one before where these are the same.
+impl Shapes {
+    /// Surface of a body with other vertices; that of the frame before where these are equal.
     fn deformed(&mut self, body: usize, rest: &Arc<Surface>, vertices: Vec<DVec3>) -> Result<Arc<Surface>> {
-        let known = self.shapes.iter().position(|(number, _)| *number == body);
-        let before = known.map_or(rest, |at| &self.shapes[at].1);
+        let known = self.0.iter().position(|(number, _)| *number == body);
+        let before = known.map_or(rest, |at| &self.0[at].1);
         if known.is_some() && before.vertices() == vertices {
             return Ok(before.clone());
         }
         let surface = Arc::new(before.deform(vertices)?);
         match known {
-            Some(at) => self.shapes[at].1 = surface.clone(),
-            None => self.shapes.push((body, surface.clone())),
+            Some(at) => self.0[at].1 = surface.clone(),
+            None => self.0.push((body, surface.clone())),
         }
         Ok(surface)
     }
@@ -312,12 +319,4 @@ impl Cancel {
             Ok(())
         }
     }
-}
-
-/// Node times of a part of a frame as times of the frame, `x` from -1 to 1.
-pub(super) fn node_times(part: &Part, number: usize) -> Vec<f64> {
-    chebyshev_nodes(number)
-        .into_iter()
-        .map(|x| part.cast + part.half * x)
-        .collect()
 }

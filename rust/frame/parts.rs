@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::model::Model;
 use crate::geometry::pose::Pose;
+use crate::numeric::chebyshev::chebyshev_nodes;
 use crate::paths::placement::Placement;
 use crate::synthesis::chirp::Waveform;
 
@@ -49,9 +50,10 @@ pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<
 }
 
 impl Part {
-    /// All chirps, cast at the middle of the time that was placed.
-    pub fn at_once(waveform: &Waveform) -> Self {
-        Self::new(waveform, 0..waveform.chirp_times.len(), 1)
+    /// Chebyshev times of the part as times of the frame, `x` from -1 to 1.
+    pub fn node_times(&self, number: usize) -> Vec<f64> {
+        let nodes = chebyshev_nodes(number).into_iter();
+        nodes.map(|x| self.cast + self.half * x).collect()
     }
 
     fn new(waveform: &Waveform, chirps: Range<usize>, number: usize) -> Self {

@@ -4,13 +4,14 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::model::{Cancel, Memory, Model, PosedScene, Source};
+use super::model::{Model, PosedScene, RaySampling, Source};
+use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
 use crate::rays::camera::ImagePlane;
-use crate::rays::image::{self, Cast};
+use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::NO_BODY;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::material_points::NO_CELL;
@@ -19,35 +20,41 @@ use crate::scattering::physical_optics::Sampling;
 use crate::scattering::samples::Samples;
 use crate::scattering::sampling::Rule;
 
-/// Rays of frames.
-#[derive(Clone, Copy, Debug)]
-pub enum RaySampling {
-    /// Through cells that are split where it matters.
-    Adaptive(Rule),
-    /// Through the pixels of an image.
-    Pixels(ImagePlane, Sampling),
-}
-
 /// Hits of the pixels of an image.
 pub struct Image {
     /// The bodies.
     pub scene: Arc<PosedScene>,
     /// The hits.
-    pub hits: image::Hits,
+    pub hits: Hits,
+    beam: Option<Beam>,
     smooth: OnceLock<Shown>,
 }
 
 impl Image {
     /// Cast the rays of an image; tiles of the image `before` are taken over where nothing has moved.
-    fn cast(scene: Arc<PosedScene>, plane: &ImagePlane, cast: &Cast, before: Option<&Self>) -> Result<Self> {
+    fn cast(
+        scene: Arc<PosedScene>,
+        plane: &ImagePlane,
+        beam: Option<&Beam>,
+        cast: &Cast,
+        before: Option<&Self>,
+    ) -> Result<Self> {
+        plane.check()?;
+        let [u, v] = plane.ranges();
+        let beam = beam.and_then(|beam| beam.in_front(|| scene.nearest_in_front(), u, v));
+        let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
         let cast = Cast {
-            previous: before.map(|before| (&*before.scene, &before.hits)),
+            outside: beam.is_some().then_some(&is_outside),
+            previous: before
+                .filter(|before| before.beam == beam)
+                .map(|before| (&*before.scene, &before.hits)),
             ..*cast
         };
         let hits = scene.cast_image_with(plane, &cast)?;
         Ok(Self {
             scene,
             hits,
+            beam,
             smooth: OnceLock::new(),
         })
     }
@@ -81,41 +88,49 @@ pub struct NearestHit {
 impl Model {
     fn cast(&self) -> Cast<'_> {
         Cast {
-            beam: self.beam(),
             skip_empty: self.settings.skip_empty,
             ..Cast::default()
         }
     }
 
     /// Cast the whole image, with cosines of incidence.
-    pub(super) fn cast_image(&self, scene: Arc<PosedScene>, memory: &mut Memory) -> Result<Arc<Image>> {
+    pub(super) fn cast_image(&self, scene: Arc<PosedScene>, before: Option<&Image>) -> Result<Image> {
         let cast = Cast {
-            beam: None,
             with_cosines: true,
             ..self.cast()
         };
-        let before = memory.image.as_deref().filter(|_| self.settings.reuse_tiles);
-        let image = Arc::new(Image::cast(scene, &self.settings.image, &cast, before)?);
-        memory.image = Some(image.clone());
-        Ok(image)
+        let before = before.filter(|_| self.settings.reuse_tiles);
+        Image::cast(scene, &self.settings.image, None, &cast, before)
     }
 }
 
 impl Rays {
-    /// Cast the rays of a frame.
-    pub fn cast(model: &Model, scene: Arc<PosedScene>, memory: &Memory) -> Result<Self> {
+    /// Cast the rays of a frame; tiles of the frame `before` are taken over where nothing has moved.
+    pub fn cast(model: &Model, scene: Arc<PosedScene>, before: Option<&Self>) -> Result<Self> {
         if let Source::Depth(_) = &model.source {
             return Ok(Self::None);
         }
-        let before = memory.rays.as_ref().filter(|_| model.settings.reuse_tiles);
+        let before = before.filter(|_| model.settings.reuse_tiles);
         match &model.settings.rays {
-            RaySampling::Adaptive(rule) => {
+            &RaySampling::Adaptive {
+                base,
+                rcs_floor,
+                budget,
+                end_points,
+            } => {
+                let rule = Rule {
+                    base,
+                    rcs_floor,
+                    budget,
+                    end_points,
+                    beam: model.beam(),
+                };
                 let before = match before {
                     Some(Self::Cells(scene, samples)) => Some((&**scene, samples)),
                     _ => None,
                 };
                 let (cast, seed) = (model.cast(), model.settings.seed);
-                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, rule, seed, before)?;
+                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &rule, seed, before)?;
                 Ok(Self::Cells(scene, samples))
             }
             RaySampling::Pixels(plane, _) => {
@@ -123,7 +138,13 @@ impl Rays {
                     Some(Self::Pixels(image)) => Some(image),
                     _ => None,
                 };
-                Ok(Self::Pixels(Image::cast(scene, plane, &model.cast(), before)?))
+                Ok(Self::Pixels(Image::cast(
+                    scene,
+                    plane,
+                    model.beam(),
+                    &model.cast(),
+                    before,
+                )?))
             }
         }
     }
@@ -132,7 +153,7 @@ impl Rays {
     pub fn scatterers(&self, model: &Model) -> Result<Scatterers> {
         let (array, seed) = (model.array.clone(), model.settings.seed);
         let sampling = match model.settings.rays {
-            RaySampling::Adaptive(_) => Sampling::Footprint,
+            RaySampling::Adaptive { .. } => Sampling::Footprint,
             RaySampling::Pixels(_, sampling) => sampling,
         };
         match (self, &model.source) {
@@ -151,13 +172,13 @@ impl Rays {
         }
     }
 
-    /// Paths of several reflections, of the rays, or of an image where these are adaptive.
-    pub fn bounces(&self, model: &Model, memory: &mut Memory, cancel: &Cancel) -> Result<(Bounces, bounces::Counts)> {
+    /// Paths of several reflections, of the rays, or of an image where these are adaptive; it takes the place of `tubes`, the
+    /// image before.
+    pub fn bounces(&self, model: &Model, tubes: &mut Option<Image>) -> Result<(Bounces, bounces::Counts)> {
         let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
         if model.settings.limits.max_bounces <= 1 {
             return Ok(none());
         }
-        cancel.check()?;
         let shoot = |image: &Image, sampling: Sampling| {
             let launches = Launch::of_image(&image.hits);
             let array = model.array.clone();
@@ -167,29 +188,23 @@ impl Rays {
         match (self, model.settings.rays) {
             (Self::Pixels(image), RaySampling::Pixels(_, sampling)) => Ok(shoot(image, sampling)),
             (Self::Cells(scene, _), _) => {
-                let before = memory.tubes.as_ref().filter(|_| model.settings.reuse_tiles);
-                let image = Image::cast(scene.clone(), &model.settings.image, &model.cast(), before)?;
+                let before = tubes.as_ref().filter(|_| model.settings.reuse_tiles);
+                let plane = &model.settings.image;
+                let image = Image::cast(scene.clone(), plane, model.beam(), &model.cast(), before)?;
                 let found = shoot(&image, Sampling::Footprint);
-                memory.tubes = Some(image);
+                *tubes = Some(image);
                 Ok(found)
             }
             _ => Ok(none()),
         }
     }
 
-    /// Keep the rays for the next frame.
-    pub fn remember(self, memory: &mut Memory) {
-        if !matches!(self, Self::None) {
-            memory.rays = Some(self);
-        }
-    }
-
     /// Rays cast, tiles skipped and taken over.
-    pub fn counts(&self) -> image::Counts {
+    pub fn counts(&self) -> hits::Counts {
         match self {
             Self::Cells(_, samples) => samples.counts,
             Self::Pixels(image) => image.hits.counts,
-            Self::None => image::Counts::default(),
+            Self::None => hits::Counts::default(),
         }
     }
 

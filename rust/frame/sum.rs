@@ -5,9 +5,9 @@ use std::fmt::Write;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::model::{Cancel, Memory, Model, Source, node_times};
+use super::model::{Cancel, Model, Source};
 use super::parts::Part;
-use super::rays::Rays;
+use super::rays::{Image, Rays};
 use crate::bounces::{self, Bounces};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
@@ -118,11 +118,12 @@ impl Groups {
         model: &Model,
         placement: &Placement,
         rays: &Rays,
-        memory: &mut Memory,
+        tubes: &mut Option<Image>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let scatterers = rays.scatterers(model)?;
-        let (bounces, bounce_counts) = rays.bounces(model, memory, cancel)?;
+        cancel.check()?;
+        let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
         let (mut are_still, points_are_still) = (placement.are_still(), placement.points_are_still());
         let (deforming, num_points) = match &model.source {
             Source::Scene(scene) => (scene.deforming.clone(), scene.rcs.len()),
@@ -221,10 +222,10 @@ impl Groups {
             } else {
                 let (highest, tolerance) = (model.highest_frequency(), model.settings.tolerance);
                 node_times::choose(num_paths, num_channels, highest, tolerance, |number, selection| {
-                    paths.take(&node_times(part, number), &node_times(part, number), selection)
+                    paths.take(&part.node_times(number), &part.node_times(number), selection)
                 })?
             };
-            let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| node_times(part, number));
+            let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| part.node_times(number));
             let most = delays_at.len().max(amplitudes_at.len());
             let mut size = PIECE_NUMBERS / (num_channels * most);
             if model.settings.method == Method::Direct {

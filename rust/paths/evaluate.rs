@@ -456,7 +456,7 @@ mod tests {
     use crate::antennas::gain_table::Table;
     use crate::geometry::pose::Pose;
     use crate::rays::camera::ImagePlane;
-    use crate::rays::image::Cast;
+    use crate::rays::hits::Cast;
     use crate::rays::scene::Snapshot;
     use crate::rays::smooth_hits::Shown;
     use crate::rays::surface::{ShadingMode, Surface};
@@ -526,6 +526,7 @@ mod tests {
                 1,
             );
             let rule = crate::scattering::sampling::Rule {
+                beam: None,
                 base: plane,
                 rcs_floor: 1e-3,
                 budget: Some(1000),

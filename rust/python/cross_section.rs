@@ -1,4 +1,4 @@
-//! Far-field radar cross-sections.
+//! Radar cross-sections of surfaces.
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;

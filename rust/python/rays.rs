@@ -10,7 +10,7 @@ use super::arrays::{numbers, points};
 use super::scattering::{Material, materials};
 use super::threads::{check_threads, compute};
 use crate::frame;
-use crate::rays::image;
+use crate::rays::hits;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{self, ShadingMode};
 use crate::scattering::reflectance;
@@ -118,7 +118,7 @@ impl Hits {
     /// Rays that were cast, and tiles that were skipped and taken over.
     #[getter]
     fn counts(&self) -> (usize, usize, usize) {
-        let image::Counts {
+        let hits::Counts {
             rays,
             tiles_skipped,
             tiles_reused,

@@ -20,10 +20,9 @@ use super::synthesis::{Waveform, method};
 use super::threads::{check_threads, pool};
 use crate::bounces::Limits;
 use crate::error::{Error, Result};
-use crate::frame::{self, Cancel, Counts, Memory, Model, RaySampling, Simulated, Source};
+use crate::frame::{self, Cancel, Counts, Memory, Model, RaySampling, Source};
 use crate::paths::placement::{VertexMotion, World};
 use crate::rays::camera::ImagePlane;
-use crate::scattering::sampling::Rule;
 use crate::synthesis::beat::Samples;
 
 /// Surfaces of bodies, and point targets.
@@ -161,12 +160,12 @@ impl Settings {
         method: &str,
     ) -> PyResult<Self> {
         let rays = match sampling {
-            "adaptive" => RaySampling::Adaptive(Rule {
+            "adaptive" => RaySampling::Adaptive {
                 base: plane(rays),
                 rcs_floor,
                 budget: ray_budget,
                 end_points,
-            }),
+            },
             "footprint" | "point" => RaySampling::Pixels(plane(rays), self::sampling(sampling == "footprint")),
             _ => {
                 let expected = "'adaptive', 'footprint' or 'point'";
@@ -364,7 +363,7 @@ impl Simulator {
         let simulated = self.run(py, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
-        let Simulated::Frame(frame) = simulated else {
+        let Some(frame) = simulated else {
             return Ok(None);
         };
         let waveform = &self.model.waveform;

@@ -4,7 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::numeric::simd::{Isa, Kernel};
-use crate::rays::image::{Cast, Counts, Scratch, Touch};
+use crate::rays::hits::{Cast, Counts};
+use crate::rays::image::{Scratch, Touch};
 use crate::rays::packet::{MOST_RAYS, PACKET};
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Tree;
@@ -137,7 +138,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             let points = &points[bundle.clone()];
             let found = &mut found[bundle.start - first..bundle.end - first];
             scratch.fan.hold(points);
-            if cast.beam.is_some_and(|beam| beam.misses(&scratch.fan)) {
+            if cast.is_outside(&scratch.fan) {
                 counts.tiles_skipped += 1;
                 for found in found {
                     found.is_seen = false;

@@ -146,6 +146,12 @@ impl ImagePlane {
         (u, v)
     }
 
+    /// Plane coordinates of the centres of all pixels: smallest and largest u, and v.
+    pub fn ranges(&self) -> [[f64; 2]; 2] {
+        let (first, last) = (self.center(0, 0), self.center(self.rows - 1, self.columns - 1));
+        [[last.0, first.0], [last.1, first.1]]
+    }
+
     /// The row and column where a point `(u, v)` lies, in pixels from the upper left corner.
     pub fn pixel(&self, [u, v]: [f64; 2]) -> (f64, f64) {
         (self.axis_row - v / self.dv, self.axis_column - u / self.du)

@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod camera;
+pub mod hits;
 pub mod image;
 pub mod nearest_point;
 pub mod packet;

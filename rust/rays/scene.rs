@@ -285,7 +285,7 @@ impl Visit for OneAtBodies<'_> {
 pub(super) mod tests {
     use super::*;
     use crate::rays::camera::ImagePlane;
-    use crate::rays::image::{Cast, Walks};
+    use crate::rays::hits::{Cast, Walks};
     use crate::rays::surface::ShadingMode;
     use glam::DMat3;
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{TILE, Tile};
-use crate::rays::image::Hits;
+use crate::rays::hits::Hits;
 use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::{NO_BODY, Snapshot};
 
@@ -347,7 +347,7 @@ mod tests {
     use crate::geometry::curved_triangle::shade;
     use crate::geometry::pose::Pose;
     use crate::rays::camera::ImagePlane;
-    use crate::rays::image::Cast;
+    use crate::rays::hits::Cast;
     use crate::rays::surface::{ShadingMode, Surface};
 
     /// A bumpy sheet that is curved where its facets meet at small angles, seen from both sides.

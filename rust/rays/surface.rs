@@ -17,7 +17,7 @@ use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
 use crate::rays::packet::{Best, Bundle, Exact, Search};
 use crate::rays::traversal::{Single, Visit};
-use crate::rays::tree::{Node, Primitives, Ray, Tree, WIDTH};
+use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
 use crate::rays::triangle_block::{Leaf, Table};
 use crate::rays::watertight::{Crossing, Woop};
 
@@ -104,6 +104,10 @@ impl Surface {
         report: &dyn Fn(f64),
     ) -> Result<Self> {
         check_vertices(vertices)?;
+        if triangles.len() > MOST_PRIMITIVES {
+            let expected = format!("at most {MOST_PRIMITIVES}");
+            return Err(Error::value("triangles", expected, triangles.len()));
+        }
         if let Some(bad) = triangles
             .iter()
             .position(|t| t.iter().any(|&i| i as usize >= vertices.len()))

@@ -13,7 +13,7 @@ use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
 use crate::paths::scatterers::Scatterers;
 use crate::rays::batch::Found;
-use crate::rays::image::Hits;
+use crate::rays::hits::Hits;
 use crate::rays::scene::Snapshot;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::depth_image::Surfels;

@@ -13,7 +13,7 @@ use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
 use crate::rays::batch::{Found, Known, whole_bundles};
 use crate::rays::camera::morton;
-use crate::rays::image::{Cast, Counts};
+use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;

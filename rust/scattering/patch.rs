@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::rays::camera::Cell;
-use crate::rays::image::Hits;
+use crate::rays::hits::Hits;
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::smooth_hits::Shown;
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::antennas::polarization::Seen;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::rays::image::Hits;
+use crate::rays::hits::Hits;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::material::Material;
 

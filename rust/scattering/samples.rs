@@ -1,8 +1,9 @@
 //! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
 
 use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
 use crate::error::Result;
-use crate::rays::image::{Cast, Counts};
+use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
@@ -32,9 +33,16 @@ impl Samples {
         before: Option<(&Snapshot, &Self)>,
     ) -> Result<Self> {
         rule.check()?;
-        let beam = cast.beam.and_then(|beam| beam.before(snapshot, &rule.base));
-        let cast = &Cast {
+        let [u, v] = rule.base.ranges();
+        let in_front = |beam: &Beam| beam.in_front(|| snapshot.nearest_in_front(), u, v);
+        let beam = rule.beam.and_then(in_front);
+        let rule = &Rule {
             beam: beam.as_ref(),
+            ..*rule
+        };
+        let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
+        let cast = &Cast {
+            outside: beam.is_some().then_some(&is_outside),
             ..*cast
         };
         let moved = before.and_then(|(before, _)| snapshot.moved(before));

@@ -66,6 +66,11 @@ impl Block {
     pub fn x(&self, time: f64) -> f64 {
         (time - self.center) / self.half
     }
+
+    /// Start of a chirp of the block, from the block's centre to the chirp's middle sample [s].
+    pub fn offset(&self, waveform: &Waveform, chirp: usize) -> f64 {
+        waveform.chirp_times[self.chirps.start + chirp] + waveform.middle_time() - self.center
+    }
 }
 
 /// Matrix (degree, row) from the rows of a series to its Chebyshev coefficients on `center - half ..= center + half`.

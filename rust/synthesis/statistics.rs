@@ -37,14 +37,6 @@ impl Interval {
         }
     }
 
-    /// All sums.
-    pub fn plus(self, other: Self) -> Self {
-        Self {
-            low: self.low + other.low,
-            high: self.high + other.high,
-        }
-    }
-
     /// All products.
     pub fn times(self, other: Self) -> Self {
         let ends = [

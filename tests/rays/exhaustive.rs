@@ -8,10 +8,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use radarcore::geometry::pose::Pose;
-use radarcore::rays::scene::{Hit, NO_BODY};
-use radarcore::rays::surface::Surface;
-use radarcore::rays::tree::Ray;
+use radarcore::{Hit, NO_BODY, Pose, Ray, Surface};
 use rayon::prelude::*;
 
 /// Relative error of a distance that is not forgiven.

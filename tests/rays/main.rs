@@ -9,12 +9,7 @@ use std::sync::Arc;
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
-use radarcore::geometry::pose::Pose;
-use radarcore::numeric::simd::Level;
-use radarcore::rays::camera::ImagePlane;
-use radarcore::rays::image::{Cast, Walks};
-use radarcore::rays::scene::Snapshot;
-use radarcore::rays::tree::Ray;
+use radarcore::{Cast, ImagePlane, Level, Pose, Ray, Snapshot, Walks};
 use rayon::prelude::*;
 
 /// Where rays of images start [m].

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
-use radarcore::geometry::pose::Pose;
-use radarcore::rays::surface::{ShadingMode, Surface};
+use radarcore::{Pose, ShadingMode, Surface};
 
 /// Vertices and triangles.
 pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);

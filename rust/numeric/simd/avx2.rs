@@ -3,9 +3,8 @@
 #[allow(clippy::wildcard_imports)] // intrinsics have long names of their own
 use std::arch::x86_64::*;
 
-use super::level::Kernel;
 use super::sse2::{largest_pd, largest_ps};
-use super::vector::{Isa, Vector};
+use super::vector::{Isa, Kernel, Vector};
 
 /// A kernel compiled for AVX2.
 #[target_feature(enable = "avx2,fma")]

@@ -3,8 +3,7 @@
 #[allow(clippy::wildcard_imports)] // intrinsics have long names of their own
 use std::arch::x86_64::*;
 
-use super::level::Kernel;
-use super::vector::{Isa, Vector};
+use super::vector::{Isa, Kernel, Vector};
 
 /// A kernel compiled for AVX-512.
 #[target_feature(enable = "avx2,fma,avx512f,avx512dq")]

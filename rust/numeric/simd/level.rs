@@ -4,20 +4,9 @@
 use super::portable::Baseline;
 #[cfg(target_arch = "x86_64")]
 use super::sse2::Baseline;
-use super::vector::Isa;
+use super::vector::Kernel;
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-
-/// Code that [`Level::run`] compiles for every instruction set.
-///
-/// `run` and all it calls must be `#[inline(always)]`: closures (those of `map` and `from_fn` as well) and ordinary calls do
-/// not inherit the instruction set and would silently run with the baseline's.
-pub trait Kernel {
-    /// What the kernel returns.
-    type Output;
-    /// The kernel itself.
-    fn run<I: Isa>(self) -> Self::Output;
-}
 
 /// An instruction set that this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -22,8 +22,8 @@ mod avx512;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
 
-pub use level::{Kernel, Level};
-pub use vector::{Isa, Precision, Real, Vector, add_patch, add_rows, interleave, prefetch};
+pub use level::Level;
+pub use vector::{Isa, Kernel, Precision, Real, Vector, add_patch, add_rows, interleave, prefetch};
 
 #[cfg(test)]
 mod tests;

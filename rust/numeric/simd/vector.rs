@@ -203,3 +203,14 @@ impl Precision for f64 {
         wide[0]
     }
 }
+
+/// Code that [`Level::run`] compiles for every instruction set.
+///
+/// `run` and all it calls must be `#[inline(always)]`: closures (those of `map` and `from_fn` as well) and ordinary calls do
+/// not inherit the instruction set and would silently run with the baseline's.
+pub trait Kernel {
+    /// What the kernel returns.
+    type Output;
+    /// The kernel itself.
+    fn run<I: Isa>(self) -> Self::Output;
+}

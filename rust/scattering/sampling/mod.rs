@@ -18,7 +18,7 @@ use crate::error::{Error, Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::rays::batch::{Found, Known};
 use crate::rays::camera::{Cell, ImagePlane, morton};
-use crate::rays::image::{Cast, Counts};
+use crate::rays::hits::{Cast, Counts};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::Snapshot;
 use crate::rays::tree::Tree;
@@ -66,7 +66,7 @@ const MAX_SIDE: usize = 1 << 14;
 
 /// What cells are split for.
 #[derive(Clone, Copy, Debug)]
-pub struct Rule {
+pub struct Rule<'a> {
     /// The coarsest cells.
     pub base: ImagePlane,
     /// Smallest cross-section of interest [m^2].
@@ -75,6 +75,8 @@ pub struct Rule {
     pub budget: Option<usize>,
     /// Whether cells whose phase turns fast stand for their ends; see [`Leaf`].
     pub end_points: bool,
+    /// Directions with enough gain; none: all.
+    pub beam: Option<&'a Beam>,
 }
 
 /// Cells of all levels, and what their rays hit.
@@ -273,7 +275,7 @@ struct Judge<'a> {
     snapshot: &'a Snapshot,
     materials: &'a [Material],
     array: &'a Array,
-    rule: &'a Rule,
+    rule: &'a Rule<'a>,
     wavelength: f64,
 }
 
@@ -294,7 +296,7 @@ impl Quadtree {
             rule,
             wavelength: SPEED_OF_LIGHT / array.frequency,
         };
-        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam.as_ref() == cast.beam);
+        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam.as_ref() == rule.beam);
         let mut tree = Self {
             planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
             roots: vec![NONE; rule.base.num_pixels()],
@@ -307,7 +309,7 @@ impl Quadtree {
             counts: Counts::default(),
             num_coarse: 0,
             allowed: 1.0,
-            beam: cast.beam.cloned(),
+            beam: rule.beam.cloned(),
             wavelength: judge.wavelength,
             end_points: rule.end_points,
         };
@@ -1004,7 +1006,7 @@ fn cell(planes: &[ImagePlane], place: &Place) -> Cell {
     planes[place.level as usize].cell(place.row as usize, place.column as usize)
 }
 
-impl Rule {
+impl Rule<'_> {
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<()> {
         self.base.check()?;
@@ -1166,7 +1168,8 @@ mod tests {
     }
 
     const BASE: ImagePlane = ImagePlane::centered(33, 40, 0.5, 0.6);
-    const RULE: Rule = Rule {
+    const RULE: Rule<'static> = Rule {
+        beam: None,
         base: BASE,
         rcs_floor: 1e-6,
         budget: None,

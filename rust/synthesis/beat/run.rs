@@ -2,7 +2,7 @@
 
 use num_complex::{Complex, Complex32, Complex64};
 
-use super::{Job, Samples};
+use super::job::{Job, Samples};
 use crate::numeric::parallel;
 use crate::numeric::simd::Real;
 use crate::synthesis::block::{CHUNK, Selection};

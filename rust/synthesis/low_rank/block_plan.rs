@@ -30,14 +30,9 @@ impl Expansion {
     /// Largest keystone frequency in the block [Hz s].
     pub fn max_keystone(waveform: &Waveform, block: &Block, carrier: f64) -> f64 {
         let slow = (0..block.chirps.len())
-            .map(|c| offset(waveform, block, c).abs())
+            .map(|c| block.offset(waveform, c).abs())
             .fold(0.0, f64::max);
         let fast = waveform.half_sweep();
         (carrier.abs() + waveform.slope.abs() * fast) * slow + waveform.slope.abs() * fast * fast
     }
-}
-
-/// Start of a chirp of a block, from the block's centre to the chirp's middle sample [s].
-pub fn offset(waveform: &Waveform, block: &Block, chirp: usize) -> f64 {
-    waveform.chirp_times[block.chirps.start + chirp] + waveform.middle_time() - block.center
 }

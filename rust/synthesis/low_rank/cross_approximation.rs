@@ -20,7 +20,6 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
 use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::low_rank::block_plan::offset;
 use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path, turns};
 
 /// Most modes of a block.
@@ -137,7 +136,7 @@ pub fn find(
     let instant = |chirp: usize, sample: usize| {
         let fine = waveform.sample_time(sample) - waveform.middle_time();
         Instant {
-            x: (offset(waveform, block, chirp) + fine) / block.half,
+            x: (block.offset(waveform, chirp) + fine) / block.half,
             sweep: frame.stretch * fine,
         }
     };

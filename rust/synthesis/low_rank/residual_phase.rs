@@ -173,13 +173,6 @@ impl Sample {
         re.zip(im).map(|(re, im)| re * re + im * im)
     }
 
-    /// The path in a block.
-    pub fn in_block(&self, block: &Block, frame: &Frame) -> Path {
-        let mut path = Path::default();
-        self.set_in_block(block, frame, &mut path);
-        path
-    }
-
     /// Make it the path in a block.
     pub fn set_in_block(&self, block: &Block, frame: &Frame, path: &mut Path) {
         let mut delay = self.delay(block);
@@ -266,7 +259,8 @@ mod tests {
             middle_delay,
             wf.slope,
         );
-        let path = Sample::new(&series, 0).in_block(&block, &frame);
+        let mut path = Path::default();
+        Sample::new(&series, 0).set_in_block(&block, &frame, &mut path);
         assert_eq!((path.re()[0], path.im()[0]), (1.0, 2.0));
 
         let c_0 = path.offset / frame.stretch + middle_delay;

@@ -1,7 +1,8 @@
 //! Where paths lie on the grid, with which strengths, and how far their residuals are from their interpolation.
 
-use super::{Job, Layout, PAD, Widths, origin};
-use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
+use super::job::Job;
+use super::layout::{Layout, PAD, origin};
+use crate::numeric::simd::{Isa, Kernel, Precision, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
 use crate::synthesis::low_rank::residual_phase::{Instant, turns};
@@ -44,7 +45,7 @@ struct Probe<T> {
     rows: Vec<T>,
 }
 
-impl<T: Widths> Probe<T> {
+impl<T: Precision> Probe<T> {
     fn new(job: &Job, instant: &Instant) -> Self {
         let matrix = &job.expansion.block.amplitude;
         let mut polynomials = vec![1.0, instant.x];
@@ -64,7 +65,7 @@ impl<T: Widths> Probe<T> {
     }
 }
 
-impl<T: Widths> Map<T> {
+impl<T: Precision> Map<T> {
     /// The numbers of a job.
     pub fn new(job: &Job, layout: &Layout) -> Self {
         let (waveform, expansion) = (job.waveform, job.expansion);
@@ -136,7 +137,7 @@ pub struct Points<T> {
     pub strengths: Vec<Vec<T>>,
 }
 
-impl<T: Widths> Points<T> {
+impl<T: Precision> Points<T> {
     /// Room for some paths.
     pub fn new(num_modes: usize, num_paths: usize) -> Self {
         // A chunk is written in whole vectors.
@@ -169,7 +170,7 @@ pub struct Tracks<T> {
     strengths: Vec<[Lane<T>; 2]>,
 }
 
-impl<T: Widths> Tracks<T> {
+impl<T: Precision> Tracks<T> {
     /// Room for the series of a job.
     pub fn new(job: &Job) -> Self {
         let zero = [T::zero(); CHUNK];
@@ -205,7 +206,7 @@ pub struct Place<'a, T, const P: usize> {
     pub points: &'a mut Points<T>,
 }
 
-impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
+impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
     type Output = f64;
 
     #[inline(always)] // see `Kernel`
@@ -250,7 +251,7 @@ impl<T: Widths, const P: usize> Kernel for Place<'_, T, P> {
 
 /// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
 #[inline(always)]
-fn place<T: Widths, I: Isa, const P: usize>(
+fn place<T: Precision, I: Isa, const P: usize>(
     job: &Job,
     map: &Map<T>,
     rows: &Rows,
@@ -319,7 +320,7 @@ fn place<T: Widths, I: Isa, const P: usize>(
 
 /// Coefficients of the amplitudes.
 #[inline(always)]
-fn expand<T: Widths, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks: &mut Tracks<T>) {
+fn expand<T: Precision, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks: &mut Tracks<T>) {
     for part in 0..2 {
         for k in 0..tracks.amplitude[part].len() {
             let weights = if k == 0 { &map.mean } else { &map.amplitudes[k - 1] };
@@ -341,19 +342,19 @@ fn expand<T: Widths, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks: &
 
 /// Amplitudes at an instant, from their coefficients.
 #[inline(always)]
-fn interpolated<T: Widths, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+fn interpolated<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     weighted::<T, I>(&probe.amplitude, &tracks.amplitude, at)
 }
 
 /// Amplitudes at an instant, from their rows.
 #[inline(always)]
-fn exact<T: Widths, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+fn exact<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     weighted::<T, I>(&probe.rows, &tracks.rows, at)
 }
 
 /// The first lane and weighted others, of both parts.
 #[inline(always)]
-fn weighted<T: Widths, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
+fn weighted<T: Precision, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
     let (mut re, mut im) = (load(&lanes[0][0][at..]), load(&lanes[1][0][at..]));
     for j in 0..weights.len() {
@@ -366,7 +367,7 @@ fn weighted<T: Widths, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usi
 
 /// `conj(a)` times the phasor of the constant phase.
 #[inline(always)]
-fn turned<T: Widths, I: Isa>(amplitude: [T::In<I>; 2], tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
+fn turned<T: Precision, I: Isa>(amplitude: [T::In<I>; 2], tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
     conjugate_product([load(&tracks.phasor.0[at..]), load(&tracks.phasor.1[at..])], amplitude)
 }
@@ -379,7 +380,7 @@ fn conjugate_product<V: Vector>([cos, sin]: [V; 2], [re, im]: [V; 2]) -> [V; 2] 
 
 /// Residual phases at an instant [turns].
 #[inline(always)]
-fn residual_turns<T: Widths, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> T::In<I> {
+fn residual_turns<T: Precision, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> T::In<I> {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
     let mut delta = splat(T::zero());
     for k in 0..probe.polynomials.len() {
@@ -397,7 +398,7 @@ fn residual_turns<T: Widths, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: &Tr
 
 /// Residuals with some phases [turns] and amplitudes, times the phasor of the constant phase.
 #[inline(always)]
-fn residual<T: Widths, I: Isa>(
+fn residual<T: Precision, I: Isa>(
     phase: T::In<I>,
     amplitude: [T::In<I>; 2],
     tracks: &Tracks<T>,
@@ -410,7 +411,7 @@ fn residual<T: Widths, I: Isa>(
 
 /// Squared distance of the residuals from their interpolation, the mean over the checks.
 #[inline(always)]
-fn check<T: Widths, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
+fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
     let mut sum = splat(T::zero());
     for number in 0..map.checks.len() {

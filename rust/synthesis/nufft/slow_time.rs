@@ -2,16 +2,18 @@
 
 use num_complex::Complex;
 
-use super::{Channel, Job, Layout, Widths};
+use super::job::Job;
+use super::layout::Layout;
+use super::scalar::Scalar;
+use super::spectra::Channel;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, mul, mul_add};
-use crate::synthesis::low_rank::block_plan::offset;
 use crate::synthesis::low_rank::residual_phase::{Path, turns};
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
 /// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
-pub fn add_chirps<T: Widths>(
+pub fn add_chirps<T: Scalar>(
     job: &Job,
     layout: &Layout,
     kernel: &KaiserBessel,
@@ -69,7 +71,7 @@ struct Group {
     pairs: Vec<[Option<usize>; 2]>,
 }
 
-impl<T: Widths> SlowTime<T> {
+impl<T: Scalar> SlowTime<T> {
     fn new(job: &Job, layout: &Layout, kernel: &KaiserBessel, channels: &[Channel<T>]) -> Self {
         let used = |row: usize| channels.iter().any(|channel| channel.is_used[row]).then_some(row);
         let half = layout.rows / 2;
@@ -86,7 +88,7 @@ impl<T: Widths> SlowTime<T> {
         // Chirps by distance from the centre; equal distances on both sides share their cosines and sines.
         let block = &job.expansion.block;
         let mut offsets: Vec<(f64, usize)> = (0..block.chirps.len())
-            .map(|c| (offset(job.waveform, block, c), c))
+            .map(|c| (block.offset(job.waveform, c), c))
             .collect();
         offsets.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         let mut chirps: Vec<(f64, Option<usize>, Option<usize>)> = Vec::new();
@@ -123,7 +125,7 @@ const GROUP: usize = 16;
 /// Cosine and sine.
 type Phasor<V> = [V; 2];
 
-impl<T: Widths> Kernel for Tile<'_, T> {
+impl<T: Scalar> Kernel for Tile<'_, T> {
     type Output = Vec<T>;
 
     #[inline(always)]
@@ -142,7 +144,7 @@ struct Fast<I: Isa, const P: usize> {
     frequency: Wide<I, P>,
 }
 
-impl<T: Widths> Tile<'_, T> {
+impl<T: Scalar> Tile<'_, T> {
     /// All chirps at `8 P` samples, (channel, chirp, lane, [re, im]).
     #[inline(always)]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
@@ -390,7 +392,7 @@ impl<V> Default for Room<V> {
 
 /// Weighted sum of one channel's modes at the chirp before or after the middle, by `sign`.
 #[inline(always)]
-fn weighted<T: Widths, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
+fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
     let zero = <T::In<I>>::splat(T::zero());
     let sign = <T::In<I>>::splat(T::of(sign));
     let mut total = [zero, zero];
@@ -407,7 +409,7 @@ fn weighted<T: Widths, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Pha
 
 /// `a - b (re + j im)`
 #[inline(always)]
-fn less_product<T: Widths, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
+fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
     let (re, im) = (wide::number::<T, I>(re), wide::number::<T, I>(im));
     [
         b[1].mul_add(im, b[0].neg_mul_add(re, a[0])),
@@ -417,7 +419,7 @@ fn less_product<T: Widths, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re:
 
 /// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
 #[inline(always)]
-fn powers<T: Widths, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
+fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
     let mut high = 1;
     while high < GROUP {

@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use super::coordinates::{Map, Points, Tracks};
-use super::{Job, Layout, Widths};
+use super::coordinates::{Map, Place, Points, Tracks};
+use super::job::Job;
+use super::layout::Layout;
+use super::scalar::Scalar;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
 use crate::numeric::wide;
 use crate::synthesis::block::{CHUNK, Rows};
@@ -459,4 +461,71 @@ fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
         }
     }
     taps
+}
+
+/// Kernel widths that are compiled for a precision.
+pub trait Widths: Scalar {
+    /// Gather a chunk of paths and put them in their places, see [`Place`].
+    fn place(
+        job: &Job,
+        map: &Map<Self>,
+        first: usize,
+        rows: &mut Rows,
+        tracks: &mut Tracks<Self>,
+        points: &mut Points<Self>,
+    ) -> f64;
+    /// Spread the points of a chunk of paths.
+    fn add_points(chunk: Patches<Self>);
+}
+
+/// Coordinates of both precisions; vectors of f64 that fill one of the precision.
+macro_rules! alike {
+    ($vectors:literal) => {
+        fn place(
+            job: &Job,
+            map: &Map<Self>,
+            first: usize,
+            rows: &mut Rows,
+            tracks: &mut Tracks<Self>,
+            points: &mut Points<Self>,
+        ) -> f64 {
+            job.level.run(Place::<Self, $vectors> {
+                job,
+                map,
+                first,
+                rows,
+                tracks,
+                points,
+            })
+        }
+    };
+}
+
+impl Widths for f32 {
+    alike!(2);
+
+    fn add_points(chunk: Patches<Self>) {
+        match chunk.width {
+            3 => chunk.add::<3, 1, true>(),
+            4 => chunk.add::<4, 1, true>(),
+            5 => chunk.add::<5, 1, true>(),
+            6 => chunk.add::<6, 1, true>(),
+            7 => chunk.add::<7, 1, true>(),
+            _ => chunk.add::<8, 1, true>(),
+        }
+    }
+}
+
+impl Widths for f64 {
+    alike!(1);
+
+    fn add_points(chunk: Patches<Self>) {
+        // Wider patches do not fit into the registers that merging needs.
+        match chunk.width {
+            8 => chunk.add::<8, 2, true>(),
+            10 => chunk.add::<10, 3, true>(),
+            12 => chunk.add::<12, 3, false>(),
+            _ => chunk.add::<14, 4, false>(),
+        }
+    }
 }

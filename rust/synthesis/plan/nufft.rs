@@ -2,7 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::{Goal, MARGIN, Part, SINGLE_EQUAL_SUM, Step, fluctuation};
+use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
+use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::low_rank::block_plan::Expansion;
 use crate::synthesis::low_rank::cross_approximation::{self, Modes};
@@ -472,12 +473,4 @@ struct Laid {
     error: f64,
     /// What the interpolation of residuals and their rounding have in it.
     interpolation: f64,
-}
-
-/// A kernel of the grid and its error.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Kernel {
-    pub(super) is_single: bool,
-    pub(super) width: usize,
-    pub(super) error: f64,
 }

@@ -11,9 +11,9 @@ use std::sync::Arc;
 use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-use super::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_sin, splat};
+use super::chirp_phases::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_sin, splat};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
-use crate::numeric::wide::{add, mul, mul_add, round, sub};
+use crate::numeric::wide::{ROUND, add, mul, mul_add, round, sub};
 use crate::synthesis::block::{CHUNK, Chunk, Lane};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::nufft::good_size;
@@ -341,7 +341,7 @@ fn wrapped(cell: f64, num_cells: f64) -> f64 {
 fn whole_turns(step: f64, delay: &Lane) -> Lane {
     let mut turns = [0.0; CHUNK];
     for i in 0..CHUNK {
-        turns[i] = ((step * delay[i] - 0.5) + super::ROUND) - super::ROUND;
+        turns[i] = ((step * delay[i] - 0.5) + ROUND) - ROUND;
     }
     turns
 }
@@ -368,7 +368,7 @@ fn extremes<T: Precision>(numbers: &[T; MAX_LANES], lanes: usize) -> (T, T) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::*;
+    use super::super::chirp_phases::tests::*;
     use super::*;
 
     fn error_of<T: Precision>(waveform: &Waveform, paths: &Paths, width: usize, has_second: bool) -> f64 {

@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex;
 
-use super::{Amplitudes, Group, Job, MAX_LANES, Phases, TERMS, Wide, complex_mul, cos_sin, splat};
+use super::chirp_phases::{Amplitudes, Group, Job, MAX_LANES, Phases, TERMS, Wide, complex_mul, cos_sin, splat};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::wide::{mul, mul_add};
 use crate::synthesis::block::{CHUNK, Chunk};
@@ -447,7 +447,7 @@ fn add_segment<V: Vector, const EVEN: usize, const ODD: usize, const PATHS: usiz
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::*;
+    use super::super::chirp_phases::tests::*;
     use super::*;
 
     fn errors_of<T: Precision>(waveform: &crate::synthesis::chirp::Waveform, paths: &Paths) -> f64 {

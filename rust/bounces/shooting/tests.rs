@@ -1,12 +1,61 @@
 use std::sync::Arc;
 
-use super::field::{Field, Incidence};
 use super::*;
 use crate::antennas::pattern::Pattern;
+use crate::bounces::field::{Field, Incidence};
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
+use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Response};
+
+/// Return of one cell to the centre of the array by its last reflection of a number of reflections.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Echo {
+    /// Number of reflections, from 2 on.
+    order: usize,
+    /// Half the length of the path [m].
+    half_path: f64,
+    /// Its derivatives by the plane coordinates of the image [m]; times the width of the cell and the wave number they
+    /// are half the change of the phase over the cell.
+    slope: [f64; 2],
+    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega` here.
+    amplitude: Complex64,
+    /// `sqrt(Gt Gr)` of the directions of departure and arrival.
+    gain: f64,
+}
+
+/// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first antennas;
+/// one material per body.
+fn echoes(
+    snapshot: &Snapshot,
+    launches: &[Launch],
+    materials: &[Material],
+    array: &Array,
+    limits: Limits,
+) -> Vec<Vec<Echo>> {
+    let (Some(transmitter), Some(receiver)) = (array.tx_patterns.first(), array.rx_patterns.first()) else {
+        return launches.iter().map(|_| Vec::new()).collect();
+    };
+    let sensor = Sensor::new(snapshot, materials, array, limits);
+    let of = |launch: &Launch| {
+        let mut echoes = Vec::new();
+        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, places| {
+            let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
+                return;
+            };
+            echoes.push(Echo {
+                order: places.len(),
+                half_path: 0.5 * (tube.length + distance),
+                slope: tube.slope(-tube.place.point.normalize()),
+                amplitude: sent.amplitude / distance,
+                gain: (transmitter.gain(places[0].point) * receiver.gain(tube.place.point)).sqrt(),
+            });
+        });
+        echoes
+    };
+    launches.par_iter().map(of).collect()
+}
 
 const LIMITS: Limits = Limits {
     max_bounces: 2,
@@ -273,14 +322,14 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         };
         let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
         let gamma = te * seen.te - tm * seen.tm;
-        let sent = field.send(&any, -k, Some(field::transverse(e, -k)));
+        let sent = field.send(&any, -k, Some(transverse(e, -k)));
         assert!((sent - gamma * any.cosine()).norm() < 1e-12, "{sent} {gamma}");
         // Into the mirror's direction: cos E_r.
         let Field::Vector([re, im]) = field.reflect(&any) else {
             unreachable!()
         };
         let to = any.reflected();
-        let received = field::transverse(e, to);
+        let received = transverse(e, to);
         let expected = Complex64::new(re.dot(received), im.dot(received)) * any.cosine();
         assert!((field.send(&any, to, Some(received)) - expected).norm() < 1e-12);
         // Without a polarisation likewise.

@@ -1,0 +1,35 @@
+//! Cells of an image from which ray tubes are launched.
+
+use crate::rays::hits::Hits;
+use crate::rays::scene::NO_BODY;
+
+/// What a cell of the image plane has hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Launch {
+    /// Plane coordinates of its centre, y/x and z/x.
+    pub center: [f64; 2],
+    /// Its width and height in them.
+    pub size: [f64; 2],
+    /// Number of the body that the ray through its centre hits.
+    pub body: u32,
+    /// Number of the triangle in the body's surface.
+    pub triangle: u32,
+}
+
+impl Launch {
+    /// Of all pixels that hit something, row by row.
+    pub fn of_image(hits: &Hits) -> Vec<Self> {
+        let plane = &hits.plane;
+        let pixels = (0..plane.num_pixels()).filter(|pixel| hits.body[*pixel] != NO_BODY);
+        let launch = |pixel: usize| {
+            let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+            Self {
+                center: [u, v],
+                size: [plane.du, plane.dv],
+                body: hits.body[pixel],
+                triangle: hits.triangle[pixel],
+            }
+        };
+        pixels.map(launch).collect()
+    }
+}

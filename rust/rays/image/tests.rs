@@ -1,0 +1,218 @@
+use glam::DVec3;
+
+use super::*;
+use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
+use crate::antennas::gain_table::Table;
+use crate::antennas::pattern::Pattern;
+use crate::geometry::pose::Pose;
+use crate::rays::scene::tests::{furnished, square};
+use crate::rays::surface::{ShadingMode, Surface};
+
+#[test]
+fn only_tiles_that_a_moved_body_touches_are_cast_again() {
+    let plane = ImagePlane::centered(93, 101, 0.5, 0.5);
+    let (mut surfaces, mut poses) = furnished();
+    let before = Snapshot::new(surfaces.clone(), poses.clone());
+    let hits = before.cast_image(&plane).unwrap();
+    assert_eq!(hits.counts.rays, plane.num_pixels());
+
+    poses[3].translation += DVec3::new(0.1, 0.15, 0.0);
+    surfaces[7] = Arc::new(
+        surfaces[7]
+            .deform(surfaces[7].vertices().iter().map(|p| 1.2 * p).collect())
+            .unwrap(),
+    );
+    let after = Snapshot::new(surfaces, poses);
+    let fresh = after.cast_image(&plane).unwrap();
+    for level in Level::available() {
+        let cast = Cast {
+            level,
+            previous: Some((&before, &hits)),
+            ..Cast::default()
+        };
+        let reused = after.cast_image_with(&plane, &cast).unwrap();
+        assert_eq!(reused.distance, fresh.distance);
+        assert_eq!((&reused.body, &reused.triangle), (&fresh.body, &fresh.triangle));
+        assert_eq!(fresh.counts.tiles_reused, 0);
+        assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
+        assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
+        // Every pixel that shows something else was cast.
+        let changed = (0..plane.num_pixels())
+            .filter(|i| hits.distance[*i] != fresh.distance[*i])
+            .count();
+        assert!(changed > 20 && changed <= reused.counts.rays);
+
+        // Nothing has moved: nothing is cast. A different image is cast whole.
+        let again = Cast {
+            previous: Some((&after, &reused)),
+            ..cast
+        };
+        assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
+        let everywhere = Beam::new(&array(&[DVec3::ZERO], &[gaussian(1.0, 1.0)]), 1e-8);
+        let [u, v] = plane.ranges();
+        assert_eq!(everywhere.in_front(|| 1.0, u, v), None);
+        let other = ImagePlane::centered(93, 101, 0.5, 0.4);
+        assert_eq!(after.cast_image_with(&other, &again).unwrap().counts.tiles_reused, 0);
+    }
+}
+
+#[test]
+fn walks_change_neither_images_nor_counts() {
+    // Squares of a quarter of a pixel in front of coarse ones: many leaves per tile here, few there.
+    let cells = 120;
+    let place = |i: u32| f64::from(i) / f64::from(cells) - 0.5;
+    let corner = |row: u32, column: u32| row * (cells + 1) + column;
+    let vertices: Vec<DVec3> = (0..=cells)
+        .flat_map(|row| (0..=cells).map(move |column| 2.0 * DVec3::new(0.0, place(column), place(row))))
+        .collect();
+    let mut triangles = Vec::new();
+    for row in 0..cells {
+        for column in 0..cells {
+            let (a, b) = (corner(row, column), corner(row + 1, column));
+            triangles.extend([[a, a + 1, b], [a + 1, b + 1, b]]);
+        }
+    }
+    let (mut surfaces, mut poses) = furnished();
+    surfaces.push(Arc::new(
+        Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap(),
+    ));
+    poses.push(Pose {
+        translation: DVec3::new(2.5, 0.2, 0.1),
+        ..poses[3]
+    });
+    let scene = Snapshot::new(surfaces, poses);
+    let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
+    for level in Level::available() {
+        let [chosen, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
+            let cast = Cast {
+                level,
+                walks,
+                ..Cast::default()
+            };
+            scene.cast_image_with(&plane, &cast).unwrap()
+        });
+        assert!(chosen.body.iter().filter(|body| **body == 11).count() > 600);
+        for other in [together, apart] {
+            assert_eq!(chosen.distance, other.distance);
+            assert_eq!((&chosen.body, &chosen.triangle), (&other.body, &other.triangle));
+            assert_eq!(chosen.counts, other.counts);
+        }
+    }
+}
+
+#[test]
+fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
+    let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
+    let (surfaces, poses) = furnished();
+    let scene = Snapshot::new(surfaces[1..].to_vec(), poses[1..].to_vec());
+    let skipping = scene.cast_image(&plane).unwrap();
+    let cast = Cast {
+        skip_empty: false,
+        ..Cast::default()
+    };
+    let whole = scene.cast_image_with(&plane, &cast).unwrap();
+    assert_eq!(skipping.distance, whole.distance);
+    assert_eq!(skipping.body, whole.body);
+    assert_eq!((whole.counts.tiles_skipped, whole.counts.rays), (0, 64 * 64));
+    let Counts {
+        rays, tiles_skipped, ..
+    } = skipping.counts;
+    assert!(tiles_skipped > 20, "{tiles_skipped}");
+    assert_eq!(rays + 64 * tiles_skipped, 64 * 64);
+}
+
+fn gaussian(azimuth: f64, elevation: f64) -> Pattern {
+    Pattern::Gaussian {
+        peak: 7.0,
+        azimuth,
+        elevation,
+    }
+}
+
+/// As many transmitters as receivers.
+fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
+    Array {
+        tx: places.to_vec(),
+        rx: places.iter().rev().copied().collect(),
+        tx_patterns: patterns.to_vec(),
+        rx_patterns: patterns.to_vec(),
+        power: 1.0,
+        frequency: 60e9,
+        polarization: None,
+    }
+}
+
+/// How many pixels show something else behind a beam; of these, no pair of antennas sees what is there above the floor.
+fn num_out_of_beam(scene: &Snapshot, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
+    let whole = scene.cast_image(plane).unwrap();
+    let [u, v] = plane.ranges();
+    let beam = Beam::new(array, floor)
+        .in_front(|| scene.nearest_in_front(), u, v)
+        .unwrap();
+    let cast = Cast {
+        outside: Some(&|u, v| beam.misses(u, v)),
+        ..Cast::default()
+    };
+    let within = scene.cast_image_with(plane, &cast).unwrap();
+    let pixels = 0..plane.num_pixels();
+    let changed: Vec<usize> = pixels.filter(|i| within.distance[*i] != whole.distance[*i]).collect();
+    for pixel in &changed {
+        let point = whole.distance[*pixel] * plane.direction(pixel / plane.columns, pixel % plane.columns);
+        for channel in 0..array.num_channels() {
+            let (t, r) = array.pair(channel, point);
+            let most = peaks[channel / array.rx.len()] * peaks[channel % array.rx.len()];
+            assert!(t.gain * r.gain < floor * most, "{pixel} {channel}");
+        }
+    }
+    changed.len()
+}
+
+#[test]
+fn directions_out_of_the_beam_are_not_cast() {
+    let plane = ImagePlane::centered(64, 96, 1.0, 0.7);
+    let (surfaces, poses) = furnished();
+    let scene = Snapshot::new(surfaces, poses);
+    let array = array(&[DVec3::ZERO], &[gaussian(20.0, 60.0)]);
+    assert!(num_out_of_beam(&scene, &plane, &array, &[7.0], 1e-5) > 500);
+}
+
+#[test]
+fn what_one_pair_of_antennas_sees_from_beside_the_centre_is_cast() {
+    // Walls from a tenth of a metre on, antennas up to 10 cm apart that look into different directions.
+    let plane = ImagePlane::centered(96, 128, 1.5, 1.0);
+    let (mut surfaces, mut poses) = furnished();
+    surfaces[0] = square(20.0);
+    let angles: Vec<f64> = (-6..=6).map(|i| 0.1 * f64::from(i)).collect();
+    let gains: Vec<f64> = (0..169)
+        .map(|i| -8.0 * (f64::from(i / 13 - 9).abs() + 0.5 * f64::from(i % 13 - 6).abs()))
+        .collect();
+    let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
+    let places = [
+        DVec3::new(0.0, 0.05, 0.0),
+        DVec3::new(0.01, -0.05, 0.02),
+        DVec3::new(-0.02, 0.0, -0.05),
+    ];
+    let array = array(&places, &[gaussian(30.0, 60.0), table, gaussian(60.0, 60.0)]);
+    let mut num_out = Vec::new();
+    for (i, distance) in [0.1, 0.2, 0.5, 6.0].into_iter().enumerate() {
+        poses[0].translation.x = distance;
+        let scene = Snapshot::new(surfaces.clone(), poses.clone());
+        num_out.push(num_out_of_beam(&scene, &plane, &array, &[7.0, 1.0, 7.0], 1e-6));
+        assert!(
+            (scene.nearest_in_front() - distance.min(3.0)).abs() < 0.1 * distance,
+            "{i}"
+        );
+    }
+    assert!(num_out[0] < num_out[3] && num_out[3] > 2000, "{num_out:?}");
+}
+
+#[test]
+fn what_is_behind_the_sensor_does_not_widen_the_beam() {
+    let (surfaces, mut poses) = furnished();
+    poses[1].translation = DVec3::new(-0.01, 0.0, 0.0);
+    poses[1].rotation = glam::DMat3::IDENTITY;
+    let nearest = Snapshot::new(surfaces, poses).nearest_in_front();
+    assert!((2.8..3.1).contains(&nearest), "{nearest}");
+    assert_eq!(Snapshot::new(vec![], vec![]).nearest_in_front(), f64::INFINITY);
+}

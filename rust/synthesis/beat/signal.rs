@@ -1,0 +1,535 @@
+//! Beat signals: the input is checked, a plan is made and run until the tolerance is reached.
+
+use num_complex::Complex64;
+
+use super::job::{Job, Options, Samples};
+use crate::error::{Error, Result, fits_memory};
+use crate::numeric::simd::Real;
+use crate::synthesis::block::{Block, Class, Selection};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::delay::{Basis, PathSeries};
+use crate::synthesis::direct;
+use crate::synthesis::plan::{self, Method, Plan, Request};
+use crate::synthesis::statistics::{self, Interval, Survey};
+
+/// Smallest tolerance whose samples are in single precision.
+pub const SINGLE_TOLERANCE: f64 = 1e-6;
+
+/// Path-samples that are summed before a thread of a pool would have woken up.
+const SMALL_SUM: usize = 1 << 21;
+
+/// True for a sum over so many paths, channels, chirps and samples that more than one thread pays.
+pub fn is_worth_threads(work: [usize; 4]) -> bool {
+    let product = work.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
+    product.is_none_or(|n| n >= SMALL_SUM)
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The plan that was run.
+    pub plan: Plan,
+    /// Velocity rows that were transformed, and that no path had touched.
+    pub rows: usize,
+    /// See `rows`.
+    pub rows_skipped: usize,
+    /// How many times a plan was run: again where paths add up in phase, or are unlike the samples that were planned with.
+    pub runs: usize,
+    /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
+    pub gain: f64,
+}
+
+/// Complex beat samples `(channel, chirp, sample)`, row-major, eq. (1): the sum over all paths of
+/// `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
+pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<(Samples, Report)> {
+    waveform.check()?;
+    series.check_shapes()?;
+    // Samples, and half as much again for tiles on their way.
+    let num_samples = waveform.num_samples.saturating_add(direct::BLOCK);
+    let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
+    fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
+    let is_single = options.tolerance >= SINGLE_TOLERANCE;
+    let mut job = Job::new(waveform, series, options)?;
+    let mut known_gain: f64 = 1.0;
+    let mut runs = 0;
+    loop {
+        let plan = job.plan(known_gain)?;
+        fits_memory("grids", &[plan.memory()], 1)?;
+        let (samples, outcome) = job.run(&plan, is_single);
+        runs += 1;
+        let gain = gain(&samples, &job.survey.power, waveform);
+        if !gain.is_finite() {
+            let got = format!("{:.1e} as the largest", job.survey.largest);
+            return Err(Error::value(
+                "amplitude",
+                "sums that samples can hold, below 3e38 in single precision",
+                got,
+            ));
+        }
+        let interpolation = outcome.interpolation(&job.survey.power) * plan::fluctuation(waveform);
+        let error = plan.error_with(interpolation);
+        if error * gain.max(1.0) <= options.tolerance {
+            let report = Report {
+                plan,
+                rows: outcome.rows,
+                rows_skipped: outcome.rows_skipped,
+                runs,
+                gain,
+            };
+            return Ok((samples, report));
+        }
+        if plan.error() * gain.max(1.0) > options.tolerance {
+            // Paths add up in phase, and so do their errors.
+            known_gain = gain.max(1.01 * known_gain);
+        }
+        if interpolation > plan.interpolation() {
+            job.learn(&outcome.worst, interpolation / plan.interpolation());
+        }
+    }
+}
+
+/// What [`beat_signal`] would do at first.
+pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<Plan> {
+    waveform.check()?;
+    series.check_shapes()?;
+    Job::new(waveform, series, options)?.plan(1.0)
+}
+
+/// Largest caution in single precision.
+const MOST_CAUTION: f64 = 10.0;
+/// And in double precision: beyond it delays are not what their series says.
+const MOST_DOUBLE_CAUTION: f64 = 1e4;
+/// Paths that stand for all moving ones.
+const NUM_SAMPLES: usize = 256;
+/// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
+const RESERVE: f64 = 2.0;
+/// Tolerances up to this one need double precision with a reserve, and often without, which costs too much.
+const LEAST_RESERVED: f64 = 2e-6;
+
+impl<'a> Job<'a> {
+    fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
+        // The direct sum takes any motion, and needs to know nothing of it.
+        let is_direct = options.method == Method::Direct || !series.can_be_planned(waveform);
+        let survey = if is_direct {
+            series.check_numbers()?;
+            let longest = longest_delay(waveform, series);
+            check_turns(waveform, longest)?;
+            Survey::count(series)
+        } else {
+            let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
+            let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
+            let survey = Survey::new(series, &frame, carrier, options.level, options.is_parallel);
+            if !survey.is_finite {
+                series.check_numbers()?;
+            }
+            check_phases(waveform, &survey)?;
+            survey
+        };
+        let scale = scale(survey.largest);
+        let mut job = Self {
+            waveform,
+            series,
+            options,
+            // A second pass over all paths is not worth its while for a few that stand still.
+            is_split: options.split_still && 16 * survey.still.num_paths > survey.moving.num_paths,
+            survey,
+            samples: Vec::new(),
+            extra: Vec::new(),
+            caution: 1.0,
+            allows_single: true,
+            is_lost: false,
+            scale,
+        };
+        if !is_direct {
+            if !job.is_split {
+                job.survey.merge();
+            }
+            job.draw();
+        }
+        Ok(job)
+    }
+
+    /// The paths of a class; all of them if they are not split.
+    pub(super) fn selection(&self, class: Class) -> Selection<'_> {
+        let class = if self.is_split { class } else { Class::All };
+        Selection::new(class, &self.survey.masks, self.series.num_channels)
+    }
+
+    /// Draw the paths that stand for all.
+    fn draw(&mut self) {
+        let selection = self.selection(Class::Moving);
+        let mut samples = statistics::samples(self.series, selection, NUM_SAMPLES);
+        if samples.len() == NUM_SAMPLES {
+            samples.extend(statistics::extremes(self.series, &self.survey));
+        }
+        // One that has much of the power is a sample by itself.
+        let share = 1.0 / NUM_SAMPLES as f64;
+        let most = 2.0 * self.survey.largest.powi(2);
+        if self.survey.power.iter().any(|power| most > share * power) {
+            samples.extend(statistics::strongest(self.series, selection, &self.survey.power, share));
+        }
+        for (channel, chunk) in &self.extra {
+            samples.extend(statistics::samples_of(self.series, selection, *channel, *chunk));
+        }
+        self.samples = samples;
+    }
+
+    /// Take in chunks of paths whose residuals were further from their interpolation than the samples', by a factor.
+    fn learn(&mut self, chunks: &[(usize, usize)], factor: f64) {
+        for chunk in chunks {
+            if !self.extra.contains(chunk) {
+                self.extra.push(*chunk);
+            }
+        }
+        self.caution *= (1.2 * factor).clamp(1.2, 3.0);
+        if self.caution > MOST_CAUTION && self.allows_single {
+            // What is left may be rounding.
+            (self.caution, self.allows_single) = (1.0, false);
+        }
+        self.is_lost |= self.caution > MOST_DOUBLE_CAUTION;
+        self.draw();
+    }
+
+    /// Ranges of the coefficients of the delays of moving paths in some blocks.
+    fn look(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
+        let selection = self.selection(Class::Moving);
+        statistics::ranges(
+            self.series,
+            selection,
+            blocks,
+            self.options.level,
+            self.options.is_parallel,
+        )
+    }
+
+    /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
+    fn plan(&self, gain: f64) -> Result<Plan> {
+        if self.is_lost && self.options.method != Method::Auto {
+            return Err(self.refused(None));
+        }
+        let is_unplanned = self.is_lost || !self.series.can_be_planned(self.waveform);
+        let is_direct = is_unplanned && self.options.method == Method::Auto;
+        let method = if is_direct { Method::Direct } else { self.options.method };
+        let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
+        let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
+        let safe = if self.options.tolerance > LEAST_RESERVED {
+            try_plan(RESERVE).filter(is_single)
+        } else {
+            None
+        };
+        safe.or_else(|| try_plan(1.0)).ok_or_else(|| self.refusal(gain))
+    }
+
+    fn try_plan(&self, tolerance: f64, gain: f64, method: Method) -> Option<Plan> {
+        let request = Request {
+            waveform: self.waveform,
+            series: self.series,
+            tolerance: tolerance / gain,
+            method,
+            gain,
+            caution: self.caution,
+            allows_single: self.allows_single,
+            samples: &self.samples,
+            num_random: NUM_SAMPLES.min(self.samples.len()),
+            level: self.options.level,
+        };
+        request.plan(&self.survey, |blocks| self.look(blocks))
+    }
+
+    /// Names a tolerance that can be reached.
+    fn refusal(&self, gain: f64) -> Error {
+        // 1, 2, 5, 10, ...: numbers that are exact in print.
+        let decades = (1..=12)
+            .rev()
+            .flat_map(|digit| [1.0, 2.0, 5.0].map(|first| (first, digit)));
+        let reachable = decades
+            .map(|(first, digit)| first * 10f64.powi(-digit))
+            .filter(|tolerance| *tolerance > self.options.tolerance && *tolerance < 0.15)
+            .find(|tolerance| {
+                let Some(plan) = self.try_plan(*tolerance, gain, self.options.method) else {
+                    return false;
+                };
+                // Where the gain is not known yet, a run says.
+                let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
+                self.try_plan(*tolerance, gain.max(1.0), self.options.method).is_some()
+            });
+        self.refused(reachable)
+    }
+
+    fn refused(&self, reachable: Option<f64>) -> Error {
+        let expected = match reachable {
+            Some(reachable) => format!("at least {reachable:.0e} with this method for these paths"),
+            None => "the method \"auto\" for these paths: this one cannot follow them".to_owned(),
+        };
+        Error::value("tolerance", expected, format!("{:e}", self.options.tolerance))
+    }
+
+    /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
+    fn gain_of(&self, plan: &Plan) -> f64 {
+        gain(&self.run(plan, false).0, &self.survey.power, self.waveform)
+    }
+}
+
+/// A power of two near the inverse of the largest amplitude.
+fn scale(largest: f64) -> f64 {
+    if largest > 0.0 {
+        // Both it and its inverse are numbers.
+        (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
+    }
+}
+
+/// Refuses delays whose phase has no digit left.
+fn check_phases(waveform: &Waveform, survey: &Survey) -> Result<()> {
+    let longest: f64 = [&survey.still, &survey.moving]
+        .iter()
+        .filter(|group| group.num_paths > 0)
+        .map(|group| group.delay.iter().map(|range| range.magnitude()).sum::<f64>())
+        .fold(0.0, f64::max);
+    check_turns(waveform, longest)?;
+    if survey.power.iter().any(|power| !power.is_finite()) {
+        return Err(Error::value(
+            "amplitude",
+            "squares that are finite numbers",
+            format!("{:e}", survey.largest),
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses phases of paths up to a delay [s] if they have no digit left.
+fn check_turns(waveform: &Waveform, longest: f64) -> Result<()> {
+    const MAX_TURNS: f64 = 1e12;
+    let fast = waveform.sample_time(waveform.num_samples - 1).abs();
+    let turns = longest * (waveform.start_frequency.abs() + waveform.slope.abs() * (fast + longest));
+    if turns > MAX_TURNS || !turns.is_finite() {
+        return Err(Error::value(
+            "delay",
+            format!("phases of at most {MAX_TURNS:e} turns"),
+            format!("{turns:.1e} (a delay of {longest:.3e} s)"),
+        ));
+    }
+    Ok(())
+}
+
+/// Bound on all delays in a frame [s], without a survey.
+fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
+    let largest = |row: &[f64]| row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+    let rows = series.delay.iter().map(|row| largest(row));
+    match series.basis {
+        Basis::Taylor => {
+            let time = waveform.duration();
+            rows.zip([1.0, time, 0.5 * time * time])
+                .map(|(row, power)| row * power)
+                .sum()
+        }
+        Basis::Chebyshev => rows.fold(0.0, f64::max),
+    }
+}
+
+/// Largest rms over the samples of a channel, relative to l2(amplitudes).
+fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
+    let per_channel = waveform.chirp_times.len() * waveform.num_samples;
+    let mean: Vec<f64> = match samples {
+        Samples::Single(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| {
+                channel
+                    .iter()
+                    .map(|s| s.re.wide().powi(2) + s.im.wide().powi(2))
+                    .sum::<f64>()
+            })
+            .collect(),
+        Samples::Double(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| channel.iter().map(num_complex::Complex::norm_sqr).sum::<f64>())
+            .collect(),
+    };
+    mean.iter()
+        .zip(power)
+        .map(|(sum, power)| {
+            if *power > 0.0 {
+                (sum / per_channel as f64 / power).sqrt()
+            } else {
+                0.0
+            }
+        })
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::random::mix;
+    use crate::numeric::simd::Level;
+    use crate::synthesis::delay::Basis;
+
+    const C: f64 = 299_792_458.0;
+
+    fn waveform(num_chirps: usize, num_samples: usize, bandwidth: f64) -> Waveform {
+        let sample_rate = 2e6;
+        Waveform {
+            start_frequency: 58e9,
+            slope: bandwidth * sample_rate / num_samples as f64,
+            sample_rate,
+            adc_delay: 3.1e-6,
+            num_samples,
+            chirp_times: (0..num_chirps).map(|c| 400e-6 * c as f64).collect(),
+        }
+    }
+
+    /// Relative to l2(amplitudes).
+    fn error(got: &Samples, expected: &[Complex64], amplitude: &[Complex64]) -> f64 {
+        let got: Vec<Complex64> = match got {
+            Samples::Single(samples) => samples
+                .iter()
+                .map(|s| Complex64::new(s.re.wide(), s.im.wide()))
+                .collect(),
+            Samples::Double(samples) => samples.clone(),
+        };
+        let power: f64 = amplitude.iter().map(Complex64::norm_sqr).sum();
+        let sum: f64 = got.iter().zip(expected).map(|(a, b)| (a - b).norm_sqr()).sum();
+        (sum / got.len() as f64 / power).sqrt()
+    }
+
+    #[test]
+    fn grid_keeps_to_every_tolerance_at_every_level() {
+        let mut state = 7;
+        let mut unit = || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let n = 500;
+        for (num_chirps, num_samples, bandwidth) in [(33, 64, 1e9), (1, 16, -1e9), (16, 1, 1e9), (17, 100, 5e9)] {
+            let wf = waveform(num_chirps, num_samples, bandwidth);
+            let delay: Vec<f64> = (0..n).map(|_| 2.0 / C * (0.5 + 7.5 * unit())).collect();
+            let rate: Vec<f64> = (0..n).map(|_| 2.0 / C * (6.0 * unit() - 3.0)).collect();
+            let acceleration: Vec<f64> = (0..n).map(|_| 2.0 / C * (40.0 * unit() - 10.0)).collect();
+            let amplitude: Vec<Complex64> = (0..n).map(|_| Complex64::from_polar(unit(), 6.3 * unit())).collect();
+            for num_terms in 1..=3 {
+                let rows = [&delay[..], &rate, &acceleration];
+                let series = PathSeries {
+                    basis: Basis::Taylor,
+                    delay: &rows[..num_terms],
+                    amplitude: &[&amplitude],
+                    num_channels: 1,
+                    num_paths: n,
+                };
+                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), false);
+                for tolerance in [1e-2, 1e-4, 1e-6, 1e-9, 1e-11] {
+                    for level in Level::available() {
+                        let options = Options {
+                            tolerance,
+                            method: Method::Grid,
+                            is_parallel: false,
+                            level,
+                            ..Options::default()
+                        };
+                        let (samples, report) = beat_signal(&wf, &series, &options).unwrap();
+                        let error = error(&samples, &exact, &amplitude);
+                        assert!(error <= tolerance, "{error:e} {level:?} {}", report.plan);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Numbers that are as good as random, 0 to 1.
+    fn units(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            state = mix(state);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+
+    /// Delay, rate, acceleration and amplitude of paths of many channels that hardly turn, but for every `rare`-th.
+    fn rarely_turning(num_paths: usize, rare: usize) -> ([Vec<f64>; 3], Vec<Complex64>) {
+        let mut unit = units(11);
+        let delay = (0..num_paths).map(|_| 2.0 / C * (0.5 + 7.5 * unit())).collect();
+        let rate = (0..num_paths).map(|_| 2.0 / C * (2.0 * unit() - 1.0)).collect();
+        let amplitude = (0..num_paths)
+            .map(|_| Complex64::from_polar(unit(), 6.3 * unit()))
+            .collect();
+        let bend = |i: usize| if i % rare == rare / 2 { 60.0 } else { 2.0 };
+        let acceleration = (0..num_paths).map(|i| 2.0 / C * bend(i) * unit()).collect();
+        ([delay, rate, acceleration], amplitude)
+    }
+
+    #[test]
+    fn rare_paths_that_turn_are_planned_for_at_once() {
+        let wf = waveform(64, 64, 1e9);
+        let ([delay, rate, acceleration], amplitude) = rarely_turning(20_000, 4000);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &acceleration],
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: delay.len(),
+        };
+        let (samples, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
+        assert_eq!(report.runs, 1, "{}", report.plan);
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        let error = error(&samples, &exact, &amplitude);
+        assert!(error <= 1e-4, "{error:e} {}", report.plan);
+    }
+
+    #[test]
+    fn paths_somewhat_in_phase_need_one_run() {
+        let wf = waveform(32, 64, 1e9);
+        let mut unit = units(5);
+        let n = 5000;
+        // Two in three of them are equal in groups of four.
+        let position: Vec<f64> = (0..n).map(|_| 0.5 + 7.5 * unit()).collect();
+        let place = |i: usize| if i % 6 < 4 { i / 6 * 6 } else { i };
+        let delay: Vec<f64> = (0..n).map(|i| 2.0 / C * position[place(i)]).collect();
+        let rate: Vec<f64> = (0..n).map(|i| 2.0 / C * (position[place(i)] - 4.0)).collect();
+        let amplitude = vec![Complex64::new(1.0, 0.0); n];
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate],
+            amplitude: &[&amplitude],
+            num_channels: 1,
+            num_paths: n,
+        };
+        let (_, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
+        assert!(report.gain > 1.5 && report.gain < RESERVE, "{}", report.gain);
+        assert_eq!(report.runs, 1, "{}", report.plan);
+    }
+
+    #[test]
+    fn channels_that_are_summed_together_are_as_exact_as_one() {
+        let wf = waveform(48, 50, 1e9);
+        let (num_channels, num_paths) = (2 * crate::synthesis::nufft::MAX_CHANNELS - 1, 300);
+        let ([delay, rate, acceleration], amplitude) = rarely_turning(num_channels * num_paths, 7);
+        let series = PathSeries {
+            basis: Basis::Taylor,
+            delay: &[&delay, &rate, &acceleration],
+            amplitude: &[&amplitude],
+            num_channels,
+            num_paths,
+        };
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        for (tolerance, is_parallel) in [(1e-4, false), (1e-4, true), (1e-9, false)] {
+            let options = Options {
+                tolerance,
+                method: Method::Grid,
+                is_parallel,
+                ..Options::default()
+            };
+            let (samples, report) = beat_signal(&wf, &series, &options).unwrap();
+            let per_channel = exact.len() / num_channels;
+            for channel in 0..num_channels {
+                let range = channel * per_channel..(channel + 1) * per_channel;
+                let own = match &samples {
+                    Samples::Single(samples) => Samples::Single(samples[range.clone()].to_vec()),
+                    Samples::Double(samples) => Samples::Double(samples[range.clone()].to_vec()),
+                };
+                let amplitude = &amplitude[channel * num_paths..][..num_paths];
+                let error = error(&own, &exact[range], amplitude);
+                assert!(error <= tolerance, "{error:e} {channel} {}", report.plan);
+            }
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Precisions of the grid: transforms, and memory that is kept between sums.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rustfft::{Fft, FftPlanner};
+
+use crate::numeric::simd::Precision;
+
+/// Precision of a grid.
+pub trait Scalar: Precision {
+    /// Numbers in a vector.
+    const LANES: usize;
+    /// The inverse FFT of a length.
+    fn fft(n: usize) -> Arc<dyn Fft<Self>>;
+    /// Zeros, in memory that was given back if there is some: fresh pages cost a tenth of a large sum.
+    fn take_zeros(len: usize) -> Vec<Self>;
+    /// See [`Self::take_zeros`].
+    fn give_back(memory: Vec<Self>);
+    /// What was given back.
+    fn kept() -> MutexGuard<'static, Vec<Vec<Self>>>;
+}
+
+/// Most numbers of grids that are kept for the next sum.
+const MAX_KEPT: usize = 1 << 22;
+
+/// Precision with a number of lanes.
+macro_rules! scalar {
+    ($scalar:ty, $lanes:literal) => {
+        impl Scalar for $scalar {
+            const LANES: usize = $lanes;
+
+            // Plans of transforms are made once per length.
+            fn fft(n: usize) -> Arc<dyn Fft<Self>> {
+                static PLANNER: Mutex<Option<FftPlanner<$scalar>>> = Mutex::new(None);
+                let mut planner = PLANNER.lock().unwrap_or_else(PoisonError::into_inner);
+                planner.get_or_insert_with(FftPlanner::new).plan_fft_inverse(n)
+            }
+
+            fn take_zeros(len: usize) -> Vec<Self> {
+                let mut memory = Self::kept().pop().unwrap_or_default();
+                memory.clear();
+                memory.resize(len, 0.0);
+                memory
+            }
+
+            fn give_back(memory: Vec<Self>) {
+                let mut kept = Self::kept();
+                if kept.iter().map(Vec::capacity).sum::<usize>() + memory.capacity() <= MAX_KEPT {
+                    kept.push(memory);
+                }
+            }
+
+            fn kept() -> MutexGuard<'static, Vec<Vec<Self>>> {
+                static KEPT: Mutex<Vec<Vec<$scalar>>> = Mutex::new(Vec::new());
+                KEPT.lock().unwrap_or_else(PoisonError::into_inner)
+            }
+        }
+    };
+}
+
+scalar!(f32, 16);
+scalar!(f64, 8);

@@ -1,0 +1,259 @@
+//! Choice of the cheapest steps that reach the tolerance.
+
+use std::cell::{OnceCell, RefCell};
+use std::f64::consts::TAU;
+
+use super::goal::{Goal, Kernel, MARGIN, Request, SINGLE_EQUAL_SUM};
+use super::parts::{Method, Part, Plan, Step};
+use crate::synthesis::block::{Block, CHUNK, Class};
+use crate::synthesis::recurrence;
+use crate::synthesis::statistics::{Interval, Survey};
+
+/// Errors of the recurrence sums.
+const SINGLE_RECURRENCE: f64 = 6e-6;
+const DOUBLE_RECURRENCE: f64 = 5e-13;
+
+/// Neighbours on a smooth surface that are as one path where errors of a kernel add up.
+const IN_PHASE: f64 = 64.0;
+
+impl Request<'_> {
+    /// The plan for some paths. None if the allowed steps cannot reach the tolerance.
+    ///
+    /// `look` gives the ranges of the coefficients of the delays of moving paths in blocks.
+    pub fn plan(&self, frame: &Survey, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
+        let mut plan = Plan::default();
+        if self.method == Method::Direct && self.series.num_paths > 0 {
+            plan.parts.push(Part {
+                class: Class::All,
+                num_paths: self.series.num_channels * self.series.num_paths,
+                step: Step::Direct,
+                error: 0.0,
+                interpolation: 0.0,
+                cost: 0.0,
+                memory: 0,
+            });
+            return Some(plan);
+        }
+        let classes = [(Class::Still, &frame.still), (Class::Moving, &frame.moving)];
+        let num_classes = classes.iter().filter(|(_, group)| group.num_paths > 0).count();
+        for (class, group) in classes {
+            if group.num_paths == 0 {
+                continue;
+            }
+            // What a class has of the power, it may have of the error.
+            let share = share(&group.own_power(), &frame.power);
+            let tolerance = self.tolerance / (num_classes as f64).sqrt() / share.max(1e-30);
+            let goal = Goal {
+                request: self,
+                // Paths in phase are as one path, and their place may be the worst.
+                effective_paths: if self.gain > 1.5 {
+                    1.0
+                } else {
+                    (frame.effective_paths() / IN_PHASE).max(1.0)
+                },
+                class,
+                group,
+                own: group.own_power(),
+                tolerance: tolerance.max(self.tolerance).min(0.1_f64.max(self.tolerance)),
+                share: share.min(1.0),
+                are_alike: OnceCell::new(),
+                room: RefCell::default(),
+            };
+            plan.parts.push(goal.part(&look)?);
+        }
+        Some(plan)
+    }
+}
+
+/// Largest share of the amplitude over the channels.
+fn share(power: &[f64], total: &[f64]) -> f64 {
+    power
+        .iter()
+        .zip(total)
+        .map(|(part, total)| if *total > 0.0 { (part / total).sqrt() } else { 0.0 })
+        .fold(0.0, f64::max)
+}
+
+impl Goal<'_> {
+    /// The cheapest step that reaches the tolerance.
+    fn part(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
+        let method = self.request.method;
+        // Series of more rows are not surveyed.
+        let is_planned = self.request.series.can_be_planned(self.request.waveform);
+        let allowed =
+            |wanted: Method| (method == wanted || method == Method::Auto) && (is_planned || wanted == Method::Direct);
+        let mut best: Option<Part> = None;
+        let mut offer = |part: Option<Part>| {
+            if let Some(part) = part
+                && best.as_ref().is_none_or(|best| part.cost < best.cost)
+            {
+                best = Some(part);
+            }
+        };
+        if allowed(Method::Direct) {
+            offer(Some(self.simple(Step::Direct, 0.0, 5.0)));
+        }
+        if allowed(Method::Recurrence) {
+            // Chunks are summed first, and added up then.
+            let equal = SINGLE_EQUAL_SUM * (self.request.gain.powi(2) / CHUNK as f64);
+            let [single_rest, double_rest] = self.recurrence_rest();
+            let single = SINGLE_RECURRENCE.hypot(equal).hypot(single_rest);
+            let double = DOUBLE_RECURRENCE.hypot(double_rest);
+            if single <= MARGIN * self.tolerance {
+                offer(Some(self.simple(
+                    Step::Recurrence { is_single: true },
+                    single,
+                    0.1 * self.detail(),
+                )));
+            } else if double <= MARGIN * self.tolerance {
+                offer(Some(self.simple(
+                    Step::Recurrence { is_single: false },
+                    double,
+                    0.2 * self.detail(),
+                )));
+            }
+        }
+        // Planning a grid takes a fraction of a millisecond.
+        let is_cheap = best.as_ref().is_some_and(|best| best.cost < 2e-4);
+        if is_cheap {
+            return best;
+        }
+        let mut offer = |part: Option<Part>| {
+            if let Some(part) = part
+                && best.as_ref().is_none_or(|best| part.cost < best.cost)
+            {
+                best = Some(part);
+            }
+        };
+        if allowed(Method::Lanes) && self.class == Class::Moving {
+            offer(self.lanes());
+        }
+        if allowed(Method::Grid) {
+            let limit = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
+            if let Some(part) = self.grid(look, limit)
+                && part.cost < limit
+            {
+                best = Some(part);
+            }
+        }
+        best
+    }
+
+    /// How much more a path costs the recurrences if it has more than a delay and a rate.
+    fn detail(&self) -> f64 {
+        let series = self.request.series;
+        let (delays, amplitudes) = (series.num_delay_terms() as f64, series.num_amplitude_terms() as f64);
+        1.0 + 0.03 * (delays - 2.0).max(0.0) + 0.06 * (amplitudes - 1.0)
+    }
+
+    /// A step whose cost is a time per path and sample [ns].
+    fn simple(&self, step: Step, error: f64, nanoseconds: f64) -> Part {
+        let waveform = self.request.waveform;
+        let chirps = if self.class == Class::Still && matches!(step, Step::Direct) {
+            1
+        } else {
+            waveform.chirp_times.len()
+        };
+        Part {
+            class: self.class,
+            num_paths: self.group.num_paths,
+            step,
+            error: error * self.share,
+            interpolation: 0.0,
+            cost: 1e-9 * nanoseconds * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
+            memory: 0,
+        }
+    }
+
+    /// Bounds on what the recurrence sums in single and in double precision leave out: in a chirp they follow phases to third
+    /// and to fourth order in time, amplitudes to second. Of the fourth order the second leaves out squares of the delays, and
+    /// of the fifth all.
+    fn recurrence_rest(&self) -> [f64; 2] {
+        let waveform = self.request.waveform;
+        let frame = Block::new(waveform, self.request.series, 0..waveform.chirp_times.len());
+        let ratio = waveform.half_sweep() / frame.half;
+        // Taylor term n of T_k at an end of -1 ..= 1, where it is largest: prod_(i<n) (k^2 - i^2) / (2 i + 1) / n!.
+        let term = |k: usize, n: usize| -> f64 {
+            (0..n)
+                .map(|i| ((k * k) as f64 - (i * i) as f64).max(0.0) / ((2 * i + 1) * (i + 1)) as f64 * ratio)
+                .product()
+        };
+        let delay = &self.group.delay;
+        let order = |n: usize| -> f64 { (n..delay.len()).map(|k| term(k, n) * delay[k].magnitude()).sum() };
+        let top = waveform.start_frequency.abs()
+            + waveform.slope.abs() * waveform.sample_time(waveform.num_samples - 1).abs();
+        let power = &self.group.power;
+        let third: f64 = (3..power.len()).map(|k| term(k, 3) * share(&power[k], &self.own)).sum();
+        // rms of t^3, t^4 and t^5 over a chirp.
+        let sweep = waveform.slope.abs() * waveform.half_sweep();
+        let squares = waveform.slope.abs() * (0.5 * order(2).powi(2) + order(1) * order(3));
+        let fifth = 0.3 * TAU * (top * order(5) + sweep * order(4));
+        let fourth = 0.33 * TAU * squares;
+        // Of phases that bend within the shortest segment, of two samples to either side, it follows seven orders.
+        let samples = waveform.half_sweep() * waveform.sample_rate;
+        let bend = TAU * (top * (order(2) + 3.0 * order(3) + 6.0 * order(4)) + sweep * order(1));
+        let within = (bend * (2.0_f64.min(samples) / samples).powi(2)).powi(4) / 24.0;
+        let double = fifth.hypot(fourth).hypot(0.38 * third).hypot(within);
+        [double.hypot(0.33 * TAU * top * order(4)), double]
+    }
+
+    /// Chirp lanes with the narrowest kernel.
+    fn lanes(&self) -> Option<Part> {
+        let waveform = self.request.waveform;
+        let num_chirps = waveform.chirp_times.len();
+        let frame = Block::new(waveform, self.request.series, 0..num_chirps);
+        // Bounds of rate and acceleration: |T_k'| <= k^2, |T_k''| <= k^2 (k^2 - 1) / 3.
+        let (mut rate, mut acceleration) = (0.0, 0.0);
+        for (k, range) in self.group.delay.iter().enumerate().skip(1) {
+            let square = (k * k) as f64;
+            rate += square * range.magnitude() / frame.half;
+            acceleration += square * (square - 1.0) / 3.0 * range.magnitude() / frame.half.powi(2);
+        }
+        let (slope, sweep) = (waveform.slope.abs(), waveform.half_sweep());
+        let top = waveform.start_frequency.abs() + slope * (waveform.sample_time(waveform.num_samples - 1)).abs();
+        let bend = TAU * (slope * rate + 0.5 * top * acceleration) * sweep * sweep;
+        let skew = TAU * (0.5 * slope * acceleration) * sweep.powi(3);
+        // Amplitudes are those in the middle of the chirp.
+        let change: f64 = (1..self.group.power.len())
+            .map(|k| (k * k) as f64 * share(&self.group.power[k], &self.own) * sweep / frame.half)
+            .sum();
+        let fixed = (0.3 * skew).hypot(change);
+        let follows_sweep = (0.3 * bend).hypot(fixed) > 0.4 * self.tolerance;
+        let rest = fixed.hypot(if follows_sweep { 0.035 * bend * bend } else { 0.3 * bend });
+        let errors = |kernel: &Kernel| kernel.error.hypot(rest);
+        // Lanes put their sums aside after this many paths.
+        let is_allowed = |kernel: &Kernel| kernel.is_single && recurrence::WIDTHS.contains(&kernel.width);
+        let kernel = self
+            .all_kernels(1.0, recurrence::FLUSH as f64)
+            .find(|kernel| is_allowed(kernel) && errors(kernel) <= MARGIN * self.tolerance)?;
+        let lanes = 16;
+        let groups = num_chirps.div_ceil(lanes);
+        let group_time = 2.0 * frame.half * lanes as f64 / num_chirps.max(lanes) as f64;
+        let cells = rate * group_time * slope / waveform.sample_rate * 2.0 * waveform.num_samples as f64;
+        let w = kernel.width as f64;
+        let series = self.request.series;
+        let rows = 2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0)
+            + if series.num_amplitude_terms() > 1 {
+                4.0 * series.num_amplitude_terms() as f64
+            } else {
+                0.0
+            };
+        let second = if follows_sweep { 15.0 } else { 0.0 };
+        let per_path = 50.0 + 2.0 * (w - 4.0) + second + rows + 10.0 * cells;
+        let per_group = 16.0 * waveform.num_samples as f64 * 8.0;
+        Some(Part {
+            class: self.class,
+            num_paths: self.group.num_paths,
+            step: Step::Lanes {
+                width: kernel.width,
+                follows_sweep,
+            },
+            error: errors(&kernel) * self.share,
+            interpolation: 0.0,
+            cost: 1e-9
+                * groups as f64
+                * (self.group.num_paths as f64 * per_path + self.request.series.num_channels as f64 * per_group),
+            memory: 0,
+        })
+    }
+}
