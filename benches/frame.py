@@ -1,4 +1,4 @@
-"""What a frame costs, stage by stage: a person walks and an arm moves in a room, 3 receivers x 64 chirps x 128 samples.
+"""Run time of a frame, stage by stage: a person and an arm in a room, and ten boxes.
 
 python benches/frame.py            print the tables
 python benches/frame.py --write    also write the section of docs/performance.md
@@ -10,11 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
-from unittest.mock import patch
+from dataclasses import dataclass, field
 
 # Threads of numpy's BLAS that wait for work would slow everything else down.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
@@ -26,36 +22,51 @@ from page import PERFORMANCE, machine, milliseconds, table, write_section
 from radarcore import _core
 from radarcore.models import RADAR_AT_TOOL0, Human, JointTrajectory, RobotArm
 from radarcore.motion.protocol import Motion
-from radarcore.simulate import simulator as simulate
-from radarcore.simulate.places import Places
 
 RATE = 40.0
 
-STAGES: list[tuple[str, Any, str]] = [
-    ("places of bodies", Places, "at"),
-    ("places of bodies", Places, "place_ahead"),
-    ("places of bodies", Places, "rates_at"),
-    ("rays and cells", rc.Simulator, "_cast_rays"),
-    ("material points", rc.Simulator, "_scatterers"),
-    ("material points", rc.Simulator, "_courses"),
-    ("delays and amplitudes", rc.Simulator, "_follow"),
-    ("sum over paths", _core, "beat_signal"),
-    ("truth", rc.Simulator, "_truth"),
-    ("receiver", simulate, "receive"),
-]
-"""What is timed, and where it is; time of one stage inside another counts for the inner one."""
+ENOUGH_TIMES = 8
+"""Times at which delays of smooth motion need to be taken at most."""
 
 TEXT = """\
 ## A frame, stage by stage
 
-A person of {person} triangles walks and a UR10 of {arm} triangles moves in a room; 3 receivers, 64 chirps, 128
-samples, {machine}, two threads. Written by `python benches/frame.py --write`: medians over {frames} frames at 40 Hz
-[ms], adaptive sampling within a budget of rays. "rays" is the mean number cast per frame; the others are reused from
-the previous frame, which a static sensor permits wherever nothing moves in view. "paths" is the number of material
-points.
+A person of {person} triangles walks and a UR10 of {arm} triangles moves in a room; ten boxes turn and move in front of
+a static sensor. 3 receivers, 64 chirps, 128 samples, {machine}, two threads. Written by
+`python benches/frame.py --write`: medians over {frames} frames at 40 Hz [ms], adaptive sampling within a budget of rays. "Python" is everything outside
+of the core: placement, receiver, checks. "rays" is the mean number cast per frame; the others are reused from the
+previous frame, which a static sensor permits wherever nothing moves in view. "paths" is the number of material points.
+"more than {enough} times" counts the frames whose delays need more node times.
 
 {table}
 """
+
+
+@dataclass
+class Stopwatch:
+    """An engine of the core that notes its own run time and that of its stages [s]."""
+
+    engine: _core.Simulator
+    seconds: float = 0.0
+    stages: dict[str, float] = field(default_factory=dict)
+
+    def frame(self, motion: _core.Placement, rates: _core.Placement) -> _core.IdealFrame | None:
+        """The engine's frame."""
+        start = time.perf_counter()
+        ideal = self.engine.frame(motion, rates)
+        self.seconds += time.perf_counter() - start
+        if ideal is not None:
+            self.stages = dict(ideal.stage_times())
+        return ideal
+
+
+@dataclass
+class Column:
+    """Run times [s] and counts of frames."""
+
+    name: str
+    stages: dict[str, np.ndarray]
+    counts: dict[str, np.ndarray]
 
 
 def scene() -> tuple[rc.Scene, dict[str, Motion], dict[str, int]]:
@@ -81,55 +92,61 @@ def scene() -> tuple[rc.Scene, dict[str, Motion], dict[str, int]]:
     return rc.Scene([room, *links, *people]), sensors, triangles
 
 
-@contextmanager
-def timed(times: dict[str, float]) -> Iterator[None]:
-    """Time spent in every stage [s]."""
-    running: list[list[float]] = []
-
-    def wrap(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*args: Any, **kwargs: Any) -> Any:
-            inner = [0.0]
-            running.append(inner)
-            start = time.perf_counter()
-            try:
-                return function(*args, **kwargs)
-            finally:
-                elapsed = time.perf_counter() - start
-                running.pop()
-                times[name] += elapsed - inner[0]
-                if running:
-                    running[-1][0] += elapsed
-
-        return call
-
-    patches = [patch.object(where, what, wrap(name, getattr(where, what))) for name, where, what in STAGES]
-    for each in patches:
-        each.start()
-    try:
-        yield
-    finally:
-        for each in patches:
-            each.stop()
+def boxes() -> rc.Scene:
+    """Ten boxes that move and turn."""
+    cube = rc.shapes.box((0.2, 0.2, 0.2))
+    return rc.Scene(
+        rc.Body(
+            cube,
+            motion=rc.Linear(
+                rc.Pose([2.0 + 0.1 * k, 0.3 * k - 1.35, 0.0]),
+                velocity=[0.1 * k - 0.5, 0.0, 0.0],
+                angular_velocity=[0.0, 0.1, 0.3 * k],
+            ),
+            name=f"box {k}",
+        )
+        for k in range(10)
+    )
 
 
-def measure(simulator: rc.Simulator, num_frames: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Median times of the stages [s], and means of some counts."""
+def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
+    """Run times of the stages, and some counts, of frames one after another."""
     simulator.frame(0.0)
-    stages: dict[str, list[float]] = defaultdict(list)
-    counts: dict[str, list[float]] = defaultdict(list)
+    watch = Stopwatch(simulator._engine)
+    vars(simulator)["_engine"] = watch
+    stages: list[dict[str, float]] = []
+    counts: list[list[float]] = []
     for number in range(1, num_frames + 1):
-        times: dict[str, float] = dict.fromkeys((name for name, _, _ in STAGES), 0.0)
-        with timed(times):
-            start = time.perf_counter()
-            frame = simulator.frame(number / RATE)
-            times["all"] = time.perf_counter() - start
-        times["the rest, in Python"] = times["all"] - sum(times[name] for name in {name for name, _, _ in STAGES})
-        for name, seconds in times.items():
-            stages[name].append(seconds)
-        for name in ("rays_cast", "paths"):
-            counts[name].append(frame.stats[name])
-    medians = {name: float(np.median(seconds)) for name, seconds in stages.items()}
-    return medians, {name: float(np.mean(values)) for name, values in counts.items()}
+        watch.seconds = 0.0
+        start = time.perf_counter()
+        frame = simulator.frame(number / RATE)
+        everything = time.perf_counter() - start
+        core = watch.seconds
+        rest = core - sum(watch.stages.values())
+        times = {"the rest of the core": rest, "Python": everything - core, "all": everything}
+        stages.append({**watch.stages, **times})
+        counts.append([frame.stats[key] for key in ("rays_cast", "paths", "delay_nodes")])
+    rays, paths, nodes = np.array(counts, dtype=np.float64).T
+    return Column(
+        name,
+        {key: np.array([times[key] for times in stages]) for key in stages[0]},
+        {"rays": rays, "paths": paths, f"more than {ENOUGH_TIMES} times": nodes > ENOUGH_TIMES},
+    )
+
+
+def rows(columns: list[Column]) -> list[list[str]]:
+    """Medians of all stages, spread of the whole, means of rays and paths, number of frames with many times."""
+    found = [
+        [stage, *(milliseconds(float(np.median(column.stages[stage]))) for column in columns)]
+        for stage in columns[0].stages
+    ]
+    whole = [column.stages["all"] for column in columns]
+    found.append(["all, mean", *(milliseconds(float(times.mean())) for times in whole)])
+    found.append(["all, 95 %", *(milliseconds(float(np.quantile(times, 0.95))) for times in whole)])
+    for title in columns[0].counts:
+        counts = [column.counts[title] for column in columns]
+        found.append([title, *(f"{each.sum() if each.dtype == bool else each.mean():.0f}" for each in counts)])
+    return found
 
 
 def main() -> None:
@@ -142,7 +159,7 @@ def main() -> None:
     radar = rc.bgt60tr13c(
         start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=64, chirp_interval=300e-6
     )
-    columns: list[tuple[str, dict[str, float], dict[str, float]]] = []
+    columns = []
     for name, motion in sensors.items():
         for budget in (10_000,) if options.tiny else (10_000, 40_000):
             simulator = rc.Simulator(
@@ -153,15 +170,12 @@ def main() -> None:
                 ray_budget=budget,
                 threads=2,
             )
-            columns.append((f"{name}, {budget // 1000} k", *measure(simulator, num_frames)))
-    names = [*dict.fromkeys(name for name, _, _ in STAGES), "the rest, in Python", "all"]
-    rows = [[name, *(milliseconds(times[name]) for _, times, _ in columns)] for name in names]
-    for title, count in (("rays", "rays_cast"), ("paths", "paths")):
-        rows.append([title, *(f"{counts[count]:.0f}" for _, _, counts in columns)])
-    text = table(["stage", *(name for name, _, _ in columns)], rows)
+            columns.append(measure(f"{name}, {budget // 1000} k", simulator, num_frames))
+    columns.append(measure("ten boxes", rc.Simulator(boxes(), radar, threads=2), num_frames))
+    text = table(["stage", *(column.name for column in columns)], rows(columns))
     print(text)
     if options.write:
-        filled = TEXT.format(table=text, machine=machine(), frames=num_frames, **triangles)
+        filled = TEXT.format(table=text, machine=machine(), frames=num_frames, enough=ENOUGH_TIMES, **triangles)
         write_section(PERFORMANCE, "frame", filled)
 
 

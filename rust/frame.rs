@@ -10,6 +10,7 @@
 mod model;
 mod parts;
 mod rays;
+mod stages;
 mod sum;
 mod truth;
 
@@ -30,6 +31,7 @@ pub use truth::Truth;
 use model::Shapes;
 use parts::Part;
 use rays::Rays;
+use stages::{StageTimes, timed};
 use sum::Groups;
 
 /// Series of motions may err by this share of the tolerance.
@@ -91,6 +93,8 @@ pub struct Counts {
     pub farthest: f64,
     /// Error of phases by the series of the motion [rad].
     pub motion_error: f64,
+    /// Run time of every stage.
+    pub times: StageTimes,
 }
 
 /// Simulate a frame. `at` and `rates`: places and their time derivatives at the middle of the frame, in the world;
@@ -102,27 +106,32 @@ pub fn simulate(
     memory: &mut Memory,
     cancel: &Cancel,
 ) -> Result<Option<Frame>> {
-    // Motion as series over the frame, seen from the sensor.
-    let placement = model.placement(motion)?;
+    let mut times = StageTimes::default();
+    let placement = timed(&mut times.motion, || model.placement(motion))?;
     let motion_error = model.phase_error(&placement);
     if motion_error > MOTION_SHARE * model.settings.tolerance && placement.num_times() < MOST_TIMES {
         return Ok(None);
     }
-    let rates = model.rates(&placement, motion, rates)?;
+    let rates = timed(&mut times.motion, || model.rates(&placement, motion, rates))?;
 
     let mut frame = FrameBuilder::new(model)?;
     for part in parts::of_frame(model, &placement, &rates) {
         cancel.check()?;
-        let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-        let rays = Rays::cast(model, scene, memory.rays.as_ref())?;
-        let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
+        let rays = timed(&mut times.rays, || {
+            let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
+            Rays::cast(model, scene, memory.rays.as_ref())
+        })?;
+        let groups = timed(&mut times.scatterers, || {
+            Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)
+        })?;
         let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
         frame.add(&part, samples, &outcome, &rays, &groups);
         if part.has_middle {
-            frame.truth = truth::of(model, &rays, &placement, &rates);
+            frame.truth = timed(&mut times.truth, || truth::of(model, &rays, &placement, &rates));
         }
         memory.rays = Some(rays);
     }
+    frame.counts.times.add(&times);
     Ok(Some(frame.finish(motion_error)))
 }
 
@@ -204,6 +213,7 @@ impl<'a> FrameBuilder<'a> {
         counts.bounces_stopped += bounces.stopped;
         counts.farthest = counts.farthest.max(outcome.farthest).max(groups.farthest());
         counts.sum.add(outcome);
+        counts.times.add(&outcome.times);
 
         // A part has some of the chirps of every channel.
         let (num_chirps, num_samples) = (self.model.waveform.chirp_times.len(), self.model.waveform.num_samples);

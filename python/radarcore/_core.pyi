@@ -369,6 +369,8 @@ class IdealFrame:
         """A line per sum over a group of paths."""
     def counts(self) -> list[tuple[str, int]]:
         """Numbers of rays, hits, tiles, paths, node times and so on, by name."""
+    def stage_times(self) -> list[tuple[str, float]]:
+        """Run time of every stage [s], by name."""
 
 @final
 class Simulator:

@@ -1,13 +1,12 @@
 //! Groups of paths, their node times, and the sum over all of them.
 
-use std::fmt::Write;
-
 use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::model::{Cancel, Model, Source};
 use super::parts::Part;
 use super::rays::{Image, Rays};
+use super::stages::{StageTimes, timed};
 use crate::bounces::{self, Bounces};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
@@ -77,6 +76,8 @@ pub struct Outcome {
     pub farthest: f64,
     /// A line per group.
     pub plan: String,
+    /// Run time of the stages.
+    pub times: StageTimes,
 }
 
 impl Outcome {
@@ -208,7 +209,7 @@ impl Groups {
         let num_channels = model.array.num_channels();
         let shape = [num_channels, part.waveform.chirp_times.len(), part.waveform.num_samples];
         let mut cube = zeros(shape, model.settings.tolerance);
-        let mut outcome = Outcome::default();
+        let (mut outcome, mut times) = (Outcome::default(), StageTimes::default());
         for group in &self.all {
             let paths = Evaluate {
                 model,
@@ -221,8 +222,10 @@ impl Groups {
                 NodeTimes::ONCE
             } else {
                 let (highest, tolerance) = (model.highest_frequency(), model.settings.tolerance);
-                node_times::choose(num_paths, num_channels, highest, tolerance, |number, selection| {
-                    paths.take(&part.node_times(number), &part.node_times(number), selection)
+                let probe =
+                    |number, selection| paths.take(&part.node_times(number), &part.node_times(number), selection);
+                timed(&mut times.node_times, || {
+                    node_times::choose(num_paths, num_channels, highest, tolerance, probe)
                 })?
             };
             let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| part.node_times(number));
@@ -238,7 +241,7 @@ impl Groups {
                     last: num_paths.min(first + size.max(1)),
                     step: 1,
                 };
-                let piece = paths.take(&delays_at, &amplitudes_at, selection)?;
+                let piece = timed(&mut times.paths, || paths.take(&delays_at, &amplitudes_at, selection))?;
                 let plane = num_channels * selection.len();
                 let delay: Vec<&[f64]> = piece.delay.chunks(plane).collect();
                 let amplitude: Vec<&[Complex64]> = piece.amplitude.chunks(plane).collect();
@@ -250,17 +253,13 @@ impl Groups {
                     num_paths: selection.len(),
                 };
                 let options = model.options(selection.len(), shape[1]);
-                let (samples, report) = beat::beat_signal(&part.waveform, &series, &options)?;
-                add(&mut cube, samples, &over_frequency(&part.waveform, group.order));
+                let report = timed(&mut times.sum, || {
+                    let (samples, report) = beat::beat_signal(&part.waveform, &series, &options)?;
+                    add(&mut cube, samples, &over_frequency(&part.waveform, group.order));
+                    Ok(report)
+                })?;
                 let still = report.plan.parts.iter().filter(|part| part.class == Class::Still);
-                let mut line = String::new();
-                let _ = write!(
-                    line,
-                    "delays at {}, amplitudes at {}; {}",
-                    times(delays_at.len()),
-                    times(amplitudes_at.len()),
-                    report.plan
-                );
+                let [delays, amplitudes] = [&delays_at, &amplitudes_at].map(|times| count_of_times(times.len()));
                 outcome.add(&Outcome {
                     nodes: Some(nodes),
                     still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels,
@@ -271,10 +270,12 @@ impl Groups {
                     } else {
                         0.0
                     },
-                    plan: line,
+                    plan: format!("delays at {delays}, amplitudes at {amplitudes}; {}", report.plan),
+                    ..Outcome::default()
                 });
             }
         }
+        outcome.times = times;
         Ok((cube, outcome))
     }
 
@@ -433,7 +434,7 @@ fn finite(paths: Paths, model: &Model) -> Result<Paths> {
     ))
 }
 
-fn times(number: usize) -> String {
+fn count_of_times(number: usize) -> String {
     format!("{number} time{}", if number == 1 { "" } else { "s" })
 }
 

@@ -290,6 +290,11 @@ impl IdealFrame {
         all
     }
 
+    /// Run time of every stage [s], by name.
+    fn stage_times(&self) -> Vec<(&'static str, f64)> {
+        self.counts.times.named().to_vec()
+    }
+
     /// A line per group of paths.
     #[getter]
     fn plan(&self) -> &str {
