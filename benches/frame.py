@@ -33,10 +33,10 @@ TEXT = """\
 
 A person of {person} triangles walks and a UR10 of {arm} triangles moves in a room; ten boxes turn and move in front of
 a static sensor. 3 receivers, 64 chirps, 128 samples, {machine}, two threads. Written by
-`python benches/frame.py --write`: medians over {frames} frames at 40 Hz [ms], adaptive sampling within a budget of rays. "Python" is everything outside
-of the core: placement, receiver, checks. "rays" is the mean number cast per frame; the others are reused from the
-previous frame, which a static sensor permits wherever nothing moves in view. "paths" is the number of material points.
-"more than {enough} times" counts the frames whose delays need more node times.
+`python benches/frame.py --write`: medians over {frames} frames at 40 Hz [ms], adaptive sampling within a budget of
+rays. "Python" is everything outside of the core: placement, receiver, checks. "rays" is the mean number cast per frame;
+the others are reused from the previous frame, which a static sensor permits wherever nothing moves in view. "paths" is
+the number of material points. "more than {enough} times" counts the frames whose delays need more node times.
 
 {table}
 """
