@@ -79,6 +79,11 @@ def test_files_import_each_other_without_circles() -> None:
     TopologicalSorter({name: set(imported(name)) - {name} for name in FILES}).prepare()  # a CycleError names them
 
 
+def test_imports_inside_the_package_name_the_file() -> None:
+    faces = {name for name, path in FILES.items() if path.name == "__init__.py"} - {"sensor.transport"}
+    assert {(name, face) for name in FILES for face in faces & set(imported(name)) if name[:4] != "cli."} == set()
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_private_names_stay_in_their_file(name: str) -> None:
     own = set(COUNTERPARTS if name.startswith(CORE_USERS) else ())

@@ -11,13 +11,10 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from radarcore._core import __version__
 from radarcore.cli import sensor
-
-if TYPE_CHECKING:
-    from radarcore.radar.radar import Radar
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -148,113 +145,9 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    if options.source.suffix.lower() in _MESHES:
-        return _mesh_info(options)
-    facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)
-    if options.json:
-        print(json.dumps(facts, indent=2))
-    else:
-        width = max(map(len, facts))
-        for name, value in facts.items():
-            print(f"{name:<{width}}  {_fact_text(value)}")
-    return 0
+    from radarcore.cli import info
 
-
-_MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
-"""Ends of the names of meshes."""
-
-
-def _mesh_info(options: argparse.Namespace) -> int:
-    from radarcore.geometry.files import load_mesh
-    from radarcore.geometry.report import mesh_report
-
-    report = mesh_report(load_mesh(options.source, scale=options.scale))
-    if options.json:
-        print(json.dumps({"mesh": str(options.source), **report.facts(), "verdicts": report.verdicts}, indent=2))
-    else:
-        print(report)
-    return 0
-
-
-def _scene_facts(path: Path) -> dict[str, Any]:
-    """What a scene file holds, by name with unit."""
-    from radarcore.scene.body import Body
-    from radarcore.scenefile.load import load_scene
-    from radarcore.simulate.times import frame_times
-
-    simulation = load_scene(path)
-    scene, run = simulation.scene, simulation.run
-    return {
-        "scene": str(path),
-        "bodies": list(scene.names),
-        "triangles": sum(len(body.mesh.triangles) for body in scene.bodies if isinstance(body, Body)),
-        "frames": len(frame_times(run.start, run.stop, run.rate)),
-        "start [s]": run.start,
-        "stop [s]": run.stop,
-        "rate [Hz]": run.rate,
-        **_radar_facts(simulation.radar),
-    }
-
-
-def _recording_facts(path: Path) -> dict[str, Any]:
-    """What a recording holds, by name with unit."""
-    from radarcore.recording.recording import Recording
-
-    recording = Recording.load(path)
-    source = dict(recording.source)
-    if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
-        source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
-    return {
-        "recording": str(path),
-        "frames": len(recording),
-        "start [s]": float(recording.time[0]) if len(recording) else None,
-        "last frame [s]": float(recording.time[-1]) if len(recording) else None,
-        "cube [frame, channel, chirp, sample]": list(recording.cube.shape),
-        "dtype": str(recording.cube.dtype),
-        "bodies": None if recording.truth is None else list(recording.truth.names),
-        **_radar_facts(recording.radar),
-        "lost frames": None if recording.lost is None else int(recording.lost.sum()),
-        "source": source,
-    }
-
-
-def _radar_facts(radar: Radar) -> dict[str, Any]:
-    """What a radar is and resolves, by name with unit."""
-    wf = radar.waveform
-    return {
-        "transmitters": len(radar.tx),
-        "receivers": len(radar.rx),
-        **_pattern_facts(radar),
-        "samples": "real" if radar.is_real else "I/Q",
-        "start frequency [Hz]": wf.start_frequency,
-        "slope [Hz/s]": wf.slope,
-        "bandwidth [Hz]": wf.bandwidth,
-        "sample rate [Hz]": wf.sample_rate,
-        "samples per chirp": wf.num_samples,
-        "chirps per frame": wf.num_chirps,
-        "chirp interval [s]": wf.chirp_interval,
-        "range bin [m]": wf.range_resolution,
-        "largest range [m]": radar.max_range,
-        "velocity bin [m/s]": wf.velocity_resolution,
-        "largest velocity [m/s]": wf.max_velocity,
-    }
-
-
-def _pattern_facts(radar: Radar) -> dict[str, str]:
-    """The pattern of all antennas, or those of one after the other."""
-    every = [("transmitter", radar.tx_patterns), ("receiver", radar.rx_patterns)]
-    facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
-    return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(radar.tx_patterns[0])}
-
-
-def _fact_text(value: Any) -> str:
-    if value is None or value == []:
-        return "none"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list):
-        return ", ".join(map(str, value))
-    return json.dumps(value) if isinstance(value, dict) else str(value)
+    return info.run(options)
 
 
 def _schema(options: argparse.Namespace) -> int:
