@@ -5,6 +5,7 @@ pub mod block;
 pub mod chirp;
 pub mod delay;
 pub mod direct;
+pub mod interval;
 pub mod low_rank;
 pub mod nufft;
 pub mod plan;

@@ -9,71 +9,8 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
 use crate::synthesis::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
 use crate::synthesis::delay::PathSeries;
+use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::residual_phase::Sample;
-
-/// A closed range of numbers; empty if `low > high`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Smallest number.
-    pub low: f64,
-    /// Largest number.
-    pub high: f64,
-}
-
-impl Interval {
-    /// No number.
-    pub const EMPTY: Self = Self {
-        low: f64::INFINITY,
-        high: f64::NEG_INFINITY,
-    };
-    /// The number zero.
-    pub const ZERO: Self = Self { low: 0.0, high: 0.0 };
-
-    /// The smallest range that holds both.
-    pub fn join(self, other: Self) -> Self {
-        Self {
-            low: self.low.min(other.low),
-            high: self.high.max(other.high),
-        }
-    }
-
-    /// All products.
-    pub fn times(self, other: Self) -> Self {
-        let ends = [
-            self.low * other.low,
-            self.low * other.high,
-            self.high * other.low,
-            self.high * other.high,
-        ];
-        Self {
-            low: ends.into_iter().fold(f64::INFINITY, f64::min),
-            high: ends.into_iter().fold(f64::NEG_INFINITY, f64::max),
-        }
-    }
-
-    /// Multiplied by a number.
-    pub fn scaled(self, factor: f64) -> Self {
-        self.times(Self {
-            low: factor,
-            high: factor,
-        })
-    }
-
-    /// Half way between the ends.
-    pub fn middle(self) -> f64 {
-        0.5 * (self.low + self.high)
-    }
-
-    /// Half of the distance of the ends.
-    pub fn half(self) -> f64 {
-        0.5 * (self.high - self.low)
-    }
-
-    /// Largest absolute value.
-    pub fn magnitude(self) -> f64 {
-        self.low.abs().max(self.high.abs())
-    }
-}
 
 /// The paths of one class.
 #[derive(Clone, Debug)]

@@ -9,8 +9,9 @@ use crate::synthesis::block::{Block, Class, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::direct;
+use crate::synthesis::interval::Interval;
 use crate::synthesis::plan::{self, Method, Plan, Request};
-use crate::synthesis::statistics::{self, Interval, Survey};
+use crate::synthesis::statistics::{self, Survey};
 
 /// Smallest tolerance whose samples are in single precision.
 pub const SINGLE_TOLERANCE: f64 = 1e-6;

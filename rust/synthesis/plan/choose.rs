@@ -6,8 +6,9 @@ use std::f64::consts::TAU;
 use super::goal::{Goal, Kernel, MARGIN, Request, SINGLE_EQUAL_SUM};
 use super::parts::{Method, Part, Plan, Step};
 use crate::synthesis::block::{Block, CHUNK, Class};
+use crate::synthesis::interval::Interval;
 use crate::synthesis::recurrence;
-use crate::synthesis::statistics::{Interval, Survey};
+use crate::synthesis::statistics::Survey;
 
 /// Errors of the recurrence sums.
 const SINGLE_RECURRENCE: f64 = 6e-6;

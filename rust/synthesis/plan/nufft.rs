@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
 use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
+use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::block_plan::Expansion;
 use crate::synthesis::low_rank::cross_approximation::{self, Modes};
 use crate::synthesis::low_rank::residual_phase::{Frame, Path};
 use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
-use crate::synthesis::statistics::Interval;
 
 /// Errors of rounding, relative to l2(amplitudes).
 const SINGLE_ROUNDING: f64 = 3e-7;

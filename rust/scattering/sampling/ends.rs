@@ -1,0 +1,119 @@
+//! Ends of cells, and which of them neighbours cancel.
+
+use super::cells::{Ends, Leaf, NONE, Partner, Place, Quadtree};
+
+use rayon::prelude::*;
+
+impl Quadtree {
+    /// The cells that hit something and have no parts.
+    pub fn leaves(&self) -> Vec<Leaf> {
+        let nodes = 0..self.nodes.len();
+        let ends: Vec<Ends> = nodes.into_par_iter().map(|node| self.ends(node)).collect();
+        let leaves = self.nodes.par_iter().enumerate();
+        leaves
+            .filter(|(index, node)| self.parts[*index] == NONE && node.found.is_hit())
+            .map(|(index, node)| Leaf {
+                cell: node.cell,
+                found: node.found,
+                is_linear: ends[index].is_linear,
+                has_ends: ends[index].has,
+                kept: self.kept(index, &ends),
+            })
+            .collect()
+    }
+
+    /// Of which axes a cell has ends.
+    pub(super) fn ends(&self, index: usize) -> Ends {
+        let node = &self.nodes[index];
+        if self.parts[index] != NONE || !node.found.is_hit() || node.open > self.allowed {
+            return Ends::default();
+        }
+        Ends {
+            is_linear: self.end_points,
+            has: node.look.steep,
+        }
+    }
+
+    /// See [`Leaf::kept`].
+    pub(super) fn kept(&self, index: usize, ends: &[Ends]) -> u8 {
+        let has_partner = |index, axis, side| self.partner(index, axis, side, ends) != Partner::None;
+        let mut kept = 0;
+        match ends[index].has {
+            [false, false] => kept = 1,
+            [true, true] => {
+                for corner in 0..4 {
+                    // A corner is shared with neighbours along both axes: those along u come first.
+                    let (u, v) = (corner & 1, corner >> 1);
+                    let along_v = || self.partner(index, 1, v, ends);
+                    let is_cancelled = has_partner(index, 0, u)
+                        || match along_v() {
+                            Partner::None => false,
+                            Partner::Border => true,
+                            Partner::Cell(other) => self
+                                .at_corner(index, other, u, v)
+                                .is_none_or(|other| !has_partner(other, 0, u)),
+                        };
+                    kept |= u8::from(!is_cancelled) << corner;
+                }
+            }
+            [is_along_u, _] => {
+                let axis = usize::from(!is_along_u);
+                for side in 0..2 {
+                    kept |= u8::from(!has_partner(index, axis, side)) << side;
+                }
+            }
+        }
+        kept
+    }
+
+    /// What cancels the end of a cell on one side.
+    pub(super) fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
+        match self.linked(index, axis, side) {
+            None => Partner::Border,
+            Some(other) if self.beside(index, axis, side, other, ends).1 => Partner::Cell(other),
+            Some(_) => Partner::None,
+        }
+    }
+
+    /// Of the cell beside one along v, or its parts, the one that has a corner where that one has; none where a larger one has
+    /// its side there.
+    pub(super) fn at_corner(&self, index: usize, beside: usize, u: usize, v: usize) -> Option<usize> {
+        let (place, other) = (&self.nodes[index].place, &self.nodes[beside].place);
+        let last = (1 << (place.level - other.level)) - 1;
+        if place.column & last != if u == 0 { last } else { 0 } {
+            return None;
+        }
+        let mut node = beside;
+        while self.parts[node] != NONE {
+            // The first of two halves has the smaller column.
+            node = self.halves(node, 1, 1 - v)[1 - u];
+        }
+        Some(node)
+    }
+
+    /// The cell of the same level on one side, or the finest one round that.
+    pub(super) fn neighbour(&self, node: usize, axis: usize, side: usize) -> Option<usize> {
+        // u and v grow to the left and upwards: to smaller columns and rows.
+        let Some(part) = node.checked_sub(self.roots.len()) else {
+            let Place { row, column, .. } = self.nodes[node].place;
+            let step = |x: u32| if side == 1 { x.checked_sub(1) } else { Some(x + 1) };
+            let (row, column) = match axis {
+                0 => (row, step(column)?),
+                _ => (step(row)?, column),
+            };
+            return self.find(&Place { level: 0, row, column });
+        };
+        // The other half of the same cell, or that half of its neighbour which is next to this one.
+        let half = 1 << axis;
+        if (part & half == 0) == (side == 0) {
+            return Some(self.roots.len() + (part ^ half));
+        }
+        let whole = self.wholes[part / 4] as usize;
+        let beside = self.neighbour(whole, axis, side)?;
+        let is_as_fine = self.nodes[beside].place.level == self.nodes[whole].place.level;
+        match self.parts[beside] {
+            parts if parts != NONE && is_as_fine => Some(parts as usize + ((part % 4) ^ half)),
+            _ => Some(beside),
+        }
+    }
+}
