@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -659,18 +658,3 @@ def test_calls_from_several_threads_give_what_one_gives() -> None:
     for worker in workers:
         worker.join()
     assert not failures
-
-
-IMPORT = """
-import sys
-before = set(sys.modules)
-import radarcore
-new = {name.partition(".")[0] for name in set(sys.modules) - before}
-print(*sorted(name for name in new if name not in sys.stdlib_module_names))
-"""
-
-
-def test_importing_radarcore_imports_numpy_and_nothing_else() -> None:
-    result = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True, check=True)
-    assert result.stderr == ""
-    assert result.stdout.split() == ["numpy", "radarcore"]
