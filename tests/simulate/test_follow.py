@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from radarcore.simulate.follow import Course, Nodes, Times, follow_nodes
 
 import radarcore as rc
-from radarcore.simulate.follow import Course, Nodes, Times, follow_nodes
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=400e-6
