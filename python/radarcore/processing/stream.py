@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.processing.peaks import parabolic_peak
 from radarcore.processing.spectra import range_doppler, range_profile
 from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
@@ -225,11 +226,11 @@ class Stream:
         strongest = np.argsort(-level[is_peak], kind="stable")[: self._max_detections]
         for row, column in peaks[strongest]:
             at = row, column
-            distance = self._range_step * (column + _vertex(nearer[at], level[at], farther[at]))
+            distance = self._range_step * (column + parabolic_peak(nearer[at], level[at], farther[at])[0])
             velocity = np.nan
             if self.velocities is not None:
                 step = self.velocities[1] - self.velocities[0]
-                velocity = self.velocities[row] + step * _vertex(below[at], level[at], above[at])
+                velocity = self.velocities[row] + step * parabolic_peak(below[at], level[at], above[at])[0]
                 distance -= velocity * wf.center_frequency / wf.slope  # beat and Doppler frequency add
             found.append(Detection(float(distance), float(velocity), float(level[at])))
         return sorted(found)
@@ -265,9 +266,3 @@ def _window_gain(length: int) -> float:
     """Power of a tone in the middle of its bin over the sum of its squares."""
     weights = window_weights("window", "hann", length)
     return float(weights.sum() ** 2 / length)
-
-
-def _vertex(left: float, middle: float, right: float) -> float:
-    """Where the parabola through a maximum and its neighbours has its vertex, in steps."""
-    curvature = left - 2.0 * middle + right
-    return float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5)) if curvature < 0.0 else 0.0

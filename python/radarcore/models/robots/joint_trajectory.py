@@ -30,14 +30,7 @@ class JointTrajectory:
     def __init__(self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
-        self.times = check.frozen(check.array("times", times, (None,)))
-        if len(self.times) < 2:
-            raise ValueError(f"times: expected at least two, got {len(self.times)}")
-        if not (np.diff(self.times) > 0.0).all():
-            k = int((np.diff(self.times) <= 0.0).argmax())
-            raise ValueError(
-                f"times: expected increasing times [s], got {self.times[k]:g} and then {self.times[k + 1]:g}"
-            )
+        self.times = check.increasing("times", times)
         num_joints = None if arm is None else len(arm.joint_names)
         values = check.array("angles", angles, (len(self.times), num_joints))
         self._spline = CubicSpline(self.times, values, bc_type="clamped")
