@@ -1,4 +1,4 @@
-"""What is known of a stream of frames after each of them: levels over the noise, their history, detections, losses."""
+"""Running state of a stream of frames: levels over the noise, history, detections, losses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_RANGES, _MOST_VELOCITIES = 256, 64
 """Padding ends here: a finer picture is not seen and costs time in every frame."""
 
 _MOST_COLUMNS = 400
-"""Of the history: about as many as its axes have pixels."""
+"""Columns of the history: about as many as its axes have pixels."""
 
 _SIDELOBES_DB = 25.0
 """Sidelobes of the Hann window are 31.5 dB below its main lobe; a mean that is taken off brings them some dB nearer."""
@@ -134,7 +134,7 @@ class Stream:
 
     @property
     def time(self) -> float:
-        """Of the newest frame [s]; NaN before the first."""
+        """Time of the newest frame [s]; NaN before the first."""
         return self._times[-1] if self._times else np.nan
 
     @property
@@ -187,7 +187,7 @@ class Stream:
         if self.velocities is None:
             power = power.mean(axis=0, keepdims=True)
 
-        # What the whole frame would be as one echo: the windows add its samples up.
+        # Power of a frame that is a single echo: the windows add its samples coherently.
         energy = float(np.vdot(cube, cube).real)
         gain = _window_gain(wf.num_samples) * (1.0 if self.velocities is None else _window_gain(wf.num_chirps))
         noise = max(float(np.median(power)), _ROUNDING * gain * energy, float(np.finfo(np.float32).tiny))

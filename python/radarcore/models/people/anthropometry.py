@@ -58,7 +58,7 @@ def spheroids(height: float, mass: float) -> dict[str, Spheroid]:
 
     # Wider than deep: between the breadths of chest (0.174) and shoulders (0.259).
     trunk = along_z(0.288, 0.0, volume(0.355, 1030.0), half_width=0.108)
-    # As wide as the hips are apart and as deep as the trunk; its height follows, 0.13 of the body's.
+    # The pelvis: as wide as the hips are apart and as deep as the trunk; its height follows, 0.13 of the body's.
     depth, breadth = trunk.semi_axes[0], 0.0955 * height
     pelvis_height = volume(0.142, 1030.0) / (4.0 / 3.0 * pi * depth * breadth)
     # From the heel, a quarter of its length behind the ankle, to the toe, and from the sole up.

@@ -22,7 +22,7 @@ from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 
 RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""Where a radar looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
+"""Pose of a radar that looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
 
 Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """

@@ -57,7 +57,7 @@ class JointTrajectory:
         return result
 
     def excesses(self, arm: Jointed) -> list[str]:
-        """What joints of `arm` would have to do beyond their limits, one text each; anywhere, not only at `times`."""
+        """Violations of the limits of the joints of `arm`, one text each; anywhere, not only at `times`."""
         if len(arm.joint_names) != self.num_joints:
             raise ValueError(f"arm: expected {self.num_joints} joints that move, got {len(arm.joint_names)}")
         found = []
@@ -87,7 +87,7 @@ class JointTrajectory:
 
 
 def _largest(spline: Any, column: int, center: float = 0.0) -> tuple[float, float]:
-    """Where a column of a spline is furthest from `center`, and how far: at knots and turning points."""
+    """Time and size of the largest deviation of a spline's column from `center`: at knots and turning points."""
     from scipy.interpolate import PPoly
 
     piece = PPoly(spline.c[:, :, column], spline.x)
