@@ -110,7 +110,7 @@ def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same array, no longer writable: fields of frozen records must not change under them."""
+    """Make an array read-only and return it: fields of frozen records must not change."""
     values.flags.writeable = False
     return values
 

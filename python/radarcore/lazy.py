@@ -22,7 +22,7 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
         if name not in origins:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module = origins[name]
-        # What another package does not have yet is a file in it; so are all of its own names.
+        # A name that another package does not have yet is a file in it; so are all names of its own.
         found = None if module == package else getattr(import_module(module), name, None)
         value = import_module(f"{module}.{name}") if found is None else found
         setattr(face, name, value)

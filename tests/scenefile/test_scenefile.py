@@ -4,6 +4,7 @@ import importlib.util
 import json
 import runpy
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -14,6 +15,7 @@ import radarcore as rc
 from radarcore.models import robots
 from radarcore.scenefile import schema, tables
 from radarcore.scenefile.read import kind_of, tables_in
+from radarcore.simulate.settings import Settings
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.toml"))
 
@@ -44,7 +46,13 @@ def pose_of(simulation: rc.Simulation, name: str, time: float = 0.0) -> rc.Pose:
     return body.motion.at(time)
 
 
-# --- The same as from Python
+# --- Equal to Python
+
+
+def test_every_setting_is_a_key_of_the_run_table_with_the_same_default() -> None:
+    defaults = {field.name: field.default for field in fields(Settings)}
+    keys = {name: field.default for name, field in tables.RunTable.model_fields.items()}
+    assert {name: keys.get(name, "no key") for name in defaults} == defaults | {"method": "no key", "threads": "no key"}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

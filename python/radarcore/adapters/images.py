@@ -71,7 +71,7 @@ class PlanarDepth:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Where there is something, (rows, columns)."""
+        """True for pixels with a finite depth, (rows, columns)."""
         return np.isfinite(self.depth)
 
     @property

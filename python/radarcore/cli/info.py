@@ -44,7 +44,7 @@ def _mesh_info(options: argparse.Namespace) -> int:
 
 
 def _scene_facts(path: Path) -> dict[str, Any]:
-    """What a scene file holds, by name with unit."""
+    """Content of a scene file, by name with unit."""
     simulation = load_scene(path)
     scene, run = simulation.scene, simulation.run
     return {
@@ -60,7 +60,7 @@ def _scene_facts(path: Path) -> dict[str, Any]:
 
 
 def _recording_facts(path: Path) -> dict[str, Any]:
-    """What a recording holds, by name with unit."""
+    """Content of a recording, by name with unit."""
     recording = Recording.load(path)
     source = dict(recording.source)
     if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
@@ -80,7 +80,7 @@ def _recording_facts(path: Path) -> dict[str, Any]:
 
 
 def _radar_facts(radar: Radar) -> dict[str, Any]:
-    """What a radar is and resolves, by name with unit."""
+    """Parameters and resolutions of a radar, by name with unit."""
     wf = radar.waveform
     return {
         "transmitters": len(radar.tx),

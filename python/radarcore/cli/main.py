@@ -158,7 +158,7 @@ def _schema(options: argparse.Namespace) -> int:
 
 
 def _finite(value: Any) -> Any:
-    """The same with null for numbers that JSON does not have."""
+    """Copy of a value with null for numbers that JSON does not have."""
     if isinstance(value, dict):
         return {name: _finite(entry) for name, entry in value.items()}
     if isinstance(value, list):
@@ -181,7 +181,7 @@ def _by(shape: Sequence[int]) -> str:
 def _lines(error: BaseException) -> list[str]:
     """The message of an error, a line per fault; for the system's, file and reason without the number."""
     if isinstance(error, OSError) and error.filename is not None:
-        # What Python writes as a keyword is an option here.
+        # Python's keyword is an option here.
         reason = str(error.strerror).replace("overwrite=True", "--overwrite")
         return [f"{error.filename}: {reason}"]
     return str(error).splitlines() or [type(error).__name__]

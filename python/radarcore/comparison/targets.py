@@ -16,15 +16,15 @@ _GATE = (0.4, 0.6)
 
 @dataclass(frozen=True)
 class Comparison:
-    """How well the radar saw one target over a recording; errors in bins, over the frames in which it was visible."""
+    """Accuracy of one target over a recording; errors in bins, over the frames in which it was visible."""
 
     name: str
     num_frames: int
     """Frames in which the body was visible."""
     num_range_within: int
-    """Of these, frames with a range error below half a bin."""
+    """Visible frames with a range error below half a bin."""
     num_velocity_within: int
-    """Of these, frames with a velocity error below one bin."""
+    """Visible frames with a velocity error below one bin."""
     median_range_error: float
     median_velocity_error: float
     max_range_error: float

@@ -8,25 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import notice
+from radarcore.radar.waveform import Waveform
+from radarcore.units import SPEED_OF_LIGHT
+
 Values = NDArray[np.float64]
 
 # Steps below this fraction of the largest value are rounding of single precision, and do not matter.
 _SMALLEST = 4e-7
 # Second differences of a quantised image are small multiples of the step.
 _MOST_STEPS = 100.0
-# Those above this fraction of the values are edges.
+# Second differences above this fraction of the values are edges.
 _EDGE = 0.01
-# So many of the smallest have to be of either sign: steps go up and down, curved surfaces bend one way.
+# Least share of either sign among the smallest: steps go up and down, curved surfaces bend one way.
 _LEAST_BOTH = 0.1
-# So many of all second differences, and at least so many, have to be such multiples ...
+# Least share, and least number, of second differences that are multiples of the step ...
 _LEAST_SHARE, _LEAST = 0.003, 50
-# ... and so many of those that are not zero be within this of whole ones (0.4 of them would be by chance).
+# ... and least share of nonzero ones that are this close to whole multiples (0.4 of them would be by chance).
 _LEAST_WHOLE, _WHOLE = 0.95, 0.2
 
 # Steps that sensors write integers of [m]; how close to multiples of them how many different values have to be (by
 # chance a fiftieth of them is).
 _DECIMAL_STEPS = (1e-2, 1e-3, 1e-4)
 _DECIMAL_SLACK, _LEAST_DISTINCT = 0.01, 5
+
+# Quantisation that turns phases by more than this is worth a warning [degrees].
+_PHASE_WARNING_DEG = 5.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,26 @@ def relative_noise(given: NDArray[Any], depth: Values, steps: Quantisation) -> V
     rounding = 4.0 * np.finfo(given.dtype).eps if given.dtype.kind == "f" else 0.0
     known = np.where(np.isfinite(depth), depth, 1.0)
     return np.maximum(max(rounding, 1e-12), steps.at(known) / known)
+
+
+def warn_of(steps: Quantisation, waveform: Waveform, interval: float | None) -> None:
+    """Warn when steps of the depths turn phases, or make velocities that do."""
+    wavelength = waveform.wavelength
+    phase = steps.phase_error_deg(wavelength)
+    if phase > _PHASE_WARNING_DEG:
+        notice.warn(
+            f"distance: quantised in steps of up to {1e6 * steps.largest:.3g} um, {phase:.0f} degrees of phase (rms) "
+            f"at {1e-9 * SPEED_OF_LIGHT / wavelength:.1f} GHz: expect false echoes and no use for Doppler",
+        )
+    if interval is None:
+        return
+    drift = np.sqrt(2.0) * phase * waveform.duration / interval
+    if drift > _PHASE_WARNING_DEG:
+        speed = np.sqrt(2.0 / 12.0) * steps.largest / interval
+        notice.warn(
+            f"previous: differences of quantised depths are velocities with errors of {speed:.2g} m/s (rms), "
+            f"{drift:.0f} degrees of phase within the frame",
+        )
 
 
 def _decimal_step(depth: Values) -> float:

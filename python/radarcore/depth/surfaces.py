@@ -51,7 +51,8 @@ def range_rate(distance: Values, previous: Values, noise: Values) -> Values:
     change = np.where(is_known, 1.0, np.nan)
     change[is_known] *= distance[is_known] - previous[is_known]
 
-    # Where an object meets the surface behind it the gap falls to zero, and a strip runs into the rest: part octaves.
+    # Near the contact of an object with the surface behind it the gap falls to zero, and a strip merges with the rest:
+    # it is cut into octaves of the change.
     with np.errstate(divide="ignore"):
         octave = np.maximum(np.floor(np.log2(np.abs(change) / (_STEP * np.where(is_known, distance, 1.0)))), 0.0)
 

@@ -116,7 +116,7 @@ class Mesh:
 
 @contextmanager
 def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None] | None]:
-    """What is told the share of a long build that is done, and shows it."""
+    """Progress bar of a long build: a function that takes the finished share; None for short builds."""
     if num_triangles <= _LONG_BUILD or not progress:
         yield None
         return

@@ -1,4 +1,4 @@
-"""What a mesh is good for: how it hangs together, and how far its facets stand off the surface they stand for."""
+"""Quality of a mesh: topology, and the distance of its facets from the surface they approximate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SMALL_DIFFERENCE, _LARGE_DIFFERENCE = 0.05, 0.3
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What a mesh is good for; `str` has it line by line, with `verdicts` at the end.
+    """Quality of a mesh; `str` has it line by line, with `verdicts` at the end.
 
     Vertices at equal positions count as one. Smooth facets are those that stand for a curved surface: they meet others
     below the mesh's crease angle and their corner normals fit a smooth surface. A mesh with `shading="flat"` is looked
@@ -76,12 +76,12 @@ class MeshReport:
 
     @property
     def largest_phase(self) -> float:
-        """What the largest sagitta turns the phase of an echo by, there and back [rad]."""
+        """Two-way phase error of the largest sagitta [rad]."""
         return self._phase(self.largest_sagitta)
 
     @property
     def mean_phase(self) -> float:
-        """What the mean sagitta turns the phase of an echo by, there and back [rad]."""
+        """Two-way phase error of the mean sagitta [rad]."""
         return self._phase(self.mean_sagitta)
 
     def _phase(self, sagitta: float) -> float:
@@ -89,7 +89,7 @@ class MeshReport:
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """What that means, one sentence or two each."""
+        """Consequences for a simulation, one or two sentences each."""
         if self.num_triangles == 0:
             return ("There is no triangle with an area: the radar sees nothing.", *self._dropped())
         return (*self._about_shape(), *self._about_edges(), *self._dropped())

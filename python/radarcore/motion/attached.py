@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from radarcore.geometry.pose import Matrix, Pose, transforms
+from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 
@@ -15,9 +15,9 @@ class Attached:
     Parameters
     ----------
     parent : motion
-        What it is mounted on: any motion, such as that of a body or of a robot's link.
+        Any motion, such as that of a body or of a robot's link.
     motion : motion
-        How it is mounted, in the parent's coordinates; default: with the parent's axes at its origin.
+        Relative to the parent, in its coordinates; default: at its origin, with its axes.
     """
 
     def __init__(self, parent: AnyMotion, motion: AnyMotion | None = None) -> None:
@@ -30,15 +30,23 @@ class Attached:
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        parent = poses_at(self.parent, times)
-        placed: Matrix = parent[..., :3] @ poses_at(self.motion, times)
-        placed[..., 3] += parent[..., 3]
-        return placed
+        return carried_poses(poses_at(self.parent, times), poses_at(self.motion, times))
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        parent, rate = self.parent.at(time), self.parent.rate_at(time)
-        own, own_rate = self.motion.at(time), self.motion.rate_at(time)
-        turning = rate[:, :3] @ own.rotation + parent.rotation @ own_rate[:, :3]
-        moving = rate[:, :3] @ own.position + parent.rotation @ own_rate[:, 3] + rate[:, 3]
-        return transforms(turning, moving)
+        parent, own = (poses_at(motion, [time])[0] for motion in (self.parent, self.motion))
+        return carried_rates(parent, self.parent.rate_at(time), own, self.motion.rate_at(time))
+
+
+def carried_poses(parent: Matrix, own: Matrix) -> Matrix:
+    """Products of maps ``[rotation | position]``, (..., 3, 4): of the parent to the world, and to the parent."""
+    placed: Matrix = parent[..., :3] @ own
+    placed[..., 3] += parent[..., 3]
+    return placed
+
+
+def carried_rates(parent: Matrix, parent_rate: Matrix, own: Matrix, own_rate: Matrix) -> Matrix:
+    """Time derivatives of `carried_poses`, by the product rule, (..., 3, 4)."""
+    rates: Matrix = parent_rate[..., :3] @ own + parent[..., :3] @ own_rate
+    rates[..., 3] += parent_rate[..., 3]
+    return rates

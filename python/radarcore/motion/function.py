@@ -63,7 +63,7 @@ def as_motion(name: str, motion: object) -> Motion:
 
 
 def derivative(values: Callable[[float], Matrix], time: float) -> Matrix:
-    """Time derivative of a function of time by central differences, see `Function`."""
+    """Time derivative of a function of time: central differences of fourth order, over steps of 0.5 ms."""
     near, far = ((values(time + step) - values(time - step)) / (2.0 * step) for step in (_STEP, 2.0 * _STEP))
     rate: Matrix = (4.0 * near - far) / 3.0
     return rate

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from radarcore.geometry.pose import Matrix, cross_matrix, rotations_about, transforms
+from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.motion.attached import Attached, carried_poses, carried_rates
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.motion.static import is_static
@@ -17,11 +18,11 @@ from radarcore.motion.static import is_static
 class Links(Protocol):
     """Motions of several links, by one call for all of them: an arm, a person."""
 
-    def link_poses_at(self, times: Matrix) -> Matrix:
-        """``[rotation | position]`` of all links at times (n,) [s], (n, link, 3, 4) or (n, link, 4, 4)."""
+    def link_poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` of all links at times (n,) [s], (n, link, 3, 4)."""
         ...
 
-    def link_rates_at(self, times: Matrix) -> Matrix:
+    def link_rates_at(self, times: ArrayLike) -> Matrix:
         """Time derivatives of `link_poses_at`."""
         ...
 
@@ -36,6 +37,38 @@ class Group(Protocol):
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
         ...
+
+
+class LinkMotion:
+    """Motion of one link of an arm or a person.
+
+    Parameters
+    ----------
+    group : Links
+        All links of the arm or the person.
+    member : int
+        Index of the link among them.
+    """
+
+    def __init__(self, group: Links, member: int) -> None:
+        self.group, self.member = group, member
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self.group.link_poses_at(np.asarray(times, dtype=np.float64))[:, self.member]
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        rate: Matrix = self.rates_at([time])[0]
+        return rate
+
+    def rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self.group.link_rates_at(np.asarray(times, dtype=np.float64))[:, self.member]
 
 
 class _Still:
@@ -78,10 +111,10 @@ class _Linked:
         self._links, self._members = links, list(members)
 
     def poses_at(self, times: Matrix) -> Matrix:
-        return self._links.link_poses_at(times)[:, self._members, :3]
+        return self._links.link_poses_at(times)[:, self._members]
 
     def rates_at(self, times: Matrix) -> Matrix:
-        return self._links.link_rates_at(times)[:, self._members, :3]
+        return self._links.link_rates_at(times)[:, self._members]
 
 
 class _Single:
@@ -106,48 +139,83 @@ class Motions:
     Parameters
     ----------
     motions : sequence of Motion
-        One per body. Motions with attributes `group` and `member` are links of that group, see `Links`.
+        One per body. All links of an arm or a person (`LinkMotion`) are evaluated by one call. An `Attached` motion is
+        the product of its two factors, which are evaluated with all others.
     """
 
     def __init__(self, motions: Sequence[Motion]) -> None:
-        still: list[int] = []
-        uniform: list[int] = []
-        linked: dict[int, list[int]] = {}
-        single: list[int] = []
-        for number, motion in enumerate(motions):
-            if is_static(motion):
-                still.append(number)
-            elif type(motion) is Linear:
-                uniform.append(number)
-            elif hasattr(motion, "group") and hasattr(motion, "member"):
-                linked.setdefault(id(motion.group), []).append(number)
-            else:
-                single.append(number)
         self._number = len(motions)
-        self._groups: list[tuple[Group, NDArray[np.intp]]] = []
-        if still:
-            self._add(_Still([motions[number] for number in still]), still)
-        if uniform:
-            self._add(_Uniform([cast(Linear, motions[number]) for number in uniform]), uniform)
-        for numbers in linked.values():
-            links = [motions[number] for number in numbers]
-            self._add(_Linked(links[0].group, [link.member for link in links]), numbers)  # type: ignore[attr-defined]  # looked for above
-        for number in single:
-            self._add(_Single(motions[number]), [number])
-
-    def _add(self, group: Group, numbers: list[int]) -> None:
-        self._groups.append((group, np.array(numbers)))
+        every = list(motions)
+        numbers = {id(motion): number for number, motion in enumerate(every) if not _is_product(motion)}
+        self._products: list[tuple[int, int, int]] = []
+        for number, motion in enumerate(every):  # which grows by the factors of products
+            if isinstance(motion, Attached) and _is_product(motion):
+                parent, own = (_place_of(factor, every, numbers) for factor in (motion.parent, motion.motion))
+                self._products.append((number, parent, own))
+        # Factors stand behind their products.
+        self._products.reverse()
+        self._num_evaluated = len(every)
+        self._groups = _groups(every)
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4): body coordinates to the world."""
-        poses = np.empty((len(times), self._number, 3, 4))
-        for group, numbers in self._groups:
-            poses[:, numbers] = group.poses_at(times)
-        return poses
+        return self._poses(times)[:, : self._number]
 
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
-        rates = np.empty((len(times), self._number, 3, 4))
+        rates = np.empty((len(times), self._num_evaluated, 3, 4))
         for group, numbers in self._groups:
             rates[:, numbers] = group.rates_at(times)
-        return rates
+        if self._products:
+            poses = self._poses(times)
+            for number, parent, own in self._products:
+                rates[:, number] = carried_rates(poses[:, parent], rates[:, parent], poses[:, own], rates[:, own])
+        return rates[:, : self._number]
+
+    def _poses(self, times: Matrix) -> Matrix:
+        """Poses of the motions and of the factors of products, (n, evaluated, 3, 4)."""
+        poses = np.empty((len(times), self._num_evaluated, 3, 4))
+        for group, numbers in self._groups:
+            poses[:, numbers] = group.poses_at(times)
+        for number, parent, own in self._products:
+            poses[:, number] = carried_poses(poses[:, parent], poses[:, own])
+        return poses
+
+
+def _is_product(motion: Motion) -> bool:
+    return type(motion) is Attached and not is_static(motion)
+
+
+def _place_of(factor: Motion, every: list[Motion], numbers: dict[int, int]) -> int:
+    """Place of a factor in `every`, appended unless it is there; a product always is, to stand behind its own."""
+    if not _is_product(factor) and id(factor) in numbers:
+        return numbers[id(factor)]
+    every.append(factor)
+    numbers[id(factor)] = len(every) - 1
+    return len(every) - 1
+
+
+def _groups(motions: Sequence[Motion]) -> list[tuple[Group, NDArray[np.intp]]]:
+    """Groups of all motions but products, each with the places of its members."""
+    still: list[int] = []
+    uniform: list[int] = []
+    linked: dict[int, list[int]] = {}
+    single: list[int] = []
+    for number, motion in enumerate(motions):
+        if is_static(motion):
+            still.append(number)
+        elif type(motion) is Linear:
+            uniform.append(number)
+        elif isinstance(motion, LinkMotion):
+            linked.setdefault(id(motion.group), []).append(number)
+        elif not _is_product(motion):
+            single.append(number)
+    found: list[tuple[Group, list[int]]] = [(_Single(motions[number]), [number]) for number in single]
+    if still:
+        found.append((_Still([motions[number] for number in still]), still))
+    if uniform:
+        found.append((_Uniform([cast(Linear, motions[number]) for number in uniform]), uniform))
+    for numbers in linked.values():
+        links = [cast(LinkMotion, motions[number]) for number in numbers]
+        found.append((_Linked(links[0].group, [link.member for link in links]), numbers))
+    return [(group, np.array(numbers)) for group, numbers in found]

@@ -1,4 +1,4 @@
-"""What every motion offers, and poses of any motion at several times."""
+"""Interface of a motion, and poses of any motion at several times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radarcore.geometry.pose import Matrix, Pose, transforms
 
 
 class Motion(Protocol):
-    """What moves: a pose at every time, and how fast it changes.
+    """Motion of a body or sensor: a pose at every time, and its rate of change.
 
     A motion that also has ``poses_at(times)``, which gives ``[rotation | position]`` at several times [s] at once,
     (n, 3, 4), is asked for these; one that has not, time by time.
@@ -28,7 +28,7 @@ class Motion(Protocol):
 
 
 AnyMotion = Motion | Callable[[float], Pose]
-"""What `Body` and `Simulator` take: `Pose`, `Linear`, `Trajectory`, `Attached`, or a function of time."""
+"""Motion as `Body` and `Simulator` take it: `Pose`, `Linear`, `Trajectory`, `Attached`, or a function of time."""
 
 
 def poses_at(motion: Motion, times: ArrayLike) -> Matrix:

@@ -159,7 +159,7 @@ def _draw_body(
 
 
 def _draw_view(ax: Axes, sensor: Pose, horizontal_deg: float) -> None:
-    """What lies between the left and the right border of the field of view; nothing when it looks up or down."""
+    """Draw the field of view between its left and right border; nothing for a sensor that looks up or down."""
     from matplotlib.patches import Polygon
 
     half = np.tan(np.deg2rad(0.5 * horizontal_deg))
@@ -187,7 +187,7 @@ def _set_limits(ax: Axes) -> None:
 
 
 def _name_place(name: str, body: Body | PointTarget, time: float, color: str, sensor: NDArray[np.float64]) -> Name:
-    """Where the name goes: to the middle of a body, to a corner of what is around the sensor."""
+    """Name and its place: the middle of a body, or a corner of a body around the sensor."""
     outline = _outline(body, time)
     if _encloses(outline, sensor):
         x, y = outline[np.argmax(outline @ (-1.0, 1.0))]
@@ -219,7 +219,7 @@ def _outline(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
 
 
 def _encloses(outline: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
-    """Whether a convex outline has a point inside or on it."""
+    """True when a convex outline encloses or touches a point."""
     if len(outline) < 3:
         return False
     along, to_point = np.roll(outline, -1, axis=0) - outline, point - outline
@@ -241,7 +241,7 @@ def _trail(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _moves(body: Body | PointTarget, times: NDArray[np.float64]) -> bool:
-    """Whether a corner of the body's bounds leaves its place."""
+    """True when a corner of the body's bounds leaves its place."""
     bounds = _bounds(body, times)
     places = np.array([_pose(body, time).apply(at) for time, at in zip(times.tolist(), bounds, strict=True)])
     return bool((np.ptp(places, axis=0) > _STILL).any())

@@ -1,4 +1,4 @@
-"""What all pictures share: figures, colours, names that keep apart, and levels in decibels."""
+"""Canvas of all pictures: figures, colours, names that keep apart, and levels in decibels."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def color_cycle(names: Iterable[str], given: Mapping[str, str] | None = None) ->
 
 
 def thing(name: str) -> str:
-    """What a body belongs to: the arm of ``arm/forearm_link``, itself otherwise."""
+    """Owner of a body: the arm of ``arm/forearm_link``, the body itself otherwise."""
     return name.partition("/")[0]
 
 
@@ -171,7 +171,7 @@ def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
 
 
 def _lies_within(box: Any, frame: Any) -> bool:
-    """Whether one box is inside another."""
+    """True when one box is inside another."""
     return bool(frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1)
 
 

@@ -53,12 +53,12 @@ def overview(
     panels = list(figure.subplots(2 if image is not None else 1, 2).flat)
     _headline(figure, f"t = {frame.time:.3f} s", wf)
 
-    # What the radar sees.
+    # Depth and reflectance, seen from the radar.
     if image is not None:
         frame_pictures.depth_image(image, panels[0]).set_title("Depth")
         frame_pictures.reflectance_image(image, panels[1]).set_title("Reflectance")
 
-    # What it measures.
+    # The measured frame.
     frame_pictures.chirp(frame, ax=panels[-2]).set_title("First chirp, channel 0")
     if wf.num_chirps > 1 and wf.has_uniform_chirps:
         names.append((panels[-1], frame_pictures.draw_map(panels[-1], frame, max_range=max_range)))

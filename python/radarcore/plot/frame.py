@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Image(Protocol):
-    """What is drawn of a `DepthImage`: row 0 on top, column 0 on the left."""
+    """Parts of a `DepthImage` that are drawn: row 0 on top, column 0 on the left."""
 
     @property
     def distance(self) -> NDArray[Any]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 QUANTITIES = {"range": ("Range [m]", "range_resolution"), "velocity": ("Velocity [m/s]", "velocity_resolution")}
-"""What `tracks` draws: its label and the attribute of `Waveform` that is one bin of it."""
+"""Quantities that `tracks` draws: label, and the attribute of `Waveform` that is one bin."""
 
 
 def range_time(

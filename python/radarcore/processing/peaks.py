@@ -162,8 +162,8 @@ def strongest_peak(
 
     # Refine by a parabola through the log power along each axis.
     level = np.log(np.maximum(around[row : row + 3, column : column + 3], 1e-30 * power[row, column]))
-    row_offset, row_gain = _vertex(*level[:, 1])
-    column_offset, column_gain = _vertex(*level[1, :])
+    row_offset, row_gain = parabolic_peak(*level[:, 1])
+    column_offset, column_gain = parabolic_peak(*level[1, :])
     at_row = (row + row_offset) % num_velocity  # half a cell below the lowest velocity is the highest
     at_column = column + column_offset
     peak_range, velocity = measure(at_row, at_column)
@@ -188,8 +188,12 @@ def _limits(name: str, unit: str, low: float | None, high: float | None) -> tupl
     return lowest, highest
 
 
-def _vertex(left: float, middle: float, right: float) -> tuple[float, float]:
-    """Offset (in steps, at most half of one) and height above `middle` of the parabola through three values."""
+def parabolic_peak(left: float, middle: float, right: float) -> tuple[float, float]:
+    """Vertex of the parabola through a local maximum and its neighbours.
+
+    Returns the offset from the middle, in steps, at most half of one, and the height above `middle`; zeros where the
+    three values have no maximum.
+    """
     curvature = left - 2.0 * middle + right
     if curvature >= 0.0:
         return 0.0, 0.0

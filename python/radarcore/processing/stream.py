@@ -1,4 +1,4 @@
-"""What is known of a stream of frames after each of them: levels over the noise, their history, detections, losses."""
+"""Running state of a stream of frames: levels over the noise, history, detections, losses."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.processing.peaks import parabolic_peak
 from radarcore.processing.spectra import range_doppler, range_profile
 from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
@@ -22,7 +23,7 @@ _MOST_RANGES, _MOST_VELOCITIES = 256, 64
 """Padding ends here: a finer picture is not seen and costs time in every frame."""
 
 _MOST_COLUMNS = 400
-"""Of the history: about as many as its axes have pixels."""
+"""Columns of the history: about as many as its axes have pixels."""
 
 _SIDELOBES_DB = 25.0
 """Sidelobes of the Hann window are 31.5 dB below its main lobe; a mean that is taken off brings them some dB nearer."""
@@ -133,7 +134,7 @@ class Stream:
 
     @property
     def time(self) -> float:
-        """Of the newest frame [s]; NaN before the first."""
+        """Time of the newest frame [s]; NaN before the first."""
         return self._times[-1] if self._times else np.nan
 
     @property
@@ -186,7 +187,7 @@ class Stream:
         if self.velocities is None:
             power = power.mean(axis=0, keepdims=True)
 
-        # What the whole frame would be as one echo: the windows add its samples up.
+        # Power of a frame that is a single echo: the windows add its samples coherently.
         energy = float(np.vdot(cube, cube).real)
         gain = _window_gain(wf.num_samples) * (1.0 if self.velocities is None else _window_gain(wf.num_chirps))
         noise = max(float(np.median(power)), _ROUNDING * gain * energy, float(np.finfo(np.float32).tiny))
@@ -225,11 +226,11 @@ class Stream:
         strongest = np.argsort(-level[is_peak], kind="stable")[: self._max_detections]
         for row, column in peaks[strongest]:
             at = row, column
-            distance = self._range_step * (column + _vertex(nearer[at], level[at], farther[at]))
+            distance = self._range_step * (column + parabolic_peak(nearer[at], level[at], farther[at])[0])
             velocity = np.nan
             if self.velocities is not None:
                 step = self.velocities[1] - self.velocities[0]
-                velocity = self.velocities[row] + step * _vertex(below[at], level[at], above[at])
+                velocity = self.velocities[row] + step * parabolic_peak(below[at], level[at], above[at])[0]
                 distance -= velocity * wf.center_frequency / wf.slope  # beat and Doppler frequency add
             found.append(Detection(float(distance), float(velocity), float(level[at])))
         return sorted(found)
@@ -265,9 +266,3 @@ def _window_gain(length: int) -> float:
     """Power of a tone in the middle of its bin over the sum of its squares."""
     weights = window_weights("window", "hann", length)
     return float(weights.sum() ** 2 / length)
-
-
-def _vertex(left: float, middle: float, right: float) -> float:
-    """Where the parabola through a maximum and its neighbours has its vertex, in steps."""
-    curvature = left - 2.0 * middle + right
-    return float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5)) if curvature < 0.0 else 0.0

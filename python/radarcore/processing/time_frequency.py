@@ -246,7 +246,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
 
 
 def _is_seamless(recording: Recording) -> NDArray[np.bool_]:
-    """Whether every frame goes on where the one before ended, (frame,); the first does not."""
+    """True for every frame that begins as the one before ends, (frame,); the first does not."""
     wf = recording.radar.waveform
     gaps = np.diff(recording.time, prepend=np.nan) - wf.num_chirps * wf.chirp_interval
     return np.abs(gaps) <= _SEAMLESS * wf.chirp_interval

@@ -25,7 +25,7 @@ _LARGEST_GAIN_DB = 1000.0
 
 @dataclass(frozen=True)
 class IsotropicPattern(Twinned):
-    """The same gain in every direction."""
+    """Constant gain in all directions."""
 
     gain_db: float = 0.0
 
@@ -117,7 +117,7 @@ class TabulatedPattern(Twinned):
 
     @classmethod
     def from_degrees(cls, azimuth_deg: ArrayLike, elevation_deg: ArrayLike, gain_db: ArrayLike) -> TabulatedPattern:
-        """The same from angles in degrees."""
+        """Pattern from angles in degrees."""
         azimuth = _angles("azimuth_deg", azimuth_deg, 180.0, "degrees")
         elevation = _angles("elevation_deg", elevation_deg, 90.0, "degrees")
         return cls(np.deg2rad(azimuth), np.deg2rad(elevation), gain_db)
@@ -174,7 +174,7 @@ class TabulatedPattern(Twinned):
 
 
 Pattern = IsotropicPattern | GaussianPattern | TabulatedPattern
-"""What `Radar` takes as an antenna pattern."""
+"""Antenna pattern as `Radar` takes it."""
 
 _KINDS: dict[str, type[Pattern]] = {
     "isotropic": IsotropicPattern,

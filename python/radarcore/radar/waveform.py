@@ -141,7 +141,7 @@ class Waveform(Twinned):
         )
 
     def replace(self, **changes: Any) -> Waveform:
-        """The same waveform with some parameters changed.
+        """Copy of the waveform with some parameters changed.
 
         A new number of chirps or chirp interval replaces the list of chirp times.
         """

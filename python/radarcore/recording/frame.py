@@ -25,7 +25,7 @@ Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Where the bodies really were, seen from the radar; NaN where a body was not visible.
+    """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def frame_shape(radar: Radar) -> tuple[int, int, int]:
 
 
 def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:
-    """What all frames of a recording share besides the radar."""
+    """Properties that all frames of a recording share besides the radar."""
     return cube.dtype, None if truth is None else truth.names
 
 

@@ -41,11 +41,11 @@ _FIRST_FOLDER = "RadarIfxAvian_00"
 _ADC_DELAY = 3.1125e-6
 """From the start of the ramp to the first sample [s]: 249 cycles of 80 MHz, the same in every setting."""
 _HEADER_BYTES = 1024
-"""Of radar.npy as the recorder writes it."""
+"""Length of the header of radar.npy as the recorder writes it."""
 _CHUNK = 64
 """Frames that are converted at once."""
 
-# What goes into the texts of a recording that has none, where source["infineon"] does not say otherwise; the chip's
+# Content of the texts of a recording that has none, unless source["infineon"] says otherwise; the chip's
 # settings are those it wakes up with (Strata, factory default).
 _SETTINGS: dict[str, Any] = {"aaf_cutoff_Hz": 500000, "hp_cutoff_Hz": 80000, "if_gain_dB": 23, "tx_power_level": 31}
 _SENSOR = {
@@ -90,7 +90,7 @@ def load(path: Path) -> Stored:
         except ValueError as error:
             raise ValueError(f"{file.path}, from frame {start}: {error}") from error
 
-    # What is needed to write it again.
+    # Texts, names and header, for writing the same files again.
     kept: dict[str, Any] = {"folder": folder.name, "texts": texts}
     if file.header != _header(codes.shape):
         kept["header"] = file.header.decode("latin-1")
@@ -309,7 +309,7 @@ def _fitting_config(radar: Radar, text: str) -> str:
 
 
 def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
-    """What config.json says of a radar; ValueError for one that it cannot describe.
+    """Settings of a radar for config.json; ValueError for one that it cannot describe.
 
     `receivers` are the numbers its antennas have if their positions are not those of the chip.
     """

@@ -97,7 +97,7 @@ def load_directory(path: Path, mmap: bool) -> Stored:
 
 
 def load_npz(path: Path) -> Stored:
-    """What an .npz file holds."""
+    """Content of an .npz file."""
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: expected a recording's directory or .npz file, got another or a damaged file")
     try:
@@ -165,7 +165,7 @@ def _truth_of(names: tuple[str, ...] | None, arrays: dict[str, NDArray[Any]], nu
 
 @dataclass(frozen=True)
 class _Meta:
-    """What meta.json says."""
+    """Content of meta.json."""
 
     radar: Radar
     source: dict[str, Any]

@@ -1,1 +1,1 @@
-"""What a radar looks at: bodies, points, materials."""
+"""Scene of a radar: bodies, points, materials."""

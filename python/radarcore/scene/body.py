@@ -1,4 +1,4 @@
-"""What a scene is made of: bodies and ideal point targets."""
+"""Parts of a scene: bodies and ideal point targets."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def _text(band_ghz: tuple[float, float]) -> str:
 
 
 def extrapolation(used: Iterable[Material], frequency: float) -> str | None:
-    """What to warn of when materials are used at a frequency [Hz] that their numbers do not cover."""
+    """Warning about materials used at a frequency [Hz] that their numbers do not cover; None when there are none."""
     known = []
     for material in used:
         if material.valid_frequency is None:

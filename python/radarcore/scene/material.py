@@ -12,7 +12,7 @@ from radarcore.scene.permittivity import Permittivity, as_permittivity, permitti
 from radarcore.units import SPEED_OF_LIGHT
 
 _REFERENCE_FREQUENCY = 60e9
-"""Where the `reflection` and `albedo` of a dielectric are given [Hz]."""
+"""Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
 _SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 """Parts of both polarisations that antennas get."""
@@ -20,7 +20,7 @@ _SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface does to a wave: the same at every angle and frequency, or a `dielectric`.
+    """Reflection of a wave by a surface: constant in angle and frequency, or that of a `dielectric`.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Material:
         source: str | None = None,
         valid_frequency: tuple[float, float] | None = None,
     ) -> Material:
-        """What Fresnel says of a permittivity, at the angle of every hit and the centre of the radar's band.
+        """Dielectric by Fresnel's equations, at the angle of every hit and the centre of the radar's band.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class Material:
     def with_surface(
         self, *, roughness: float = 0.0, thickness: float | None = None, scattering: float | None = None
     ) -> Material:
-        """The same dielectric with another surface, or as a slab; parameters as for `dielectric`."""
+        """Copy of this dielectric with another surface, or as a slab; parameters as for `dielectric`."""
         if self.permittivity is None:
             raise ValueError(f"permittivity: expected a dielectric, got {self!r}")
         return Material.dielectric(
@@ -170,12 +170,12 @@ class Material:
         return reflection.reshape(cosines.shape), albedo.reshape(cosines.shape)
 
     def is_valid_at(self, frequency: float) -> bool:
-        """Whether the numbers were published for a frequency [Hz], as far as anything is known of that."""
+        """True when the numbers were published for a frequency [Hz], or for an unknown range."""
         lowest, highest = self.valid_frequency or (-np.inf, np.inf)
         return lowest <= frequency <= highest
 
     def _core_at(self, frequency: float) -> _core.Material:
-        """What the core takes, at a frequency [Hz]."""
+        """Counterpart in the core, at a frequency [Hz]."""
         if self.permittivity is None:
             return _core.Material.constant((self.reflection.real, self.reflection.imag), self.albedo)
         eps = permittivity_at(self.permittivity, frequency)

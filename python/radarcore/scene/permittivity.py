@@ -76,7 +76,7 @@ class ColeCole:
 
 
 Permittivity = complex | ItuPermittivity | ColeCole
-"""What `Material.dielectric` takes: a number ``eps' - j eps''`` or a law."""
+"""Argument of `Material.dielectric`: a number ``eps' - j eps''`` or a law."""
 
 
 def as_permittivity(value: object) -> Permittivity:

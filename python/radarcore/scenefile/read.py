@@ -28,7 +28,7 @@ def table(file: Path) -> SceneTable:
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: not TOML: expected UTF-8, got byte {error.object[error.start]:#04x}") from None
     try:
-        # As JSON, because only there strict validation takes arrays for tuples.
+        # Strict validation takes arrays for tuples only in JSON.
         return SceneTable.model_validate_json(json.dumps(values, default=str))
     except ValidationError as error:
         raise ValueError("\n".join(f"{file}: {line}" for line in _lines(error, values))) from None
@@ -76,7 +76,7 @@ class _Key(NamedTuple):
 
 
 class _Fault(NamedTuple):
-    """What is wrong at a place."""
+    """Fault at a place of the file."""
 
     path: Location
     expected: str
@@ -87,7 +87,7 @@ class _Fault(NamedTuple):
     """The key that an unknown one was probably meant to be."""
 
 
-# What pydantic's types of errors mean.
+# Expected values by pydantic's types of errors.
 _EXPECTED = {
     "float_type": "a number",
     "float_parsing": "a number",
@@ -117,7 +117,7 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
     for path, fault in faults.items():
         if path in misspelt and fault.got == "none":
             continue  # missing only because its name is wrong
-        # Of a value of one of several types, the fault inside says more than that of the whole.
+        # For a union of types the fault inside says more than that of the whole.
         if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
             unit = f" [{fault.unit}]" if fault.unit else ""
             if fault.is_unknown_key:

@@ -1,8 +1,8 @@
-"""What a scene file describes: scene, radar and run."""
+"""Content of a scene file: scene, radar and run."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from os import PathLike
 
 from radarcore.motion.protocol import Motion
@@ -10,12 +10,13 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
 from radarcore.scenefile.tables import RunTable
+from radarcore.simulate.settings import Settings
 from radarcore.simulate.simulator import Simulator
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What a scene file describes.
+    """Content of a scene file, ready to simulate.
 
     Attributes
     ----------
@@ -35,25 +36,9 @@ class Simulation:
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """The simulator of this scene, with the settings of the run."""
-        run = self.run
-        return Simulator(
-            self.scene,
-            self.radar,
-            radar_motion=self.radar_motion,
-            resolution=run.resolution,
-            field_of_view_deg=run.field_of_view_deg,
-            sampling=run.sampling,
-            rcs_floor=run.rcs_floor,
-            ray_budget=run.ray_budget,
-            end_points=run.end_points,
-            tolerance=run.tolerance,
-            gain_floor_db=run.gain_floor_db,
-            max_bounces=run.max_bounces,
-            bounce_floor_db=run.bounce_floor_db,
-            retrace_deg=run.retrace_deg,
-            seed=run.seed,
-            threads=threads,
-        )
+        named = {field.name for field in fields(Settings)} & set(RunTable.model_fields)
+        settings = {name: getattr(self.run, name) for name in named}
+        return Simulator(self.scene, self.radar, radar_motion=self.radar_motion, threads=threads, **settings)
 
     def record(
         self,

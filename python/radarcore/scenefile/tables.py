@@ -49,7 +49,7 @@ class TrajectoryTable(Table):
 
 
 class PlacedTable(Table):
-    """What can be placed, moved and attached."""
+    """Anything that can be placed, moved and attached."""
 
     pose: PoseTable = _key(PoseTable(), "", "place; that at time 0 with a linear motion, none with a trajectory")
     motion: Annotated[LinearTable | TrajectoryTable, Field(discriminator="kind")] | None = _key(
@@ -61,7 +61,7 @@ class PlacedTable(Table):
 
 
 class SensorTable(PlacedTable):
-    """Where the sensor is; it looks along its x axis, y is left, z up."""
+    """Pose and motion of the sensor; it looks along its x axis, y is left, z up."""
 
     along_z: float | None = _key(
         None, "m", "in place of a pose: looks along the z axis of what carries it (tool0 of an arm), this far out"
@@ -303,7 +303,7 @@ class RadarTable(Table):
 
 
 class RunTable(Table):
-    """What is simulated and how."""
+    """Times and settings of the simulation."""
 
     start: float = _key(0.0, "s", "time of the first frame")
     stop: float = _key(1.0, "s", "no frame starts at or after it")

@@ -1,4 +1,4 @@
-"""What a board of any protocol is to the sensor: its identity, frames of ADC codes, and what was lost between them."""
+"""Interface of a board, whatever its protocol: identity, frames of ADC codes, and losses between them."""
 
 from __future__ import annotations
 
@@ -91,13 +91,13 @@ class Board(Protocol):
         """Begin to measure; frames count from 0."""
 
     def read(self, timeout: float) -> list[RawFrame | Lost]:
-        """What has come since the last call, in order; none where nothing comes within `timeout` [s]."""
+        """Frames and losses since the last call, in order; empty when nothing arrives within `timeout` [s]."""
 
     def stop(self) -> None:
         """End measuring; does nothing where nothing is measured."""
 
     def details(self) -> dict[str, Any]:
-        """What a recording should say beyond the radar: entries of `Recording.source`."""
+        """Entries of `Recording.source`: facts about the board that the radar does not hold."""
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""

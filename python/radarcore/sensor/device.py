@@ -174,7 +174,7 @@ def _port_of(text: str, usb_backend: Any) -> Port:
 
 
 def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
-    """What is made of a resource, which is closed where that fails."""
+    """Board made from a resource, which is closed when that fails."""
     try:
         return make()
     except BaseException:
@@ -373,7 +373,7 @@ class Sensor:
         return Recording.load(path)
 
     def source(self) -> dict[str, Any]:
-        """Where frames come from, for a recording."""
+        """Origin of the frames, for `Recording.source`."""
         return {"sensor": dict(vars(self.info)), "cube_unit": FULL_SCALE, **self._board.details()}
 
     def temperature(self) -> float:
@@ -504,7 +504,7 @@ class _Reader:
 
 @dataclass(frozen=True)
 class _Losses:
-    """How many frames were lost, and why."""
+    """Number of lost frames, and reasons."""
 
     num_frames: int = 0
     reasons: tuple[str, ...] = ()

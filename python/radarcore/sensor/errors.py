@@ -1,4 +1,4 @@
-"""What can go wrong with a sensor; every error names the port, and says what to do where that is known."""
+"""Errors of a sensor; each names the port and, where possible, a remedy."""
 
 from __future__ import annotations
 

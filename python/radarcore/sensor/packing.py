@@ -43,7 +43,7 @@ def unpack_msb(data: bytes) -> NDArray[np.uint16]:
 
 
 def pack_msb(codes: ArrayLike) -> bytes:
-    """What `unpack_msb` reads.
+    """Pack codes for `unpack_msb`.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def unpack_lsb(data: bytes, num_samples: int) -> NDArray[np.uint16]:
 
 
 def pack_lsb(codes: ArrayLike) -> bytes:
-    """What `unpack_lsb` reads; an odd number of codes ends with four zero bits.
+    """Pack codes for `unpack_lsb`; an odd number of codes ends with four zero bits.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether something is where the antennas are: a scene that cannot be meant."""
+"""Clearance of the antennas: a scene with a body at their place cannot be meant."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _check_gap(gap: float, name: str) -> None:
 
 
 def _is_inside(point: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
-    """Whether closed triangles (n, 3, 3) enclose a point: their solid angles add up to a whole sphere, not to nothing.
+    """True when closed triangles (n, 3, 3) enclose a point: the solid angles add up to 4 pi, not to zero.
 
     Van Oosterom, Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30 (1983).
     """

@@ -15,7 +15,7 @@ from radarcore import _core
 
 @dataclass(frozen=True, eq=False)
 class DepthImage:
-    """What every pixel of an image hit; row 0 on top (+z), column 0 on the left (+y).
+    """Nearest surface at every pixel; row 0 on top (+z), column 0 on the left (+y).
 
     Attributes
     ----------

@@ -14,13 +14,13 @@ SAMPLINGS = ("adaptive", "footprint", "point")
 """Ways to cast rays, and to let a hit stand for the surface around it."""
 
 _CELLS_PER_DEGREE = 64.0 / 60.0
-"""Of the base grid of adaptive sampling."""
+"""Cells of the base grid of adaptive sampling per degree, by default."""
 
 _RAY_BUDGET = 40_000
 """Rays through cells of adaptive sampling by default."""
 
 _RAYS_PER_CELL = 4
-"""Of the base grid, at least: all of its cells can be split once."""
+"""Least budget of rays per cell of the base grid: all cells can be split once."""
 
 _IMAGE_SIDE = 256
 """Pixels of images by default."""

@@ -25,7 +25,7 @@ MAX_THREADS = 1024
 
 @dataclass(frozen=True)
 class PlanPart:
-    """What is done with one class of paths.
+    """Synthesis of one class of paths.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class PlanPart:
 
 @dataclass(frozen=True)
 class Plan:
-    """What `beat_signal` does with which paths; `print` shows it.
+    """Plan of `beat_signal`: the method for every class of paths; `print` shows it.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def plan_beat_signal(
     method: str = "auto",
     threads: int | None = None,
 ) -> Plan:
-    """What `beat_signal` would do with these arguments, with its error and its memory, without doing it."""
+    """Plan of `beat_signal` with these arguments, with its error and its memory; nothing is computed."""
     report = _core.plan_beat_signal(
         *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
         waveform=waveform._core,

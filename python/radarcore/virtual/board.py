@@ -81,7 +81,7 @@ class VirtualBoard:
         return self._board.send(size, timeout)
 
     def news(self) -> list[str]:
-        """What whoever runs the board should know, each thing once: registers no frame comes of, a scene too slow."""
+        """News for whoever runs the board, each once: registers that give no frames, a scene that is too slow."""
         found = {}
         if self._measures.failure is not None:
             found[str(self._measures.failure)] = f"the client's settings give no frames: {self._measures.failure}"

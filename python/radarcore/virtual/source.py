@@ -15,7 +15,7 @@ from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
 
 _IMPEDANCE = 50.0
-"""Of the receiver's input [ohm]."""
+"""Impedance of the receiver's input [ohm]."""
 
 _CONVERSION_GAIN_DB = 14.0
 """From the power at the receiver's input to volts before the baseband [dB], typical value of the data sheet."""

@@ -19,7 +19,7 @@ from radarcore.models.robots import data
 from radarcore.scenefile.load import load_scene
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
-"""What is compared, and the body whose truth counts."""
+"""Compared targets, and the body whose truth counts for each."""
 
 
 def scene_text(with_robots: bool) -> str:

@@ -98,9 +98,9 @@ class Posture(NamedTuple):
     """Whole body at some phases; the first axis holds the values and, with two orders, the derivatives by phase."""
 
     angles: _Floats
-    """Of the left limbs, the right limbs (as `LimbAngles`) and the trunk (as `TrunkAngles`), (order, ..., 14) [deg]."""
+    """Angles of left limbs, right limbs (as `LimbAngles`) and trunk (as `TrunkAngles`), (order, ..., 14) [deg]."""
     root: _Floats
-    """As `root_translation`, (order, ..., 3) [hip heights]."""
+    """Translation as `root_translation`, (order, ..., 3) [hip heights]."""
 
 
 def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:

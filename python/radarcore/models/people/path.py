@@ -61,7 +61,7 @@ _PIECE = np.dtype(
 
 
 class PathPoint(NamedTuple):
-    """Where a path is at some distance from its start."""
+    """Point of a path at a distance from its start."""
 
     position: complex
     """x + i y [m]."""
@@ -105,7 +105,7 @@ class FloorPath:
             k = int((legs == 0).argmax())
             raise ValueError(f"path: expected waypoints apart from each other, got the same at {k} and {k + 1}")
 
-        # How much of its two legs every turn takes; none at either end.
+        # Length that every turn takes of its two legs; zero at either end.
         headings = [phase(legs[0])]
         turns = [0.0]
         for before, after in pairwise(legs):
@@ -165,7 +165,7 @@ class FloorPath:
     length: float
     """Length from the first to the last waypoint [m]."""
     waypoints: NDArray[np.float64]
-    """As given, (n, 2) [m]."""
+    """Waypoints as given, (n, 2) [m]."""
 
 
 @lru_cache(maxsize=256)

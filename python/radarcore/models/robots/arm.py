@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 from radarcore import check
 from radarcore.geometry.mesh import Mesh, merged_mesh
 from radarcore.geometry.pose import Matrix, Pose, as_pose
-from radarcore.models.recent import Recent
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
 from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.motion.attached import Attached
-from radarcore.motion.function import as_motion
+from radarcore.motion.function import as_motion, derivative
+from radarcore.motion.group import LinkMotion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 
 RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""Where a radar looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
+"""Pose of a radar that looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
 
 Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """
@@ -269,14 +269,12 @@ class MovingArm:
             self.joint_motion = _JointFunction(joint_motion)
         else:
             self._resting = check.frozen(arm.joint_array(joint_motion))
-        # The simulator asks link after link for the same times.
-        self._poses, self._rates = Recent(self._link_poses), Recent(self._link_rates)
 
     def link_motion(self, link: str) -> Motion:
         """Motion of a link in the world: that of a body on it, or the parent of what is `Attached` to it."""
         number = self.arm.link_number(link)
         if self._resting is None:
-            return _LinkMotion(self, number)
+            return LinkMotion(self, number)
         pose = self.arm.link_pose(link, self._resting)
         return self.base @ pose if isinstance(self.base, Pose) else Attached(self.base, pose)
 
@@ -318,7 +316,7 @@ class MovingArm:
         """Time derivatives of `_link_poses`."""
         root_rate = np.zeros((len(times), 4, 4))
         root_rate[:, :3] = [self.base.rate_at(time) for time in times.tolist()]
-        return self.arm.link_rates(self._angles(times), self._angle_rates(times), self._poses(times), root_rate)
+        return self.arm.link_rates(self._angles(times), self._angle_rates(times), self._link_poses(times), root_rate)
 
     def _angles(self, times: Matrix) -> Matrix:
         """Joint angles at several times, (n, num_joints)."""
@@ -343,30 +341,6 @@ class MovingArm:
         return values
 
 
-class _LinkMotion:
-    """Motion of one link: the `member` of a `group` whose poses are worked out together."""
-
-    def __init__(self, group: MovingArm, member: int) -> None:
-        self.group, self.member = group, member
-
-    def at(self, time: float) -> Pose:
-        """The pose at a time [s]."""
-        return as_pose(self.poses_at([time])[0])
-
-    def poses_at(self, times: ArrayLike) -> Matrix:
-        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group._poses(np.asarray(times, dtype=np.float64))[:, self.member, :3]
-
-    def rate_at(self, time: float) -> Matrix:
-        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        rate: Matrix = self.rates_at([time])[0]
-        return rate
-
-    def rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group._rates(np.asarray(times, dtype=np.float64))[:, self.member, :3]
-
-
 class _JointFunction:
     """A function of time as a joint motion; rates by central differences of fourth order."""
 
@@ -377,15 +351,7 @@ class _JointFunction:
         return np.asarray(self._function(time), dtype=np.float64)
 
     def rates(self, time: float) -> Matrix:
-        near, far = (
-            (self.angles(time + step) - self.angles(time - step)) / (2.0 * step) for step in (_STEP, 2.0 * _STEP)
-        )
-        derivative: Matrix = (4.0 * near - far) / 3.0
-        return derivative
-
-
-# Step of the finite differences of a function of time [s].
-_STEP = 5e-4
+        return derivative(self.angles, time)
 
 
 def _from_the_root(joints: tuple[Joint, ...], links: Mapping[str, Mesh | None]) -> list[Joint]:

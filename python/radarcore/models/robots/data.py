@@ -27,7 +27,7 @@ class LinkMesh(NamedTuple):
 
     link: str
     name: str
-    """Of the file, without its suffix."""
+    """Name of the file, without its suffix."""
     vertices: NDArray[np.float64]
     """(n, 3) [m]."""
     triangles: NDArray[np.int64]

@@ -18,7 +18,7 @@ JointAngles = Mapping[str, float] | Sequence[float] | Matrix
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What joins a link to its parent.
+    """Joint between a link and its parent.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ class Joint:
 
     @property
     def unit(self) -> str:
-        """Of its angle: "rad", or "m" when it slides."""
+        """Unit of the joint's angle: "rad", or "m" when it slides."""
         return "m" if self.kind == "prismatic" else "rad"
 
 
 class Jointed(Protocol):
-    """What has joints that move, such as an arm."""
+    """Object with joints that move, such as an arm."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -104,5 +104,5 @@ class JointMotion(Protocol):
         ...
 
     def rates(self, time: float) -> Matrix:
-        """Their time derivatives, (num_joints,)."""
+        """Time derivatives of `angles`, (num_joints,)."""
         ...

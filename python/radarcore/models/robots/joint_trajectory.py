@@ -30,14 +30,7 @@ class JointTrajectory:
     def __init__(self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
-        self.times = check.frozen(check.array("times", times, (None,)))
-        if len(self.times) < 2:
-            raise ValueError(f"times: expected at least two, got {len(self.times)}")
-        if not (np.diff(self.times) > 0.0).all():
-            k = int((np.diff(self.times) <= 0.0).argmax())
-            raise ValueError(
-                f"times: expected increasing times [s], got {self.times[k]:g} and then {self.times[k + 1]:g}"
-            )
+        self.times = check.increasing("times", times)
         num_joints = None if arm is None else len(arm.joint_names)
         values = check.array("angles", angles, (len(self.times), num_joints))
         self._spline = CubicSpline(self.times, values, bc_type="clamped")
@@ -64,7 +57,7 @@ class JointTrajectory:
         return result
 
     def excesses(self, arm: Jointed) -> list[str]:
-        """What joints of `arm` would have to do beyond their limits, one text each; anywhere, not only at `times`."""
+        """Violations of the limits of the joints of `arm`, one text each; anywhere, not only at `times`."""
         if len(arm.joint_names) != self.num_joints:
             raise ValueError(f"arm: expected {self.num_joints} joints that move, got {len(arm.joint_names)}")
         found = []
@@ -94,7 +87,7 @@ class JointTrajectory:
 
 
 def _largest(spline: Any, column: int, center: float = 0.0) -> tuple[float, float]:
-    """Where a column of a spline is furthest from `center`, and how far: at knots and turning points."""
+    """Time and size of the largest deviation of a spline's column from `center`: at knots and turning points."""
     from scipy.interpolate import PPoly
 
     piece = PPoly(spline.c[:, :, column], spline.x)

@@ -155,7 +155,7 @@ def _follow(
 
 
 def _error(arm: RobotArm, link: str, angles: Matrix, position: Matrix, rotation: Matrix) -> Matrix:
-    """What is missing to a pose, (6,): displacement [m] and, for small ones, rotation vector [rad]."""
+    """Deviation from a pose, (6,): displacement [m] and, for small ones, rotation vector [rad]."""
     pose = arm.link_pose(link, angles)
     turn = rotation @ pose.rotation.T
     vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])

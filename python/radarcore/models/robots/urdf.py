@@ -168,7 +168,7 @@ class _Reader:
         raise self.error(f"{where}: expected mesh, box, cylinder or sphere, got <{shape.tag}>")
 
     def mesh_file(self, filename: str) -> Path:
-        """Where a mesh is: ``package://name/...``, ``file://...``, or relative to the URDF file."""
+        """Path of a mesh: ``package://name/...``, ``file://...``, or relative to the URDF file."""
         if filename.startswith("package://"):
             package, _, rest = filename.removeprefix("package://").partition("/")
             directory = self.package_directories.get(package)

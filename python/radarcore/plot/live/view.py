@@ -25,7 +25,7 @@ SIZE = (11.0, 6.2)
 """Width and height of a figure [inch]."""
 
 _DYNAMIC_RANGE_DB = 60.0
-"""What the colours span at most."""
+"""Largest span of the colours [dB]."""
 
 _TEXT_INTERVAL = 0.2
 """Between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
@@ -111,7 +111,7 @@ class LiveView:
 
     @property
     def remove_static(self) -> bool:
-        """Whether what stands still is taken off; a change empties the history."""
+        """True when static echoes are removed; a change empties the history."""
         return self._stream.remove_static
 
     @remove_static.setter

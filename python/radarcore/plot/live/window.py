@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OUTPUT = Path("out/view")
-"""Where pictures go without a window."""
+"""Directory of the pictures without a window."""
 
 STATIC_KEY = "m"
 """Key that removes and shows what stands still; matplotlib has no use for it."""
@@ -31,7 +31,7 @@ _WAITING = 16
 """Frames that wait for the window at most; then the source waits."""
 
 _PATIENCE = 2.0
-"""How long the source may take to give up its last frame, once nobody wants it [s]."""
+"""Time that the source may take for its last frame after the window is closed [s]."""
 
 
 def view(
@@ -224,7 +224,7 @@ class _Source:
 
     def __init__(self, frames: Iterable[Frame], paced: bool) -> None:
         self.error: BaseException | None = None
-        """What the frames ended with, unless it was their end."""
+        """Error that ended the frames; None at the end of the source."""
         self._frames, self._paced = frames, paced
         self._waiting: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._unwanted = threading.Event()
@@ -233,7 +233,7 @@ class _Source:
 
     @property
     def has_more(self) -> bool:
-        """Whether frames wait, or may come."""
+        """True while frames wait, or may come."""
         return self._thread.is_alive() or not self._waiting.empty()
 
     def waiting(self) -> Iterator[Frame]:

@@ -58,7 +58,7 @@ class Parts:
         _check_names(waiting)
         built: dict[str, list[Body] | list[PointTarget]] = {}
         while waiting:
-            # What is attached waits until its carrier is there.
+            # An attached part waits until its carrier is built.
             ready = [where for where, entry in waiting.items() if self._has_carrier(entry)]
             if not ready:
                 where, entry = next(iter(waiting.items()))

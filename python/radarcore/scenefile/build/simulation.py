@@ -17,7 +17,7 @@ from radarcore.simulate.times import frame_times
 
 
 def simulation(table: SceneTable, file: Path) -> Simulation:
-    """What the tables of a file describe."""
+    """Scene, radar and run from the tables of a file."""
     with located(f"{file}: "):
         with located("radar: "):
             radar = radar_of(table.radar, file.parent)

@@ -1,9 +1,9 @@
-"""What the chip cannot do, told with the nearest that it can."""
+"""Limits of the chip, reported with the nearest possible value."""
 
 from __future__ import annotations
 
 MAX_SAMPLES = 4095
-"""Of a chirp."""
+"""Largest number of samples of a chirp."""
 
 
 class LimitError(ValueError):

@@ -23,7 +23,7 @@ PLL2_7, PLL3_7, PLL4_7 = 0x3F, 0x47, 0x4F
 RFT0, RFT1, DFT0, SDFT0 = 0x55, 0x56, 0x57, 0x5B
 STAT0, SADC_RESULT, FSTAT = 0x5D, 0x5E, 0x5F
 FIFO = 0x60
-"""Where a burst reads samples; not a register."""
+"""Address from which a burst reads samples; not a register."""
 
 # Bits of MAIN that act once and read as zero.
 FRAME_START, SW_RESET, FSM_RESET, FIFO_RESET = 1 << 0, 1 << 1, 1 << 2, 1 << 3

@@ -122,7 +122,7 @@ _ALWAYS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What can be set; the defaults are those of the chip at power-up.
+    """Settings of the chip; the defaults are those at power-up.
 
     Any finite numbers are taken. `registers_of` refuses what the chip cannot do, `achieved` says what it makes of the
     rest.
@@ -251,7 +251,7 @@ class Settings:
             if_gain_db=if_gain_db,
             highpass_cutoff=highpass_cutoff,
         )
-        # What the chip refuses is reported in the words of the radar.
+        # A limit of the chip is reported in the words of the radar.
         try:
             registers_of(settings, 2)
         except LimitError as error:
@@ -351,7 +351,7 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
 
 
 def settings_of(registers: Mapping[int, int]) -> Settings:
-    """What the chip does with these registers, in exact numbers.
+    """Settings that registers stand for, in exact numbers.
 
     Times are whole cycles of the clock; `end_frequency` is where the ramp's steps lead and may lie beyond 63.5 GHz by
     less than their rounding; `sample_rate` is ``80 MHz / divider`` in whole Hz, as the vendor's host reads it back.
@@ -450,10 +450,10 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
 
 
 def achieved(settings: Settings) -> Settings:
-    """What the chip makes of settings.
+    """Settings as the chip realises them.
 
     Times move to the timers' steps: the chirp's and the frame's by up to 6 cycles, or 0.4 % of the delay after them.
-    What the chip makes of achieved settings is the same again, but for times, which a host takes in float32: they can
+    Achieved settings are realised without a change, but for times, which a host takes in float32: they can
     move by another 1e-7 of themselves.
     """
     return settings_of(registers_of(settings, 2))
@@ -513,7 +513,7 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
 
 
 def _sadc_speed(sampling: int) -> int:
-    """How long the sensor's ADC may average during so many cycles of sampling."""
+    """Averaging time of the sensor's ADC that fits into so many cycles of sampling."""
     for least, oversampling, spread in (
         (5760, 3, 1),
         (3712, 3, 0),

@@ -46,7 +46,7 @@ def scaled_timer(cycles: int) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Delay:
-    """What the chip does after a chirp or a frame."""
+    """Power mode and timer of the chip after a chirp or a frame."""
 
     mode: int  # 0 stays on, 1 idle, 2 deep sleep
     counter: int
@@ -54,7 +54,7 @@ class Delay:
 
     @property
     def field(self) -> int:
-        """As it stands in PLL1_7 and in CCR1."""
+        """Bit field of PLL1_7 and of CCR1."""
         return self.mode << 9 | self.counter << 11 | self.scale << 19
 
     @property
@@ -67,11 +67,11 @@ _LONGEST_DELAY = Delay(2, 255, _MAX_SCALE).cycles
 
 
 def delay_of(rest: float) -> Delay:
-    """What fills up `rest` [s]: as deep a sleep as there is time for, and a timer (Strata, repetition times)."""
+    """Delay that fills `rest` [s]: the deepest sleep there is time for, and a timer (Strata, repetition times)."""
     mode = 0
     if rest >= _IDLE_TIME:
         mode, rest = 1, rest - _IDLE_TIME
-        # Of what is left, not of all: so does the host.
+        # Taken from the remaining time, as the host does.
         if rest >= _WAKE_TIME:
             mode, rest = 2, rest - _WAKE_TIME
     # The host counts in steps of 100 ps, 125 of which are one cycle; half ones are rounded up.
@@ -80,7 +80,7 @@ def delay_of(rest: float) -> Delay:
 
 
 def rest_of(name: str, time: float, cycles: int, why: str) -> float:
-    """What is left of a time after so many cycles [s], in the float32 of the host."""
+    """Remainder of a time after so many cycles [s], in the float32 of the host."""
     least, most = cycles / CLOCK, (cycles + _LONGEST_DELAY) / CLOCK
     if time < least * (1.0 - _TIME_ROUNDING):
         shortest = text_of(least, "s")

@@ -114,7 +114,7 @@ class ComLibBoard:
         self._shape = (0, 0, 0)
         self._closed = False
 
-        # What endpoints has it?
+        # Find the endpoints.
         stream.discard()
         endpoints = self._probe()
         types = [endpoint.type for endpoint in endpoints]
@@ -131,7 +131,7 @@ class ComLibBoard:
         self._fmcw = types.index(EndpointType.RFMC) + 1
         self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
 
-        # What can it do? It may have been left measuring.
+        # Stop a measurement that was left running, then ask for the firmware and the limits.
         self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
         firmware = Firmware.decode(self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
         self._limits = Info.decode(self._ask(self._base, Base.GET_INFO, Base.INFO))
@@ -198,7 +198,7 @@ class ComLibBoard:
             slope = decode_number(self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
             shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
 
-        # What the board is set to.
+        # Settings of the board.
         self._interval_us = max(1, shortest, min(round(wave.frame_interval * 1e6), 0xFFFFFFFF))
         self._shape = (rx_mask.bit_count(), wave.num_chirps, wave.num_samples)
         if slope == 0.0:

@@ -79,7 +79,7 @@ class Direction(IntEnum):
 
 
 class SignalPart(IntEnum):
-    """What of the beat signal is sampled."""
+    """Sampled part of the beat signal."""
 
     I = 0  # noqa: E741  # its name in the field
     Q = 1

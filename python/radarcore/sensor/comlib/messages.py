@@ -73,7 +73,7 @@ class _Parser(Generic[Found]):
 
     @property
     def is_idle(self) -> bool:
-        """Whether the next byte begins a message."""
+        """True when the next byte begins a message."""
         return not (self._buffer or self._is_confused)
 
     def reset(self) -> None:
@@ -82,7 +82,7 @@ class _Parser(Generic[Found]):
         self._is_confused = False
 
     def feed(self, data: bytes) -> list[Found]:
-        """What is known with these bytes, in order."""
+        """Messages and errors that these bytes complete, in order."""
         self._buffer += data
         found: list[Found] = []
         begin = 0
@@ -163,7 +163,7 @@ class BoardParser(_Parser[Message | StatusMessage]):
         self._max_payload = max_payload
 
     def silence(self) -> list[StatusMessage]:
-        """What the board says when no byte has come for its time-out; it then expects a message."""
+        """Status that the board reports when no byte has come for its time-out; it then expects a message."""
         if self.is_idle:
             return []
         self.reset()

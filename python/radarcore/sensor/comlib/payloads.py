@@ -1,4 +1,4 @@
-"""What messages of ComLib carry."""
+"""Payloads of ComLib messages."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ _FSTAT_OVERFLOW = 1 << 23
 _FSTAT_EMPTY = 1 << 20
 
 _PACE_TIME = 4.0
-"""How fast a source is, is measured over so long [s of the host]: a busy host is late now and then."""
+"""Time over which the rate of a source is measured [s of the host]: a busy host is late now and then."""
 
 
 class Chip:
@@ -107,7 +107,7 @@ class Chip:
         self._clear()
 
     def power_up(self) -> None:
-        """As after power was away: the clock begins anew too."""
+        """Restart after a loss of power: the clock begins anew too."""
         self.reset()
         with self._lock:
             self.complains = False
@@ -170,7 +170,7 @@ class Chip:
             self._start()
 
     def has_samples(self, num_samples: int) -> bool:
-        """Whether so many can be taken."""
+        """True when the FIFO holds at least `num_samples`."""
         return self._fill >= num_samples
 
     def take(self, num_samples: int) -> tuple[NDArray[np.uint16], float] | None:

@@ -144,7 +144,7 @@ class ComLibEmulator:
             num_chirps=form.num_chirps,
             chirp_interval=duration,
             frame_interval=max(self._interval, self._min_interval) / 1e6,
-            # Where in the ramp the samples lie is not known: in its middle.
+            # The place of the samples within the ramp is not known: its middle.
             adc_delay=0.5 * (duration - form.num_samples / adc.sample_rate),
         )
         enabled = [position for i, position in enumerate(_RX) if form.rx_mask >> i & 1]
@@ -166,7 +166,7 @@ class ComLibEmulator:
             self._changed.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
-        """What one transfer to the host holds: 1 to `size` bytes, none where nothing is to be sent in `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size` of them, none when nothing is to be sent within `timeout` [s]."""
         deadline = time.monotonic() + timeout
         with self._changed:
             while True:

@@ -12,7 +12,7 @@ from radarcore import check
 
 @dataclass
 class Faults:
-    """How probable every fault is, per packet to the host; zero: never.
+    """Probability of every fault per packet to the host; zero: never.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Faults:
         self._rng = np.random.default_rng(check.count("seed", self.seed, 0))
 
     def happens(self, name: str) -> bool:
-        """Whether a fault happens now; counts it in `done`."""
+        """Draw a fault: true when it happens, which is counted in `done`."""
         probability = getattr(self, name)
         if probability == 0.0 or self._rng.random() >= probability:
             return False
@@ -97,5 +97,5 @@ class Faults:
         return int(self._rng.integers(1, size + 1)) if self.has_any_transfers else size
 
     def part(self, packet: bytes) -> bytes:
-        """What still comes of a packet when the board is unplugged in the middle of it."""
+        """Part of a packet that arrives when the board is unplugged in the middle of it."""
         return packet[: int(self._rng.integers(len(packet)))]

@@ -1,4 +1,4 @@
-"""What an emulated board looks like from the wire, for whatever carries the bytes: an emulated USB bus, a pty."""
+"""Interface of an emulated board to the transport of its bytes: an emulated USB bus, a pty."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class StreamPeripheral(Protocol):
         """Bytes from the host, cut anywhere."""
 
     def send(self, size: int, timeout: float) -> bytes:
-        """What one transfer to the host holds: 1 to `size` bytes, none where nothing is to be sent in `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size` of them, none when nothing is to be sent within `timeout` [s]."""
 
 
 class VendorPeripheral(Protocol):

@@ -1,4 +1,4 @@
-"""Where the samples of an emulated sensor come from: noise, or a recording."""
+"""Sources of samples for an emulated sensor: noise, or a recording."""
 
 from __future__ import annotations
 

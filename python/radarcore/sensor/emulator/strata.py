@@ -36,7 +36,7 @@ _MOST_SLICES = 8
 
 @dataclass(frozen=True)
 class Identity:
-    """What an emulated board says of itself.
+    """Identity that an emulated board reports.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Controller:
         self.chip.close()
 
     def power_up(self) -> None:
-        """As after power was away."""
+        """Restart after a loss of power."""
         self.chip.power_up()
         with self.arrived:
             self.packets.clear()

@@ -97,7 +97,7 @@ class EmulatedDevice:
 
     @property
     def driver_is_bound(self) -> bool:
-        """Whether the kernel's driver has the device now."""
+        """True while the kernel's driver has the device."""
         return self._connection is not None and self._connection.driver_is_bound
 
     @property
@@ -180,7 +180,7 @@ class EmulatedBus:
                 self._connections.remove(connection)
                 connection.device._connection = None
 
-    # What pyusb asks of a backend, with its names and arguments.
+    # Methods that pyusb demands of a backend, with its names and arguments.
 
     def enumerate_devices(self) -> list[_Connection]:
         """Devices that are plugged in."""
@@ -270,7 +270,7 @@ class EmulatedBus:
             del handle.connection.claims[interface]
 
     def is_kernel_driver_active(self, handle: _Handle, interface: int) -> bool:
-        """Whether the kernel's driver has an interface."""
+        """True when the kernel's driver has an interface."""
         handle.connection.check_here()
         return handle.connection.driver_is_bound and interface in handle.connection.interface_numbers()
 
@@ -417,7 +417,7 @@ class _Connection:
         self.check_here()
 
     def bulk_in(self, address: int, size: int, deadline: float, bus: EmulatedBus) -> bytes:
-        """What a transfer into a buffer of `size` bytes brings."""
+        """Bytes of a transfer into a buffer of `size` bytes."""
         endpoint = self.endpoint(address)
         board = self.device.stream or self.device.vendor
         if endpoint is None or board is None:

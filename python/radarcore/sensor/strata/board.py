@@ -227,7 +227,7 @@ class StrataBoard:
         return max(gap // item.num_packets, 1) if gap < 0x8000 else 1
 
     def _is_in_step(self, item: Slice, gap: int, slices_per_frame: int) -> bool:
-        """Whether a slice is surely the next part of a frame."""
+        """True when a slice is known to be the next part of a frame."""
         if gap > 0 or (self._missing and self._expected is None):
             return False
         if self._last is None or (elapsed := _elapsed(self._last, item)) is None:

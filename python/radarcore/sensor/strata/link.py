@@ -96,7 +96,7 @@ class _Inbox:
 
 
 class _Reading:
-    """What both links share: a thread that polls the port, and the packets it has found."""
+    """Base of both links: a thread that polls the port, and the packets it has found."""
 
     def __init__(self, port: Stream | VendorPort) -> None:
         self.name = port.name

@@ -44,7 +44,7 @@ class Kind(IntEnum):
 
 
 class Code(IntEnum):
-    """What a request is about, ``bRequest`` (Strata, platform requests)."""
+    """Subject of a request, ``bRequest`` (Strata, platform requests)."""
 
     MEMORY = 0x00
     GPIO = 0x01
@@ -192,7 +192,7 @@ def crc(data: bytes | bytearray) -> int:
 
 @dataclass(frozen=True)
 class Request:
-    """What the host asks.
+    """Request of the host.
 
     Attributes
     ----------
@@ -230,7 +230,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Response:
-    """What the board answers: `kind` of the request, `status` (0: success) and payload."""
+    """Answer of the board: `kind` of the request, `status` (0: success) and payload."""
 
     kind: int
     status: int
@@ -403,7 +403,7 @@ def uuid_bytes(text: str) -> bytes:
 
 
 class DataConfiguration(NamedTuple):
-    """How the board reads samples: `slice_size` of them in one burst from register `address`."""
+    """Readout of samples: `slice_size` of them in one burst from register `address`."""
 
     data_format: int
     address: int

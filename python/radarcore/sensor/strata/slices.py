@@ -71,7 +71,7 @@ class SliceAssembler:
         self._take()
 
     def feed(self, packet: DataPacket) -> list[Slice | SliceLost | StreamError]:
-        """What is known with this packet, in order."""
+        """Slices, losses and errors that this packet completes, in order."""
         found: list[Slice | SliceLost | StreamError] = []
 
         # Compare its number with the last one.

@@ -178,7 +178,7 @@ class Replay:
             self._changed.notify_all()
 
     def _has_read(self) -> bool:
-        """Whether anything may be read; what was thrown away before it then is passed over."""
+        """True when something may be read; discarded bytes before it are skipped."""
         while self._come and self._come[0].direction == "discard":
             self._come.popleft()
         return bool(self._come)

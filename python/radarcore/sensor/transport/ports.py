@@ -29,7 +29,7 @@ KNOWN_BOARDS: dict[tuple[int, int], tuple[Kind, str]] = {
 
 @dataclass(frozen=True)
 class Port:
-    """Where a board is, or may be.
+    """Port that a board is, or may be, connected to.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _may_be_board(tty: Any) -> bool:
 
 
 def _is_same(port: Port, device: Any, tty: Any) -> bool:
-    """Whether a tty is the kernel's view of a USB device."""
+    """True when a tty is the kernel's view of a USB device."""
     if (tty.vid, tty.pid) != (port.vendor_id, port.product_id):
         return False
     if tty.location and device.port_numbers:

@@ -129,7 +129,7 @@ def _permission_hint() -> str:
 
 
 def _termios_errors() -> tuple[type[Exception], ...]:
-    """What setting up a port raises besides OSError and ValueError."""
+    """Errors besides OSError and ValueError that setting up a port raises."""
     try:
         import termios
     except ImportError:  # Windows has none

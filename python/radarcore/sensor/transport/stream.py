@@ -1,4 +1,4 @@
-"""What a connection to a board is: a byte stream, or vendor requests with bulk packets; and what all streams share."""
+"""Connections to a board: byte streams, or vendor requests with bulk packets; and the base of all streams."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SLICE = 0.05
 """Longest wait in the operating system [s]: so long a `close` waits for a `read` of another thread."""
 
 _SILENCE = 0.02
-"""What has come is thrown away until nothing comes for this time [s]: two 8 ms latency timers of a USB bridge."""
+"""Silence that ends the discarding of received bytes [s]: two 8 ms latency timers of a USB bridge."""
 
 _DISCARD_TIME = 0.2
 """Longest time of throwing away [s]: a board that measures never falls silent."""
@@ -74,7 +74,7 @@ class VendorPort(Protocol):
 
 
 def drained(stream: Stream) -> bytes:
-    """What has come to a stream, taken from it: until nothing comes for a moment, but for 0.2 s at most."""
+    """Bytes waiting in a stream, read until it falls silent, for 0.2 s at most."""
     data = bytearray()
     deadline = monotonic() + _DISCARD_TIME
     while monotonic() < deadline and (chunk := stream.read(65536, _SILENCE)):
@@ -131,7 +131,7 @@ class ByteStream(ABC):
 
     @abstractmethod
     def _read_some(self, size: int, timeout: float) -> bytes:
-        """What has come, at most `size` bytes; may return none early, and must before `SLICE` is over by far."""
+        """Received bytes, at most `size`; may return none early, and must return within about `SLICE`."""
 
     @abstractmethod
     def _write_some(self, data: bytes, timeout: float) -> int:

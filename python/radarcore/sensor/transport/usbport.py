@@ -107,7 +107,7 @@ def find_device(path: str, usb_backend: Any = None) -> Any:
 
 
 def has_driver(device: Any, interface_number: int) -> bool | None:
-    """Whether the kernel has a driver on an interface; None where that cannot be known."""
+    """True when the kernel has a driver on an interface; None where that is unknown."""
     try:
         return bool(device.is_kernel_driver_active(interface_number))
     except (OSError, NotImplementedError):  # Windows has no such notion

@@ -1,0 +1,92 @@
+"""Motion of what a depth image shows: twists of bodies, or range rates of pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.depth.image import Image
+from radarcore.geometry.pose import cross_matrix, rotations_about, transforms
+from radarcore.recording.frame import Truth
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMotion:
+    """Motion of the pixels of an image.
+
+    Attributes
+    ----------
+    twists : (body, 6) float64
+        Velocity [m/s] and angular velocity [rad/s] of every body; zeros where none are given.
+    interval : float or None
+        Time between two images whose difference gives range rates [s].
+    """
+
+    twists: NDArray[np.float64]
+    interval: float | None
+
+    @classmethod
+    def of(cls, twists: ArrayLike | None, num_bodies: int, previous: object, interval: float | None) -> ImageMotion:
+        """Checked motion: by `twists`, by `previous` and `interval`, or none."""
+        if (previous is None) != (interval is None):
+            raise ValueError(
+                "interval: expected previous and interval together, got "
+                f"{'interval' if previous is None else 'previous'} alone"
+            )
+        if twists is not None and previous is not None:
+            raise ValueError("twists: expected either twists or previous, got both")
+        rates = np.zeros((num_bodies, 6)) if twists is None else check.array("twists", twists, (num_bodies, 6))
+        return cls(rates, None if interval is None else check.positive("interval", interval, "s"))
+
+    def placement(self, elapsed: NDArray[np.float64], *, is_rate: bool = False) -> _core.Placement:
+        """Bodies at times after that of the image [s], or their time derivatives; the sensor's axes are the world's."""
+        poses = _rigid_motions(self.twists, elapsed)
+        sensor = np.broadcast_to(np.eye(3, 4), (len(elapsed), 3, 4)).copy()
+        if is_rate:
+            # d/dt [R | p] = [w x R | w x p + v].
+            turning = cross_matrix(self.twists[:, 3:]) @ poses
+            turning[..., 3] += self.twists[:, :3]
+            poses, sensor = turning, np.zeros_like(sensor)
+        return _core.Placement(sensor, poses, np.zeros((len(elapsed), 0, 3)))
+
+    def truth(self, image: Image, num_bodies: int) -> Truth:
+        """Nearest visible point of every body."""
+        values = np.full((4, num_bodies), np.nan)
+        rows, columns = image.distance.shape
+        u, v = image.camera.plane(rows, columns)
+        for number in range(num_bodies):
+            pixels = np.flatnonzero((image.body == number) & np.isfinite(image.distance))
+            if len(pixels) == 0:
+                continue
+            nearest = pixels[image.distance.flat[pixels].argmin()]
+            row, column = divmod(int(nearest), columns)
+            direction = np.array([1.0, u[column], v[row]]) / np.sqrt(1.0 + u[column] ** 2 + v[row] ** 2)
+            point = image.distance[row, column] * direction
+            linear, angular = self.twists[number, :3], self.twists[number, 3:]
+            rate = direction @ (linear + np.cross(angular, point)) + image.range_rate[row, column]
+            azimuth, elevation = np.arctan2(u[column], 1.0), np.arctan2(v[row], np.hypot(1.0, u[column]))
+            values[:, number] = image.distance[row, column], rate, azimuth, elevation
+        return Truth(tuple(f"body {number}" for number in range(num_bodies)), *values)
+
+
+def _rigid_motions(twists: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rigid motions by constant twists, (time, body, 3, 4): rotation exp([w] t), translation its integral times v.
+
+    Murray, Li, Sastry, A Mathematical Introduction to Robotic Manipulation, eqs. (2.14) and (2.36).
+    """
+    linear, angular = twists[:, :3], twists[:, 3:]
+    cross = cross_matrix(angular)
+    t = times[:, None]
+    angle = np.linalg.norm(angular, axis=1) * t
+    # (1 - cos a)/w^2 and (a - sin a)/w^3: a power of t times an even function of the angle a = w t.
+    small = np.abs(angle) < 1e-2
+    safe, a2 = np.where(small, 1.0, angle), angle**2
+    second = t**2 * np.where(small, 0.5 - a2 / 24.0 + a2**2 / 720.0, (1.0 - np.cos(safe)) / safe**2)
+    third = t**3 * np.where(small, 1.0 / 6.0 - a2 / 120.0 + a2**2 / 5040.0, (safe - np.sin(safe)) / safe**3)
+    second, third = second[..., None, None], third[..., None, None]
+    integral = t[..., None, None] * np.eye(3) + second * cross + third * (cross @ cross)
+    rotation = rotations_about((t[..., None] * angular).reshape(-1, 3)).reshape(*angle.shape, 3, 3)
+    return transforms(rotation, (integral @ linear[:, :, None])[..., 0])

@@ -1,0 +1,234 @@
+"""A figure of rigid segments that walks: the poses of all segments from the angles of the gait."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.geometry.mesh import Mesh
+from radarcore.models.people import gait
+from radarcore.models.people.path import FloorPath
+from radarcore.motion.group import LinkMotion
+from radarcore.motion.protocol import Motion
+from radarcore.scene.body import Body
+from radarcore.scene.library import materials
+from radarcore.scene.material import Material
+
+Floats = NDArray[np.float64]
+
+SEGMENTS = (
+    *("pelvis", "trunk", "neck", "head"),
+    *("left_thigh", "right_thigh", "left_shank", "right_shank", "left_foot", "right_foot"),
+    *("left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm", "left_hand", "right_hand"),
+)
+"""Names of the rigid parts."""
+
+HIP_HEIGHT = 0.530
+"""Height of the hip joints over body height."""
+
+
+Support = Callable[[Floats], Floats]
+"""Smallest product of directions (n, 3) with the points of a shape, (n,)."""
+
+# Phases at which the height of the soles is compared.
+_LIFT_PHASES = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A person's walk along a path; fields as the parameters of `Human`."""
+
+    height: float
+    speed: float
+    path: FloorPath
+    start_time: float
+    phase: float
+
+    @property
+    def relative_speed(self) -> float:
+        """Speed in hip heights per second: the parameter of the gait [1/s]."""
+        return min(self.speed / (HIP_HEIGHT * self.height), gait.MAX_RELATIVE_SPEED)
+
+    @property
+    def cycle_duration(self) -> float:
+        """Duration of two steps [s]; inf when standing."""
+        return gait.cycle_duration(self.relative_speed) if self.speed > 0.0 else float("inf")
+
+
+class Skeleton(NamedTuple):
+    """Places of the joints, (3,) each [m]; those of limbs on the left side, the right one mirrors them."""
+
+    waist: Floats
+    """From midway between the hips, in the axes of the pelvis: where the trunk turns."""
+    hip: Floats
+    """From the same point, in the same axes."""
+    knee: Floats
+    """From the hip, in the axes of the thigh."""
+    ankle: Floats
+    """From the knee, in the axes of the shank."""
+    neck: Floats
+    """From the waist, in the axes of the trunk."""
+    head: Floats
+    """From the waist, in the axes of the trunk."""
+    shoulder: Floats
+    """From the waist, in the axes of the trunk."""
+    elbow: Floats
+    """From the shoulder, in the axes of the upper arm."""
+    wrist: Floats
+    """From the elbow, in the axes of the forearm."""
+
+
+class Figure:
+    """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
+
+    def __init__(self, walk: Walk, skeleton: Skeleton, lowest: Support) -> None:
+        self._walk = walk
+        # Positions from the axes of all segments: (segment and axis, segment).
+        carried = _CHAINS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
+        self._reach = carried.sum(axis=1).reshape(len(SEGMENTS), -1).T
+        self._hip_height = HIP_HEIGHT * walk.height
+        self._lift = 0.0
+        # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
+        turns, root = self._gait(np.linspace(0.0, 1.0, _LIFT_PHASES), 1)
+        foot = self._maps(turns, root)[0, :, SEGMENTS.index("right_foot")]
+        self._lift = -float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
+
+    def motion(self, name: str) -> Motion:
+        """Motion of a segment; a `Pose` when the person stands."""
+        index = SEGMENTS.index(check.choice("name", name, SEGMENTS))
+        motion = LinkMotion(self, index)
+        return motion if self._walk.speed > 0.0 else motion.at(0.0)
+
+    def bodies(self, meshes: dict[str, Mesh], material: Material | None, name: str) -> list[Body]:
+        """Bodies of the segments' meshes."""
+        material = materials["skin"] if material is None else material
+        return [
+            Body(meshes[segment], material=material, motion=self.motion(segment), name=f"{name}/{segment}")
+            for segment in SEGMENTS
+        ]
+
+    def link_poses_at(self, times: ArrayLike) -> Floats:
+        """``[rotation | position]`` of all segments in the world at several times [s], (n, segment, 3, 4)."""
+        return np.ascontiguousarray(self._along_the_path(times, 1)[0])
+
+    def link_rates_at(self, times: ArrayLike) -> Floats:
+        """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
+        return np.ascontiguousarray(self._along_the_path(times, 2)[1])
+
+    def _along_the_path(self, times: ArrayLike, orders: int) -> Floats:
+        """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
+        walk = self._walk
+        elapsed = np.asarray(times, dtype=np.float64) - walk.start_time
+        turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders)
+        place, heading, curvature = walk.path.points_at(walk.speed * elapsed)
+        turns[0, :, 0] += heading[:, None]
+        # The root sways about its place on the path, in axes that turn with the heading.
+        sway = root[..., 0] + 1j * root[..., 1]
+        if orders > 1:
+            turn_rate = walk.speed * curvature
+            turns[1, :, 0] += turn_rate[:, None]
+            sway[1] += walk.speed + 1j * turn_rate * sway[0]
+        on_floor = np.exp(1j * heading) * sway
+        on_floor[0] += place
+        root[..., 0], root[..., 1] = on_floor.real, on_floor.imag
+        return self._maps(turns, root)
+
+    def _maps(self, turns: Floats, root: Floats) -> Floats:
+        """Maps of all segments (orders, n, segment, 3, 4) from angles as of `_gait` and the root (orders, n, 3).
+
+        The first axis holds the value and, with two orders, the time derivative.
+        """
+        maps = np.empty((*turns.shape[:2], 3, len(SEGMENTS), 4))  # order, time, row, segment, column
+        # Rz Rx Ry, the first two rows as one of complex numbers.
+        (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
+        across = np.empty((*cz.shape, 3), dtype=np.complex128)
+        across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
+        forward = cz + 1j * sz
+        across *= forward[..., None]
+        axes = maps[..., :3]
+        axes[0, :, 0], axes[0, :, 1] = across.real, across.imag
+        axes[0, :, 2, :, 0], axes[0, :, 2, :, 1], axes[0, :, 2, :, 2] = -cx * sy, sx, cx * cy
+        if len(turns) > 1:
+            # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
+            about_z, about_x, about_y = (turns[1, :, angle, :, None] for angle in range(3))
+            level = about_x * forward[..., None] + about_y * across[..., 1:2]
+            upright = about_z + about_y * sx[..., None]
+            height = axes[0, :, 2]
+            rate = 1j * (upright * across - level * height)
+            axes[1, :, 0], axes[1, :, 1] = rate.real, rate.imag
+            axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
+        # Origins lie fixed in the axes of other segments, which carry them.
+        maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ self._reach
+        return maps.swapaxes(2, 3)
+
+    def _gait(self, phase: Floats, orders: int) -> tuple[Floats, Floats]:
+        """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
+
+        Every segment turns by ``Rz Rx Ry``: the limbs swing about the y axis of pelvis or trunk, so that their angles
+        add up. The root lacks even motion.
+        """
+        walk = self._walk
+        if walk.speed > 0.0:
+            angles, root = gait.posture(phase, walk.relative_speed, orders)
+            angles[1:] /= walk.cycle_duration
+            root[1:] /= walk.cycle_duration
+        else:
+            angles, root = np.zeros((orders, len(phase), len(_STANDING))), np.zeros((orders, len(phase), 3))
+            angles[0] = _STANDING
+        turns = (angles @ _TURNS.reshape(len(_STANDING), -1)).reshape(*angles.shape[:-1], *_TURNS.shape[1:])
+        root = self._hip_height * root
+        root[0, ..., 2] += self._hip_height + self._lift
+        return turns, root
+
+
+# Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.
+_STANDING = np.array([*2 * (0.0, 0.0, 0.0, 3.0, 3.0), *4 * (0.0,)])
+
+
+def _turns() -> Floats:
+    """Angles of all segments about z, x and y as sums of the angles of the gait, (angle of the gait, 3, segment)."""
+    *limbs, roll, torsion, thorax, lean = np.deg2rad(np.eye(len(_STANDING)))
+    hip, knee, ankle, shoulder, elbow = np.array([limbs[:5], limbs[5:]]).swapaxes(0, 1)
+    about_z, about_x, about_y = turns = np.zeros((3, len(SEGMENTS), len(_STANDING)))
+    pelvis_and_legs, trunk_and_arms = [0, *range(4, 10)], [1, 2, 3, *range(10, 16)]
+    about_z[pelvis_and_legs], about_z[trunk_and_arms] = -torsion, -thorax
+    about_x[pelvis_and_legs] = roll
+    about_y[trunk_and_arms] = -lean
+    # Limbs, left and right; the knee bends backwards, the hand is stiff in the wrist.
+    about_y[4:6] = -hip
+    about_y[6:8] = knee - hip
+    about_y[8:10] = knee - hip - ankle
+    about_y[10:12] -= shoulder
+    about_y[12:14] -= shoulder + elbow
+    about_y[14:16] -= shoulder + elbow
+    return np.moveaxis(turns, -1, 0).copy()
+
+
+_TURNS = _turns()
+
+# The segment that carries the origin of each of SEGMENTS, at a fixed place in its axes.
+_CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
+
+
+def _chains() -> Floats:
+    """Path of carriers from midway between the hips to each segment, (segment, segment): 1 on the path, else 0."""
+    chains = np.eye(len(SEGMENTS))
+    for segment, carrier in enumerate(_CARRIERS):
+        if carrier > 0:  # what the pelvis carries begins midway between the hips, not at its origin
+            chains[segment] += chains[carrier]
+    return chains
+
+
+_CHAINS = _chains()
+
+
+def _offsets(skeleton: Skeleton) -> Floats:
+    """Origins of the segments from those of their carriers, in the carriers' axes, (segment, 3) [m]."""
+    waist, hip, knee, ankle, neck, head, shoulder, elbow, wrist = skeleton
+    limbs = np.array([[joint, joint * [1.0, -1.0, 1.0]] for joint in (hip, knee, ankle, shoulder, elbow, wrist)])
+    return np.concatenate([[waist, waist, neck, head], limbs.reshape(-1, 3)])
