@@ -166,7 +166,7 @@ class ComLibEmulator:
             self._changed.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
-        """Bytes of one transfer to the host: 1 to `size` of them, none when nothing is to be sent within `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size` of them, none if nothing is sent within `timeout` [s]."""
         deadline = time.monotonic() + timeout
         with self._changed:
             while True:

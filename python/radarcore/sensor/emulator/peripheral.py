@@ -20,7 +20,7 @@ class StreamPeripheral(Protocol):
         """Bytes from the host, cut anywhere."""
 
     def send(self, size: int, timeout: float) -> bytes:
-        """Bytes of one transfer to the host: 1 to `size` of them, none when nothing is to be sent within `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size` of them, none if nothing is sent within `timeout` [s]."""
 
 
 class VendorPeripheral(Protocol):
