@@ -302,6 +302,8 @@ impl Part {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn boxes(number: usize) -> Vec<Bounds> {
