@@ -10,7 +10,7 @@ use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::bounces::Limits;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::Level;
 use crate::paths::placement::{Placement, VertexMotion, World};
 use crate::rays::camera::ImagePlane;
@@ -180,6 +180,7 @@ impl Model {
                 (surfaces.clone().map(radius).collect(), surfaces.map(corners).collect())
             }
             Source::Depth(image) => {
+                fits_memory("bodies", &[image.num_bodies], size_of::<f64>())?;
                 let farthest = image.distance.iter().filter(|distance| distance.is_finite());
                 (
                     vec![farthest.copied().fold(0.0, f64::max); image.num_bodies],
