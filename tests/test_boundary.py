@@ -423,8 +423,6 @@ TWICE = np.concatenate([SENSOR, SENSOR])
         (lambda: deform(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
         (lambda: deform(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
         (lambda: deform(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
-        (lambda: HITS.place_on_mesh(HUGE), "pixel: expected one that hit something, got 18446744073709551615"),
-        (lambda: EMPTY_HITS.place_on_mesh(0), "pixel: expected one that hit something, got 0"),
         (lambda: depth_scene(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
         (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
         (lambda: surfels(body=np.zeros((4, 4), np.int32)), r"body: expected shape \(4, 5\), got \(4, 4\)"),
@@ -669,7 +667,8 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
             for crease_angle in (None, 0.0, 0.8, 7.0, NAN):
                 body = surface(vertices, triangles, crease_angle=crease_angle)
                 assert np.isin(cast(source=scene([body])).body(), (-1, 0)).all()
-                frame(source=scene([body]))
+                with contextlib.suppress(ValueError):  # of delays that no sum can take
+                    frame(source=scene([body]))
                 body.quality(crease_angle=0.8, wavelength=scale)
 
 
@@ -784,13 +783,17 @@ def test_calls_from_several_threads_give_what_one_gives() -> None:
 IMPORT = """
 import sys
 before = set(sys.modules)
+def new():
+    added = {name.partition(".")[0] for name in set(sys.modules) - before}
+    return " ".join(sorted(name for name in added if name not in sys.stdlib_module_names))
 import radarcore
-new = {name.partition(".")[0] for name in set(sys.modules) - before}
-print(*sorted(name for name in new if name not in sys.stdlib_module_names))
+print(new())
+radarcore.Simulator
+print(new())
 """
 
 
-def test_importing_radarcore_imports_numpy_and_nothing_else() -> None:
+def test_importing_radarcore_imports_nothing_else_and_its_first_name_numpy() -> None:
     result = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True, check=True)
     assert result.stderr == ""
-    assert result.stdout.split() == ["numpy", "radarcore"]
+    assert result.stdout.splitlines() == ["radarcore", "numpy radarcore"]

@@ -225,6 +225,13 @@ impl Model {
     pub(super) fn rates(&self, placement: &Placement, motion: &World, rates: &World) -> Result<Placement> {
         let middle = motion.num_times() / 2;
         let (bodies, points) = (placement.num_bodies(), placement.num_points());
+        let lengths = [
+            ("poses", bodies, rates.poses.len()),
+            ("points", points, rates.points.len()),
+        ];
+        if let Some((name, expected, got)) = lengths.into_iter().find(|(_, expected, got)| expected != got) {
+            return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
+        }
         let at = World {
             sensor: vec![motion.sensor[middle]],
             poses: motion.poses[middle * bodies..(middle + 1) * bodies].to_vec(),
