@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from meshes import Triangles, room, sphere
 from page import PERFORMANCE, machine, milliseconds, table, write_section
+from radarcore.simulate.placement import Placement
 
 FIELD_OF_VIEW_DEG = 60.0
 FRAMES_PER_SECOND = 40.0
@@ -132,29 +133,19 @@ class Caster:
 
 
 def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
-    """From the poses of the bodies to the hits."""
-    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=threads)
-    core, half = scene._core_at(0.0, threads), math.tan(0.5 * math.radians(FIELD_OF_VIEW_DEG))
-
-    def poses(view: View) -> NDArray[np.float64]:
-        return simulator._place(np.array([view.time])).poses[0]
-
-    def cast(poses: NDArray[np.float64]) -> Any:
-        return core.cast(poses, rows=side, columns=side, half_width=half, half_height=half, threads=threads)
-
+    """From the places of the bodies to the hits."""
+    simulator = rc.Simulator(scene, RADAR, resolution=side, threads=threads)
+    placement = Placement(scene, rc.Function(camera), RADAR.waveform)
+    # A view that is cast again is cast as a whole.
+    engine = simulator._new_engine(reuse_tiles=False)
     name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")
-    return Caster(name, poses, cast, lambda hits: hits.distance(), threads)
+    return Caster(name, lambda view: placement.at(view.time), engine.image, lambda hits: hits.distance(), threads)
 
 
 def depth_image(scene: rc.Scene, side: int) -> Caster:
     """The same with all images."""
-    simulator = rc.Simulator(scene, RADAR, resolution=side, threads=1)
-
-    def place(view: View) -> float:
-        simulator.radar_motion = camera(view.time)
-        return view.time
-
-    return Caster("radarcore depth_image", place, simulator.depth_image, lambda image: image.distance)
+    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=1)
+    return Caster("radarcore depth_image", lambda view: view.time, simulator.depth_image, lambda image: image.distance)
 
 
 def embreex(mesh: Triangles) -> Caster:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
 import threading
@@ -30,6 +31,7 @@ VERTICES = np.array([[0.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (-0.5, 0.5)]
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4]], np.uint32)
 POSES = np.array([[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]])
 IMAGE: dict[str, Any] = {"rows": 20, "columns": 30, "half_width": 0.5, "half_height": 0.5}
+SENSOR = np.eye(3, 4)[None]
 ARRAY: dict[str, Any] = {
     "tx": np.zeros((1, 3)),
     "rx": np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]]),
@@ -38,8 +40,24 @@ ARRAY: dict[str, Any] = {
     "power": 1.0,
     "frequency": 60e9,
 }
-ANTENNAS: dict[str, Any] = {"antennas": _core.Antennas(**ARRAY), "is_footprint": True, "seed": 0}
 POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
+SETTINGS: dict[str, Any] = {
+    "sampling": "footprint",
+    "rays": (20, 30, 0.5, 0.5),
+    "image": (20, 30, 0.5, 0.5),
+    "rcs_floor": 1e-3,
+    "ray_budget": 2000,
+    "end_points": True,
+    "gain_floor": 1e-8,
+    "skip_empty": True,
+    "reuse_tiles": True,
+    "max_bounces": 1,
+    "bounce_floor": 1e-8,
+    "retrace": 0.2,
+    "seed": 0,
+    "tolerance": 1e-4,
+    "method": "direct",
+}
 
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
 MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)
@@ -54,10 +72,6 @@ SURFELS: dict[str, Any] = {
     "body": np.zeros(SHAPE, np.int32),
 }
 CAMERA: dict[str, Any] = {"num_bodies": 1, "focal_length": (50.0, 60.0), "principal_point": (2.5, 2.0)}
-SCENE = _core.Scene([SURFACE])
-HITS = SCENE.cast(POSES, **IMAGE)
-SCATTERERS = HITS.scatterers([MATERIAL], **ANTENNAS)
-DEFORMED = _core.Scene([SURFACE.deform(VERTICES)]).cast(POSES, **IMAGE).scatterers([MATERIAL], **ANTENNAS)
 
 
 def waveform(**changes: Any) -> Any:
@@ -71,17 +85,88 @@ def beat(delay: Any = DELAY, amplitude: Any = AMPLITUDE, *rates: Any, **changes:
     return samples
 
 
-def cast(poses: Any = POSES, **changes: Any) -> Any:
-    return SCENE.cast(poses, **(IMAGE | changes))
-
-
 def antennas(**changes: Any) -> Any:
     return _core.Antennas(**(ARRAY | changes))
 
 
-def scatterers(materials: Any = (MATERIAL,), **changes: Any) -> Any:
+def settings(**changes: Any) -> Any:
+    return _core.Settings(**(SETTINGS | changes))
+
+
+def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:
+    return _core.Surface(vertices, triangles, **changes)
+
+
+def scene(surfaces: Any = (SURFACE,), **changes: Any) -> Any:
+    """Surfaces, then one point target."""
+    number = len(surfaces)
+    numbers = {"deforming": [], "rcs": RCS, "body_numbers": list(range(number)), "point_numbers": [number]}
+    return _core.Scene(list(surfaces), **(numbers | changes))
+
+
+def deforming_scene() -> Any:
+    return scene(deforming=[0])
+
+
+def placement(sensor: Any = SENSOR, poses: Any = POSES[None], points: Any = POINTS, vertices: Any = ()) -> Any:
+    return _core.Placement(sensor, poses, points, vertices)
+
+
+def depth_scene(**changes: Any) -> Any:
+    arguments = SURFELS | CAMERA | changes
+    return _core.DepthScene(*[arguments.pop(name) for name in SURFELS], **arguments)
+
+
+def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
+    """Changes are those of the simulator, of its settings and of its antennas."""
     array = {name: changes.pop(name) for name in list(changes) if name in ARRAY or name == "polarization"}
-    return HITS.scatterers(list(materials), **(ANTENNAS | {"antennas": antennas(**array)} | changes))
+    chosen = {name: changes.pop(name) for name in list(changes) if name in SETTINGS}
+    arguments = {
+        "antennas": antennas(**array),
+        "waveform": waveform(),
+        "center": (0.0, 0.0, 0.0),
+        "settings": settings(**chosen),
+    }
+    return _core.Simulator(scene() if source is None else source, list(materials), **(arguments | changes))
+
+
+def frame(
+    places: Any = None, rates: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any
+) -> Any:
+    places = placement() if places is None else places
+    return simulator(source, materials, **changes).frame(places, places if rates is None else rates)
+
+
+def paths(at: Any = None, rates: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
+    places = placement() if at is None else at
+    moving = placement() if rates is None else rates
+    return simulator(source, materials, **changes).paths(placement(), placement(), places, moving)
+
+
+def cast(at: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
+    image = (IMAGE | {name: changes.pop(name) for name in list(changes) if name in IMAGE}).values()
+    return simulator(source, materials, image=tuple(image), **changes).image(placement() if at is None else at)
+
+
+def occluded(points: Any = POINTS[0], **changes: Any) -> Any:
+    return simulator().occluded(placement(), points, **changes)
+
+
+HITS = cast()
+NUM_PATHS = paths()[0].shape[1]
+DEPTH_PLACES = placement(poses=np.zeros((1, 1, 3, 4)) + np.eye(3, 4), points=np.zeros((1, 0, 3)))
+
+
+def surfels(**changes: Any) -> Any:
+    """Frame of a depth image."""
+    image = {name: changes.pop(name) for name in list(changes) if name not in ("threads", "seed")}
+    return frame(DEPTH_PLACES, None, depth_scene(**image), [], **changes)
+
+
+def deformed(vertices: Any = VERTICES[None], vertex_rates: Any = VERTICES[None], **changes: Any) -> Any:
+    """Frame of a body that deforms."""
+    places, rates = placement(vertices=[vertices]), placement(vertices=[vertex_rates])
+    return frame(places, rates, deforming_scene(), **changes)
 
 
 ANGLES, GAINS = np.array([0.0, 1.0]), np.zeros((2, 2))
@@ -99,40 +184,8 @@ def response(cosine: Any = COSINES, **changes: Any) -> Any:
     return GLASS.response(cosine, **({"wavelength": 5e-3, "te": 0.5, "tm": 0.5} | changes))
 
 
-def surfels(**changes: Any) -> Any:
-    settings = SURFELS | CAMERA | ANTENNAS | changes
-    return _core.image_scatterers(*[settings.pop(name) for name in SURFELS], **settings)
-
-
-def paths(poses: Any = POSES[None], points: Any = POINTS, rcs: Any = RCS, **changes: Any) -> Any:
-    return SCATTERERS.paths(poses, points, rcs, **changes)
-
-
-def rates(
-    poses: Any = POSES, pose_rates: Any = POSES, points: Any = POINTS[0], point_rates: Any = POINTS[0], **changes: Any
-) -> Any:
-    return SCATTERERS.delay_rates(poses, pose_rates, points, point_rates, **changes)
-
-
 def deform(vertices: Any = VERTICES, **changes: Any) -> Any:
     return SURFACE.deform(vertices, **changes)
-
-
-def deformed_paths(*vertices: Any, **changes: Any) -> Any:
-    return DEFORMED.paths(POSES[None], POINTS, RCS, vertices=vertices, **changes)
-
-
-def deformed_rates(vertices: Any = VERTICES, vertex_rates: Any = VERTICES, **changes: Any) -> Any:
-    rest = (POSES, POSES, POINTS[0], POINTS[0])
-    return DEFORMED.delay_rates(*rest, vertices=[vertices], vertex_rates=[vertex_rates], **changes)
-
-
-def scene(surfaces: Any = (SURFACE,)) -> Any:
-    return _core.Scene(list(surfaces))
-
-
-def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:
-    return _core.Surface(vertices, triangles, **changes)
 
 
 Call = Callable[[], Any]
@@ -154,7 +207,7 @@ def test_all_triangles_that_are_kept_need_no_rows() -> None:
 
 
 def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
-    delay, amplitude = paths()
+    delay, delay_rate, amplitude, body, order = paths()
     for array, dtype, shape in [
         (beat(), "complex128", (2, 2, 8)),
         (HITS.distance(), "float64", (20, 30)),
@@ -168,21 +221,23 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.directions(), "float64", (20, 30, 3)),
         (HITS.shaded()[0], "float64", (20, 30)),
         (HITS.shaded()[1], "float64", (20, 30, 3)),
-        (SCATTERERS.body(), "uint32", (len(SCATTERERS),)),
-        (SCATTERERS.cell(), "uint32", (len(SCATTERERS),)),
-        (surfels().cell(), "uint32", (20,)),
-        (delay, "float64", (1, 2, len(SCATTERERS) + 1)),
-        (amplitude, "complex128", (1, 2, len(SCATTERERS) + 1)),
-        (rates(), "float64", (2, len(SCATTERERS) + 1)),
-        (SCATTERERS.deforming(), "uint32", (0,)),
-        (DEFORMED.deforming(), "uint32", (1,)),
-        (deformed_paths(VERTICES[None])[0], "float64", delay.shape),
-        (deformed_rates(), "float64", (2, len(SCATTERERS) + 1)),
+        (frame().cube, "complex64", (2, 2, 8)),
+        (frame(tolerance=1e-7).cube, "complex128", (2, 2, 8)),
+        (frame().truth, "float64", (2, 4)),
+        (deformed().cube, "complex64", (2, 2, 8)),
+        (surfels().cube, "complex64", (2, 2, 8)),
+        (delay, "float64", (2, NUM_PATHS)),
+        (delay_rate, "float64", (2, NUM_PATHS)),
+        (amplitude, "complex128", (2, NUM_PATHS)),
+        (body, "uint32", (NUM_PATHS,)),
+        (order, "uint8", (NUM_PATHS,)),
+        (occluded()[0], "bool", (1,)),
     ]:
         assert (array.dtype, array.shape) == (dtype, shape)
         assert array.flags.c_contiguous
         assert array.flags.writeable
-    assert len(SCATTERERS) > 100  # the plate is in sight
+    assert NUM_PATHS > 100  # the plate is in sight
+    assert surfels().truth is None
 
 
 # Every array argument of the core: how to call it with another one, and one that it takes.
@@ -193,7 +248,6 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "surface vertices": (lambda a: surface(vertices=a), VERTICES),
     "surface triangles": (lambda a: surface(triangles=a), TRIANGLES),
     "response cosine": (lambda a: response(a), COSINES),
-    "cast poses": (lambda a: cast(a), POSES),
     "antennas tx": (lambda a: antennas(tx=a, tx_patterns=ARRAY["rx_patterns"]), ARRAY["rx"]),
     "antennas rx": (lambda a: antennas(rx=a), ARRAY["rx"]),
     "table azimuth": (lambda a: table(azimuth=a), np.array([-0.5, 1.0])),
@@ -201,18 +255,15 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], NDArray[Any]]] = {
     "table gain_db": (lambda a: table(gain_db=a), np.array([[0.0, 1.0], [2.0, 3.0]])),
     "gain azimuth": (lambda a: table().gain(a, np.zeros(2)), np.array([0.1, 0.2])),
     "gain elevation": (lambda a: table().gain(np.zeros(2), a), np.array([0.1, 0.2])),
-    **{f"surfels {name}": (lambda a, name=name: surfels(**{name: a}), SURFELS[name]) for name in SURFELS},
-    "paths poses": (lambda a: paths(poses=a), POSES[None]),
-    "paths points": (lambda a: paths(points=a), POINTS),
-    "paths rcs": (lambda a: paths(points=np.ones((1, 2, 3)), rcs=a), np.ones(2)),
-    "rates poses": (lambda a: rates(poses=a), POSES),
-    "rates pose_rates": (lambda a: rates(pose_rates=a), POSES),
-    "rates points": (lambda a: rates(points=a), POINTS[0]),
-    "rates point_rates": (lambda a: rates(point_rates=a), POINTS[0]),
+    **{f"depth {name}": (lambda a, name=name: depth_scene(**{name: a}), SURFELS[name]) for name in SURFELS},
+    "depth range_rate": (lambda a: depth_scene(range_rate=a), SURFELS["distance"]),
+    "scene rcs": (lambda a: scene(rcs=a, point_numbers=[1, 2]), np.ones(2)),
+    "placement sensor": (lambda a: placement(sensor=a), SENSOR),
+    "placement poses": (lambda a: placement(poses=a), POSES[None]),
+    "placement points": (lambda a: placement(points=a), POINTS),
+    "placement vertices": (lambda a: placement(vertices=[a]), VERTICES[None]),
+    "occluded points": (lambda a: occluded(a), POINTS[0]),
     "deform vertices": (lambda a: deform(a), VERTICES),
-    "paths vertices": (lambda a: deformed_paths(a), VERTICES[None]),
-    "rates vertices": (lambda a: deformed_rates(a), VERTICES),
-    "rates vertex_rates": (lambda a: deformed_rates(vertex_rates=a), VERTICES),
 }
 each_argument = pytest.mark.parametrize("argument", ARGUMENTS)
 
@@ -228,6 +279,8 @@ def test_wrong_dtype_is_a_type_error(argument: str) -> None:
             refuses(lambda bad=bad: call(bad), TypeError)
     refuses(lambda: call(good.astype(good.dtype.newbyteorder(">"))), TypeError)
     for thing in (good.tolist(), None, "array", 1.0, memoryview(good)):
+        if argument == "depth range_rate" and thing is None:  # nothing moves
+            continue
         refuses(lambda thing=thing: call(thing), TypeError)
 
 
@@ -267,9 +320,10 @@ def test_wrong_number_of_axes_is_a_type_error(argument: str) -> None:
 
 NAN, INF = float("nan"), float("inf")
 HUGE = 2**64 - 1
-EMPTY = _core.Scene([])
-EMPTY_HITS = EMPTY.cast(np.zeros((0, 3, 4)), **IMAGE)
-EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
+EMPTY = _core.Scene([], deforming=[], rcs=np.zeros(0), body_numbers=[], point_numbers=[])
+NOWHERE = placement(poses=np.zeros((1, 0, 3, 4)), points=np.zeros((1, 0, 3)))
+EMPTY_HITS = cast(NOWHERE, EMPTY, [])
+TWICE = np.concatenate([SENSOR, SENSOR])
 
 
 @pytest.mark.parametrize(
@@ -299,62 +353,76 @@ EMPTY_SCATTERERS = EMPTY_HITS.scatterers([], **ANTENNAS)
         (lambda: surface(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
         (lambda: surface(np.zeros((6, 0))), r"vertices: expected shape \(n, 3\), got \(6, 0\)"),
         (lambda: surface(triangles=TRIANGLES.reshape(3, 4)), r"triangles: expected shape \(n, 3\), got \(3, 4\)"),
-        (lambda: scatterers([]), "materials: expected 1, one per body, got 0"),
-        (lambda: scatterers([MATERIAL, GLASS]), "materials: expected 1, one per body, got 2"),
+        (lambda: simulator(materials=[]), "materials: expected 1, one per body, got 0"),
+        (lambda: simulator(materials=[MATERIAL, GLASS]), "materials: expected 1, one per body, got 2"),
+        (lambda: simulator(EMPTY, [MATERIAL]), "materials: expected 0, one per body, got 1"),
         (lambda: reflectance([]), "materials: expected 1, one per body, got 0"),
-        (lambda: EMPTY_HITS.scatterers([MATERIAL], **ANTENNAS), "materials: expected 0, one per body, got 1"),
         (
             lambda: _core.Material.dielectric((2.0, 0.0), roughness=1e-4, scattering=0.1),
             "scattering: expected none with roughness, got both",
         ),
-        (lambda: cast(np.zeros((1, 4, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 4, 3\)"),
-        (lambda: cast(np.zeros((1, 3, 3))), r"poses: expected shape \(1, 3, 4\), got \(1, 3, 3\)"),
-        (lambda: cast(np.zeros((0, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
-        (lambda: cast(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
-        (lambda: EMPTY.cast(POSES, **IMAGE), r"poses: expected shape \(0, 3, 4\), got \(1, 3, 4\)"),
+        # Places: of an odd number of times, and of what the scene has.
+        (lambda: placement(sensor=np.zeros((0, 3, 4))), "sensor: expected an odd number of times, got 0"),
+        (lambda: placement(sensor=TWICE), "sensor: expected an odd number of times, got 2"),
+        (lambda: placement(sensor=np.zeros((1, 4, 3))), r"sensor: expected shape \(n, 3, 4\), got \(1, 4, 3\)"),
+        (lambda: placement(poses=np.zeros((1, 1, 4, 3))), r"poses: expected shape \(1, n, 3, 4\), got \(1, 1, 4, 3\)"),
+        (lambda: placement(poses=np.zeros((3, 1, 3, 4))), r"poses: expected shape \(1, n, 3, 4\), got \(3, 1, 3, 4\)"),
+        (lambda: placement(points=np.zeros((3, 1, 3))), r"points: expected shape \(1, n, 3\), got \(3, 1, 3\)"),
+        (lambda: placement(points=np.zeros((1, 3, 1))), r"points: expected shape \(1, n, 3\), got \(1, 3, 1\)"),
+        (lambda: placement(vertices=[np.zeros((1, 3, 6))]), r"vertices: expected shape \(n, n, 3\), got \(1, 3, 6\)"),
+        *(
+            (lambda call=call, bad=bad: call(bad), f"{message} as the scene has, got")
+            for call in (frame, cast, paths, lambda bad: paths(rates=bad), lambda bad: frame(rates=bad))
+            for bad, message in (
+                (placement(poses=np.zeros((1, 2, 3, 4))), "poses: expected 1 of them"),
+                (placement(poses=np.zeros((1, 0, 3, 4))), "poses: expected 1 of them"),
+                (placement(points=np.zeros((1, 2, 3))), "points: expected 1 of them"),
+                (placement(points=np.zeros((1, 0, 3))), "points: expected 1 of them"),
+                (placement(vertices=[VERTICES[None]]), "vertices: expected 0 of them"),
+            )
+        ),
+        (lambda: cast(source=EMPTY, materials=[]), "poses: expected 0 of them as the scene has, got 1"),
+        (lambda: surfels(num_bodies=2), "poses: expected 2 of them as the scene has, got 1"),
+        (lambda: deformed(VERTICES[None, :5]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deformed(VERTICES[:0, None]), "vertices: expected 6 as the mesh has, got 0"),
+        (lambda: deformed(vertex_rates=VERTICES[None, 1:]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deformed(VERTICES[None] * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: frame(source=deforming_scene()), "vertices: expected 1 of them as the scene has, got 0"),
+        (lambda: occluded(np.zeros((1, 4))), r"points: expected shape \(n, 3\), got \(1, 4\)"),
+        # Scenes and settings.
+        (lambda: scene(rcs=np.ones(2)), "rcs: expected 1 of them, got 2"),
+        (lambda: scene(body_numbers=[]), "body_numbers: expected 1 of them, got 0"),
+        (lambda: scene(deforming=[1]), r"deforming: expected increasing numbers below 1, got \[1\]"),
+        (lambda: scene(deforming=[0, 0]), r"deforming: expected increasing numbers below 1, got \[0, 0\]"),
+        (lambda: scene(deforming=[HUGE]), r"deforming: expected increasing numbers below 1"),
+        (
+            lambda: scene(body_numbers=[1]),
+            r"body_numbers, point_numbers: expected every number below 2 once .*\[1, 1\]",
+        ),
+        (lambda: scene(point_numbers=[HUGE]), "body_numbers, point_numbers: expected every number below 2 once"),
+        (lambda: settings(sampling="fine"), "sampling: expected 'adaptive', 'footprint' or 'point', got \"fine\""),
+        (lambda: settings(method="fast"), "method: expected 'auto'"),
+        (lambda: frame(rays=(0, 1, 0.5, 0.5)), "resolution: expected at least one row and one column, got 0 x 1"),
+        (lambda: frame(rays=(HUGE, HUGE, 0.5, 0.5)), "resolution: expected at most 268435456 rays"),
+        (
+            lambda: frame(sampling="adaptive", rays=(0, 1, 0.5, 0.5)),
+            "resolution: expected at least one row and one column, got 0 x 1",
+        ),
+        (
+            lambda: frame(sampling="adaptive", rays=(HUGE, HUGE, 0.5, 0.5)),
+            "resolution: expected at most 268435456 rays",
+        ),
         (lambda: antennas(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
         (lambda: antennas(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
         (lambda: antennas(tx=np.zeros((2, 3))), "tx_patterns: expected 2, one per antenna, got 1"),
         (lambda: antennas(rx_patterns=[]), "rx_patterns: expected 2, one per antenna, got 0"),
         (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
         (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
-        (lambda: paths(np.zeros((1, 2, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 2, 3, 4\)"),
-        (lambda: paths(np.zeros((2, 0, 3, 4))), r"poses: expected shape \(n, 1, 3, 4\), got \(2, 0, 3, 4\)"),
-        (lambda: paths(np.zeros((1, 1, 4, 3))), r"poses: expected shape \(n, 1, 3, 4\), got \(1, 1, 4, 3\)"),
-        (lambda: paths(np.zeros((2, 1, 3, 4))), r"points: expected shape \(2, 1, 3\), got \(1, 1, 3\)"),
-        (lambda: paths(points=np.zeros((1, 3, 1))), r"points: expected shape \(1, 1, 3\), got \(1, 3, 1\)"),
-        (lambda: paths(rcs=np.ones(2)), r"points: expected shape \(1, 2, 3\), got \(1, 1, 3\)"),
-        (lambda: rates(np.zeros((2, 3, 4))), r"poses: expected shape \(1, 3, 4\), got \(2, 3, 4\)"),
-        (lambda: rates(pose_rates=np.zeros((0, 3, 4))), r"pose_rates: expected shape \(1, 3, 4\), got \(0, 3, 4\)"),
-        (lambda: rates(points=np.zeros((1, 4))), r"points: expected shape \(1, 3\), got \(1, 4\)"),
-        (lambda: rates(point_rates=np.zeros((2, 3))), r"point_rates: expected shape \(1, 3\), got \(2, 3\)"),
         (lambda: deform(VERTICES[:5]), "vertices: expected 6 as the mesh has, got 5"),
         (lambda: deform(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
         (lambda: deform(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
         (lambda: deform(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
-        (lambda: deformed_paths(), "vertices: expected 1 arrays, one per body that deforms, got 0"),
-        (lambda: deformed_paths(VERTICES[None], VERTICES[None]), "vertices: expected 1 arrays, .* got 2"),
-        (lambda: deformed_paths(VERTICES[None, :5]), r"vertices: expected shape \(1, 6, 3\), got \(1, 5, 3\)"),
-        (lambda: deformed_paths(np.zeros((2, 6, 3))), r"vertices: expected shape \(1, 6, 3\), got \(2, 6, 3\)"),
-        (lambda: deformed_rates(VERTICES[:5]), r"vertices: expected shape \(6, 3\), got \(5, 3\)"),
-        (lambda: deformed_rates(vertex_rates=VERTICES[1:]), r"vertex_rates: expected shape \(6, 3\), got \(5, 3\)"),
-        (lambda: paths(vertices=[VERTICES[None]]), "vertices: expected 0 arrays, .* got 1"),
-        # Amplitudes at nodes of their own.
-        (
-            lambda: paths(amplitudes_at=(POSES[None, :0], POINTS, [])),
-            r"amplitudes_at\[0\]: expected shape \(n, 1, 3, 4\), got \(1, 0, 3, 4\)",
-        ),
-        (
-            lambda: paths(amplitudes_at=(np.zeros((2, 1, 3, 4)), POINTS, [])),
-            r"amplitudes_at\[1\]: expected shape \(2, 1, 3\), got \(1, 1, 3\)",
-        ),
-        (
-            lambda: deformed_paths(VERTICES[None], amplitudes_at=(POSES[None], POINTS, [VERTICES[None, :3]])),
-            r"amplitudes_at\[-1\]: expected shape \(1, 6, 3\), got \(1, 3, 3\)",
-        ),
-        (lambda: HITS.place_on_mesh(HUGE), "pixel: expected one that hit something, got 18446744073709551615"),
-        (lambda: EMPTY_HITS.place_on_mesh(0), "pixel: expected one that hit something, got 0"),
-        (lambda: surfels(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
+        (lambda: depth_scene(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
         (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
         (lambda: surfels(body=np.zeros((4, 4), np.int32)), r"body: expected shape \(4, 5\), got \(4, 4\)"),
         # Values that no result can be formed for.
@@ -398,7 +466,7 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
 @pytest.mark.parametrize(
-    "call", [beat, cast, deform, scatterers, surfels, paths, rates, HITS.cos_incidence, HITS.shaded]
+    "call", [beat, cast, deform, frame, surfels, paths, reflectance, HITS.cos_incidence, HITS.shaded]
 )
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
@@ -413,10 +481,13 @@ def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
         lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex)),
         lambda: beat(np.zeros((2**58, 0)), np.zeros((2**58, 0), complex)),
         lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex), method="auto"),
+        lambda: frame(waveform=waveform(num_samples=2**40)),
+        lambda: frame(waveform=waveform(num_samples=HUGE)),
+        lambda: surfels(num_bodies=HUGE),
     ],
 )
 def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
-    refuses(call, MemoryError, "samples: .* do not fit into memory")
+    refuses(call, MemoryError, "(samples|bodies): .* do not fit into memory")
 
 
 @pytest.mark.parametrize(
@@ -433,22 +504,38 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: cast(rows=-1), OverflowError),
         (lambda: cast(rows=8.0), TypeError),
         (lambda: cast(half_width=None), TypeError),
-        (lambda: scatterers(seed=-1), OverflowError),
-        (lambda: scatterers(seed=2**64), OverflowError),
-        (lambda: scatterers(seed=1.0), TypeError),
+        (lambda: settings(seed=-1), OverflowError),
+        (lambda: settings(seed=2**64), OverflowError),
+        (lambda: settings(seed=1.0), TypeError),
+        (lambda: settings(rays=(1, 1, 0.5)), (TypeError, ValueError)),
+        (lambda: settings(image=None), TypeError),
+        (lambda: settings(ray_budget=-1), OverflowError),
+        (lambda: settings(retrace="10"), TypeError),
+        (lambda: settings(skip_empty=1), TypeError),
+        (lambda: settings(threads=1), TypeError),
         (lambda: antennas(rx_patterns=[None, None]), TypeError),
         (lambda: antennas(rx_patterns=None), TypeError),
         (lambda: _core.Pattern(), TypeError),
         (lambda: _core.Pattern.gaussian(1.0, 0.0), TypeError),
-        (lambda: HITS.scatterers([MATERIAL], antennas=None, is_footprint=True, seed=0), TypeError),
-        (lambda: cast(beam=ANTENNAS["antennas"]), TypeError),
-        (lambda: cast(beam=(None, 1e-8)), TypeError),
+        (lambda: simulator(antennas=None), TypeError),
+        (lambda: simulator(waveform=None), TypeError),
+        (lambda: simulator(settings=SETTINGS), TypeError),
+        (lambda: simulator(SURFACE), TypeError),
+        (lambda: simulator(center=(0.0, 0.0)), (TypeError, ValueError)),
+        (lambda: simulator().frame(placement()), TypeError),
+        (lambda: simulator().frame(placement(), None), TypeError),
+        (lambda: simulator().image(None), TypeError),
+        (lambda: placement(vertices=VERTICES), TypeError),
+        (lambda: scene(deforming=[-1]), OverflowError),
+        (lambda: scene(deforming=[0.0]), TypeError),
+        (lambda: depth_scene(num_bodies=-1), OverflowError),
+        (lambda: depth_scene(age=None), TypeError),
         (lambda: scene([None]), TypeError),
         (lambda: scene(["surface"]), TypeError),
         (lambda: _core.Scene(SURFACE), TypeError),
-        (lambda: scatterers([None]), TypeError),
-        (lambda: scatterers(polarization="vertical"), (TypeError, ValueError)),
-        (lambda: scatterers(polarization=(1.0, 0.0)), (TypeError, ValueError)),
+        (lambda: simulator(materials=[None]), TypeError),
+        (lambda: antennas(polarization="vertical"), (TypeError, ValueError)),
+        (lambda: antennas(polarization=(1.0, 0.0)), (TypeError, ValueError)),
         (lambda: response(wavelength=None), TypeError),
         (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
         (lambda: _core.Material(), TypeError),
@@ -456,7 +543,8 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: SURFACE.quality(crease_angle=None, wavelength=5e-3), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
-        (lambda: _core.Scatterers(), TypeError),
+        (lambda: _core.IdealFrame(), TypeError),
+        (lambda: _core.Settings(), TypeError),
         (lambda: _core.load_obj(7), TypeError),
         (lambda: _core.load_obj(""), FileNotFoundError),
         (lambda: _core.load_obj("no such\n file.obj"), FileNotFoundError),
@@ -466,6 +554,10 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
 )
 def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any) -> None:
     refuses(call, error)
+
+
+def poses_of_nothing() -> Any:
+    return placement(poses=np.zeros((1, 0, 3, 4)))
 
 
 @pytest.mark.parametrize(
@@ -479,16 +571,17 @@ def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
         (lambda: EMPTY_HITS.distance(), (20, 30)),
-        (lambda: EMPTY_SCATTERERS.body(), (0,)),
-        (lambda: EMPTY_SCATTERERS.paths(np.zeros((5, 0, 3, 4)), np.zeros((5, 0, 3)), np.zeros(0))[0], None),
-        (lambda: EMPTY_SCATTERERS.paths(np.zeros((2**40, 0, 3, 4)), np.zeros((2**40, 0, 3)), RCS[:0])[0], None),
-        (lambda: EMPTY_SCATTERERS.delay_rates(POSES[:0], POSES[:0], POINTS[0, :0], POINTS[0, :0]), (2, 0)),
+        (lambda: frame(NOWHERE, None, EMPTY, []).cube, (2, 2, 8)),
+        (lambda: frame(NOWHERE, None, EMPTY, []).truth, (0, 4)),
+        (lambda: frame(NOWHERE, None, EMPTY, [], sampling="adaptive").cube, (2, 2, 8)),
         (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
         (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
-        (lambda: scatterers(tx=np.zeros((0, 3)), tx_patterns=[]).paths(POSES[None], POINTS, RCS)[1], None),
-        (lambda: scatterers(seed=HUGE).body(), (len(SCATTERERS),)),
-        (lambda: paths(np.zeros((0, 1, 3, 4)), np.zeros((0, 1, 3)))[0], (0, 2, len(SCATTERERS) + 1)),
-        (lambda: paths(points=np.zeros((1, 0, 3)), rcs=np.zeros(0))[0], (1, 2, len(SCATTERERS))),
+        (lambda: frame(tx=np.zeros((0, 3)), tx_patterns=[]).cube, (0, 2, 8)),
+        (lambda: paths(tx=np.zeros((0, 3)), tx_patterns=[])[0], None),
+        (lambda: paths(seed=HUGE)[0], (2, NUM_PATHS)),
+        (lambda: occluded(np.zeros((0, 3)))[0], (0,)),
+        (lambda: frame(poses_of_nothing(), None, scene([]), []).cube, (2, 2, 8)),
+        (lambda: frame(poses_of_nothing(), None, scene([]), []).truth, (1, 4)),
     ],
 )
 def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None:
@@ -498,40 +591,60 @@ def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF, 1e300, -1e300, 1e-300, 0.0])
 def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
-    poses = np.full((1, 3, 4), value)
-    hits = cast(poses)
-    assert np.isin(hits.body(), (-1, 0)).all()
-    for wild in (
-        hits.scatterers([MATERIAL], **ANTENNAS),
-        hits.scatterers([GLASS], **(ANTENNAS | {"antennas": antennas(polarization=(value,) * 3)})),
-        scatterers(frequency=value),
-        scatterers([GLASS], frequency=value),
-        scatterers(power=value),
-        scatterers(tx_patterns=[_core.Pattern.gaussian(value, value, value)]),
-    ):
-        wild.paths(POSES[None], np.full((1, 1, 3), value), np.full(1, value))
+    wild_places = placement(poses=np.full((1, 1, 3, 4), value), points=np.full((1, 1, 3), value))
+    turned = placement(sensor=np.full((1, 3, 4), value))
+    series = np.full((5, 1, 3, 4), value)
+    series[2] = POSES
+    jumping = placement(np.repeat(SENSOR, 5, axis=0), series, np.repeat(POINTS, 5, axis=0))
     wild_antennas = {"tx": np.full((1, 3), value), "rx": np.full((2, 3), -value)}
-    hit_scatterers = scatterers(**wild_antennas)
-    for floor in (1e-8, value):
-        cast(poses, beam=(antennas(**wild_antennas), floor))
-        cast(beam=(antennas(tx_patterns=[_core.Pattern.gaussian(value, value, value)]), floor))
-    table().gain(np.full(2, value), np.full(2, -value))
-    SURFACE.quality(crease_angle=value, wavelength=value)
-    for name in ("distance", "normals", "reflection", "albedo"):
-        wild = np.full_like(SURFELS[name], value)
-        surfels(**{name: wild}).paths(POSES[None], POINTS, RCS)
-    delay, amplitude = hit_scatterers.paths(np.full((2, 1, 3, 4), value), np.full((2, 1, 3), value), RCS)
-    assert delay.shape == amplitude.shape == (2, 2, len(hit_scatterers) + 1)
-    rates(poses, poses, np.full((1, 3), value), np.full((1, 3), value))
-    assert deformed_paths(np.full((1, 6, 3), value))[0].shape == (1, 2, len(DEFORMED) + 1)
-    deformed_rates(np.full((6, 3), value), np.full((6, 3), value))
+    wild_beam = [_core.Pattern.gaussian(value, value, value)]
     wild_materials = [
         _core.Material.constant((value, value), value),
         _core.Material.dielectric((value, value), roughness=value, thickness=value),
         _core.Material.dielectric((value, -value), scattering=value),
     ]
+    calls: list[Call] = [
+        lambda: cast(wild_places).body(),
+        lambda: cast(turned).body(),
+        lambda: occluded(np.full((2, 3), value)),
+        lambda: simulator().occluded(wild_places, POINTS[0]),
+        lambda: paths(wild_places),
+        lambda: paths(rates=wild_places),
+        lambda: depth_scene(age=value),
+        lambda: surfels(age=value, range_rate=np.full(SHAPE, value)),
+        lambda: deformed(np.full((1, 6, 3), value)),
+        lambda: deformed(vertex_rates=np.full((1, 6, 3), value)),
+        lambda: deformed(np.concatenate([VERTICES[None], np.full((2, 6, 3), value)])),
+        *(lambda name=name: surfels(**{name: np.full_like(SURFELS[name], value)}) for name in list(SURFELS)[:-1]),
+    ]
+    for sampling in ("footprint", "adaptive", "point"):
+        options: dict[str, Any] = {"sampling": sampling, "rays": (8, 8, 0.5, 0.5)}
+        calls += [
+            lambda options=options: frame(wild_places, **options),
+            lambda options=options: frame(turned, **options),
+            lambda options=options: frame(jumping, placement(), **options),
+            lambda options=options: frame(rates=wild_places, **options),
+            lambda options=options: frame(source=scene(rcs=np.full(1, value)), **options),
+            lambda options=options: frame(materials=[GLASS], polarization=(value,) * 3, **options),
+            lambda options=options: frame(frequency=value, power=value, **options),
+            lambda options=options: frame(center=(value,) * 3, **options),
+            lambda options=options: frame(**wild_antennas, **options),
+            lambda options=options: frame(tx_patterns=wild_beam, gain_floor=value, **options),
+            lambda options=options: frame(gain_floor=value, bounce_floor=value, max_bounces=3, **options),
+            lambda options=options: frame(rcs_floor=value, retrace=value, **options),
+            lambda options=options: frame(tolerance=value, **options),
+            *(
+                lambda options=options, material=material: frame(materials=[material], **options)
+                for material in wild_materials
+            ),
+        ]
+    for call in calls:
+        # What is not finite may be refused by name; a panic is a BaseException and no answer.
+        with contextlib.suppress(ValueError, MemoryError):
+            call()
+    table().gain(np.full(2, value), np.full(2, -value))
+    SURFACE.quality(crease_angle=value, wavelength=value)
     for material in wild_materials:
-        scatterers([material])
         reflectance([material], polarization=(value,) * 3)
         material.response(np.array([0.0, 1.0, value]), wavelength=value, te=value, tm=value)
     if np.isfinite(value):
@@ -552,9 +665,9 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
             triangles = rng.integers(0, shape[0], (shape[1], 3)).astype(np.uint32)
             for crease_angle in (None, 0.0, 0.8, 7.0, NAN):
                 body = surface(vertices, triangles, crease_angle=crease_angle)
-                hits = scene([body]).cast(POSES, **IMAGE)
-                assert np.isin(hits.body(), (-1, 0)).all()
-                hits.scatterers([MATERIAL], **ANTENNAS)
+                assert np.isin(cast(source=scene([body])).body(), (-1, 0)).all()
+                with contextlib.suppress(ValueError):  # of delays that no sum can take
+                    frame(source=scene([body]))
                 body.quality(crease_angle=0.8, wavelength=scale)
 
 
@@ -563,36 +676,39 @@ def test_threads_do_not_change_a_bit() -> None:
     vertices = np.concatenate([VERTICES, rng.uniform(-1.0, 1.0, (24, 3))])
     triangles = np.concatenate([TRIANGLES, np.arange(6, 30, dtype=np.uint32).reshape(8, 3)])
     body = surface(vertices, triangles, crease_angle=0.8)
-    world = scene([body, SURFACE])
-    poses = np.concatenate([POSES, POSES - np.array([0.0, 0.0, 0.0, 0.5])])
-    nodes = np.stack([poses + k * np.array([0.0, 0.0, 0.0, 0.01]) for k in range(5)])
-    points = rng.uniform(1.0, 3.0, (5, 7, 3))
+    two = POSES + np.array([0.0, 0.0, 0.0, -0.5]) * np.arange(2)[:, None, None]
+    nodes = two + 1e-3 * np.cos(np.pi * (np.arange(5) + 0.5) / 5.0)[:, None, None, None] * np.eye(3, 4, 3)
+    points = np.repeat(rng.uniform(1.0, 3.0, (1, 7, 3)), 5, axis=0)
+    places = placement(np.repeat(SENSOR, 5, axis=0), nodes, points)
+    at, rates = (
+        placement(SENSOR, nodes[2:3], points[:1]),
+        placement(0.0 * SENSOR, nodes[:1] - nodes[2:3], 0.0 * points[:1]),
+    )
+    world = scene([body, SURFACE], rcs=np.ones(7), point_numbers=list(range(2, 9)))
+    materials, plane = [MATERIAL, GLASS], (67, 91, 0.5, 0.5)
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
-        hits = world.cast(poses, **(IMAGE | {"rows": 67, "columns": 91}), threads=threads)
-        found = hits.scatterers([MATERIAL, GLASS], **ANTENNAS, threads=threads)
-        delay, amplitude = found.paths(nodes, points, np.ones(7), threads=threads)
-        fewer = found.paths(nodes, points, np.ones(7), amplitudes_at=(nodes[:3], points[:3], []), threads=threads)
-        np.testing.assert_array_equal(fewer[0], delay)
-        np.testing.assert_array_equal(fewer[1], amplitude[:3])
+        sim = simulator(world, materials, threads=threads, rays=plane, image=plane, method="auto")
+        hits, found = sim.image(at), sim.frame(places, rates)
+        adaptive = simulator(world, materials, threads=threads, sampling="adaptive", max_bounces=2)
         return [
             hits.distance(),
             hits.body(),
             hits.cos_incidence(threads=threads),
-            found.body(),
-            delay,
-            amplitude,
-            found.delay_rates(poses, poses, points[0], points[1], threads=threads),
-            hits.reflectance([MATERIAL, GLASS], frequency=60e9, threads=threads),
+            *sim.paths(places, rates, at, rates),
+            found.cube,
+            found.truth,
+            adaptive.frame(places, rates).cube,
+            hits.reflectance(materials, frequency=60e9, threads=threads),
             *(
-                beat(delay, amplitude, num_samples=130, threads=threads, method=method, tolerance=1e-5)
+                beat(DELAY, AMPLITUDE, num_samples=130, threads=threads, method=method, tolerance=1e-5)
                 for method in ("direct", "auto")
             ),
         ]
 
     first = everything(1)
     assert (first[1] >= 0).sum() > 1000
-    assert {0, 1} <= set(first[3].tolist())
+    assert set(range(9)) == set(first[6].tolist())
     for threads in (2, 3, None):
         for one, other in zip(first, everything(threads), strict=True):
             np.testing.assert_array_equal(one, other)
@@ -631,6 +747,7 @@ def test_interpreter_is_free_while_the_core_computes() -> None:
     calls: list[Call] = [
         lambda: beat(delay, amplitude, num_samples=64, chirp_times=chirps, threads=1),
         lambda: cast(rows=700, columns=700, threads=1),
+        lambda: frame(rays=(500, 500, 0.5, 0.5), threads=1),
         lambda: large.deform(soup, threads=1),
     ]
     # Some ten milliseconds each; where the machine is so busy that the other thread sleeps through it: once more.
@@ -641,7 +758,8 @@ def test_interpreter_is_free_while_the_core_computes() -> None:
 
 
 def test_calls_from_several_threads_give_what_one_gives() -> None:
-    expected_beat, expected_hits = beat(num_samples=200), HITS.distance()
+    expected_beat, expected_hits, expected_frame = beat(num_samples=200), HITS.distance(), frame().cube
+    shared = simulator()
     failures: list[BaseException] = []
 
     def work(threads: int | None) -> None:
@@ -649,6 +767,7 @@ def test_calls_from_several_threads_give_what_one_gives() -> None:
             for _ in range(20):
                 np.testing.assert_array_equal(beat(num_samples=200, threads=threads), expected_beat)
                 np.testing.assert_array_equal(cast(threads=threads).distance(), expected_hits)
+                np.testing.assert_array_equal(shared.frame(placement(), placement()).cube, expected_frame)
         except BaseException as failure:  # a panic is a BaseException
             failures.append(failure)
 

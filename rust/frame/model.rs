@@ -10,7 +10,7 @@ use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::bounces::Limits;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::Level;
 use crate::paths::placement::{Placement, VertexMotion, World};
 use crate::rays::camera::ImagePlane;
@@ -180,6 +180,7 @@ impl Model {
                 (surfaces.clone().map(radius).collect(), surfaces.map(corners).collect())
             }
             Source::Depth(image) => {
+                fits_memory("bodies", &[image.num_bodies], size_of::<f64>())?;
                 let farthest = image.distance.iter().filter(|distance| distance.is_finite());
                 (
                     vec![farthest.copied().fold(0.0, f64::max); image.num_bodies],
@@ -224,6 +225,13 @@ impl Model {
     pub(super) fn rates(&self, placement: &Placement, motion: &World, rates: &World) -> Result<Placement> {
         let middle = motion.num_times() / 2;
         let (bodies, points) = (placement.num_bodies(), placement.num_points());
+        let lengths = [
+            ("poses", bodies, rates.poses.len()),
+            ("points", points, rates.points.len()),
+        ];
+        if let Some((name, expected, got)) = lengths.into_iter().find(|(_, expected, got)| expected != got) {
+            return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
+        }
         let at = World {
             sensor: vec![motion.sensor[middle]],
             poses: motion.poses[middle * bodies..(middle + 1) * bodies].to_vec(),

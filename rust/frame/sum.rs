@@ -230,9 +230,9 @@ impl Groups {
             };
             let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| part.node_times(number));
             let most = delays_at.len().max(amplitudes_at.len());
-            let mut size = PIECE_NUMBERS / (num_channels * most);
+            let mut size = PIECE_NUMBERS / (num_channels * most).max(1);
             if model.settings.method == Method::Direct {
-                size = size.min(PIECE_PATH_SAMPLES / shape.iter().product::<usize>());
+                size = size.min(PIECE_PATH_SAMPLES / shape.iter().product::<usize>().max(1));
             }
             for first in (0..num_paths).step_by(size.max(1)) {
                 cancel.check()?;
@@ -262,7 +262,7 @@ impl Groups {
                 let [delays, amplitudes] = [&delays_at, &amplitudes_at].map(|times| count_of_times(times.len()));
                 outcome.add(&Outcome {
                     nodes: Some(nodes),
-                    still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels,
+                    still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels.max(1),
                     rows: report.rows,
                     rows_skipped: report.rows_skipped,
                     farthest: if group.order == 0 {

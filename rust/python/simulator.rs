@@ -16,7 +16,7 @@ use super::antennas::Antennas;
 use super::arrays::{matrix, numbers, points, poses};
 use super::rays::{Hits, Surface};
 use super::scattering::{Material, sampling};
-use super::synthesis::{Waveform, method};
+use super::synthesis::{Waveform, method, tolerance};
 use super::threads::{check_threads, pool};
 use crate::bounces::Limits;
 use crate::error::{Error, Result};
@@ -50,6 +50,16 @@ impl Scene {
             if expected != got {
                 return Err(Error::value(name, format!("{expected} of them"), got).into());
             }
+        }
+        if !(deforming.is_sorted_by(|one, next| one < next) && deforming.iter().all(|row| *row < surfaces.len())) {
+            let expected = format!("increasing numbers below {}", surfaces.len());
+            return Err(Error::value("deforming", expected, format!("{deforming:?}")).into());
+        }
+        let mut all = [body_numbers.as_slice(), &point_numbers].concat();
+        all.sort_unstable();
+        if !all.iter().copied().eq(0..all.len()) {
+            let expected = format!("every number below {} once among both", all.len());
+            return Err(Error::value("body_numbers, point_numbers", expected, format!("{all:?}")).into());
         }
         Ok(Self(frame::Scene {
             surfaces: surfaces.iter().map(|surface| surface.0.clone()).collect(),
@@ -184,7 +194,7 @@ impl Settings {
             },
             retrace,
             seed,
-            tolerance,
+            tolerance: self::tolerance(tolerance)?,
             method: self::method(method)?,
         }))
     }

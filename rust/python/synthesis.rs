@@ -148,6 +148,15 @@ pub(super) fn method(name: &str) -> Result<Method> {
     }
 }
 
+/// Bound on the error of the sum. Zero asks for the best there is.
+pub(super) fn tolerance(value: f64) -> Result<f64> {
+    if value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::value("tolerance", "zero or a positive number", value))
+    }
+}
+
 /// How to sum, from Python's words.
 pub(super) fn options(
     tolerance: f64,
@@ -167,7 +176,7 @@ pub(super) fn options(
         })?,
     };
     Ok(beat::Options {
-        tolerance,
+        tolerance: self::tolerance(tolerance)?,
         method,
         level,
         is_parallel,

@@ -338,15 +338,15 @@ def test_bodies_of_one_mesh_deform_each_by_itself() -> None:
         assert (together.body == number).sum() > 50
 
 
-def test_the_same_vertices_are_not_fitted_twice() -> None:
+def test_shape_at_rest_is_cast_once() -> None:
     mesh = grid()
     later = mesh.vertices + np.array([0.1, 0.0, 0.0])
-    body = rc.Body(mesh, deformation=rc.Deformation([0.0, 1.0], [mesh.vertices, later]))
-    scene = rc.Scene([body, rc.Body(mesh)])
-    first = scene._core_at(0.5, None)
-    assert scene._core_at(0.5, None) is first
-    assert scene._core_at(0.6, None) is not first
-    assert scene._core_at(2.0, None) is scene._core_at(3.0, None)  # beyond the end nothing moves
+    deformation = rc.Deformation([0.0, 1.0], [mesh.vertices, later])
+    sim = simulator([rc.Body(mesh, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=deformation)])
+    # Beyond the end nothing moves.
+    cast = [sim.frame(time).stats["rays_cast"] for time in (0.5, 0.6, 2.0, 3.0)]
+    assert min(cast[:3]) > 0
+    assert cast[3] == 0
 
 
 def test_deforming_bodies_travel_to_other_processes() -> None:

@@ -58,7 +58,7 @@ def test_sphere_has_its_closed_form_over_the_band(
 def whole(sim: rc.Simulator) -> rc.Simulator:
     """The same without anything left out that is known."""
     fresh = sim.with_radar(sim.radar)
-    fresh._reuses_tiles = fresh._skips_empty_tiles = False
+    vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False, skip_empty=False)
     return fresh
 
 

@@ -14,6 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.receive import chain
+from radarcore.simulate import simulator as rc_simulator
 
 C = 299_792_458.0
 
@@ -369,14 +371,14 @@ def test_recording_prints_nothing_when_progress_is_off_or_nobody_watches(capfd: 
 
 
 def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sim, frame = small(), rc.Simulator.frame
+    sim, received = small(), chain.receive
 
-    def interrupted(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
-        if time > 0.06:
+    def interrupted(ideal: Any, radar: rc.Radar, start: float, *, seed: int) -> Any:
+        if start > 0.06:
             raise KeyboardInterrupt
-        return frame(self, time)
+        return received(ideal, radar, start, seed=seed)
 
-    monkeypatch.setattr(rc.Simulator, "frame", interrupted)
+    monkeypatch.setattr(rc_simulator, "receive", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sim.record(0.0, 1.0, 40.0, progress=False, path=tmp_path / "rec")
     monkeypatch.undo()
@@ -388,10 +390,10 @@ def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypat
 
 
 def test_unwritable_place_fails_before_any_frame_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
+    def never(*_: Any, **__: Any) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(rc.Simulator, "frame", never)
+    monkeypatch.setattr(rc_simulator, "receive", never)
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(OSError, match="file"):
         small().record(0.0, 1.0, progress=False, path=tmp_path / "file" / "rec")

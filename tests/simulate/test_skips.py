@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.simulate.placement import Placement
 
 RADAR = rc.Radar(
     rc.Waveform(
@@ -35,7 +36,7 @@ def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
 
 def whole(sim: rc.Simulator) -> rc.Simulator:
     """The same without leaving anything out."""
-    sim._reuses_tiles = sim._skips_empty_tiles = False
+    vars(sim)["_engine"] = sim._new_engine(reuse_tiles=False, skip_empty=False)
     return sim
 
 
@@ -59,7 +60,7 @@ def test_only_tiles_that_the_moving_body_touches_are_cast_again() -> None:
         assert frame.stats["tiles_reused"] >= 256 - 2 * 16 - frame.stats["tiles_skipped"]
         assert expected.stats["rays_cast"] == 128 * 128
         image = sim.depth_image(time)
-        assert sim._previous_image.counts[2] > 200
+        assert image._hits.counts[2] > 200
         for name in ("distance", "cos_incidence", "body", "normals"):
             np.testing.assert_array_equal(getattr(image, name), getattr(fresh.depth_image(time), name))
 
@@ -116,7 +117,7 @@ def test_tiles_outside_of_all_bodies_are_skipped() -> None:
     sim, fresh = simulator(), whole(simulator())
     frame, expected = sim.frame(), fresh.frame()
     np.testing.assert_array_equal(frame.cube, expected.cube)
-    hit = fresh.depth_image(sim._middle).body >= 0
+    hit = fresh.depth_image(0.5 * RADAR.waveform.duration).body >= 0
     empty = 256 - tiles_with(hit)
     assert expected.stats["tiles_skipped"] == 0
     # Boxes are larger than what they hold, by less than as much again.
@@ -202,7 +203,7 @@ def test_tiles_are_taken_over_behind_a_beam_too() -> None:
     ball = rc.Linear(rc.Pose([2.5, 0.3, 0.0]), velocity=[-2.0, 0.0, 0.0])
     scene = rc.Scene([*ten_bodies(0.0).bodies, rc.Body(rc.shapes.sphere(0.1), motion=ball)])
     sim, fresh = (rc.Simulator(scene, radar, sampling="footprint", resolution=128) for _ in range(2))
-    fresh._reuses_tiles = False
+    vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False)
     reused = []
     for time in np.arange(0.0, 1.15, 0.05):
         frame = sim.frame(time)
@@ -232,9 +233,9 @@ def test_points_hide_behind_bodies() -> None:
 def test_searches_for_what_hides_points_end_early_with_the_same_answer() -> None:
     sim = simulator()
     points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
-    core, poses = sim.scene._core_at(0.0, None), sim._place(np.array([0.0])).poses[0]
+    at = Placement(sim.scene, rc.Pose(), RADAR.waveform).at(0.0)
     (first, ended_early), (nearest, none) = (
-        core.hide(poses, points - RADAR.array_center, ends_early=ends_early) for ends_early in (True, False)
+        sim._engine.occluded(at, points - RADAR.array_center, ends_early=ends_early) for ends_early in (True, False)
     )
     np.testing.assert_array_equal(first, nearest)
     np.testing.assert_array_equal(sim.is_hidden(points), first)

@@ -87,14 +87,15 @@ class Simulator(Settings):
 
     scene: Scene
     radar: Radar
-    radar_motion: AnyMotion = field(default=Pose(), kw_only=True)
+    radar_motion: AnyMotion | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, kind in (("scene", Scene), ("radar", Radar)):
             if not isinstance(value := getattr(self, name), kind):
                 raise TypeError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
-        object.__setattr__(self, "radar_motion", as_motion("radar_motion", self.radar_motion))
+        motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
+        object.__setattr__(self, "radar_motion", motion)
 
     def with_radar(self, radar: Radar) -> Simulator:
         """Simulator of the same scene with another radar."""

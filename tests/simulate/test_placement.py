@@ -1,7 +1,8 @@
-"""Where things are at many times at once: as at one time after another, and no oftener asked for than needed."""
+"""Motions at the times of frames: as at one time after another, and no oftener asked for than needed."""
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.robots.arm import RADAR_AT_TOOL0
+from radarcore.motion.group import Motions
 from radarcore.motion.protocol import Motion, poses_at
-from radarcore.simulate.places import Places
 
 ROUNDING = 1e-12
 """Of places a few metres away, after chains of ten products [m]."""
@@ -134,33 +135,34 @@ def test_motion_of_ones_own_may_know_all_times_at_once() -> None:
         poses_at(Wheel((3, 3)), TIMES)
 
 
-SENSORS = {"still": rc.Pose.from_rpy([0.5, -1.0, 2.0], [0.1, 0.2, 0.3]), "moving": TRAJECTORY}
+def test_motions_together_are_those_of_each_alone() -> None:
+    motions = [make() for make in MOTIONS.values()]
+    together = Motions(motions)
+    for times in (TIMES, TIMES[:1], TIMES[::-1]):
+        poses, rates = together.poses_at(times), together.rates_at(times)
+        assert poses.shape == rates.shape == (len(times), len(motions), 3, 4)
+        for number, motion in enumerate(motions):
+            alone = poses_at(motion, times)
+            np.testing.assert_allclose(poses[:, number], alone, rtol=0.0, atol=ROUNDING)
+            rate = [motion.rate_at(time) for time in times.tolist()]
+            np.testing.assert_allclose(rates[:, number], rate, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
-def test_places_are_what_the_sensor_sees_of_bodies_and_points_that_move_or_not(sensor: str) -> None:
-    motion, center = SENSORS[sensor], np.array([0.01, -0.02, 0.03])
-    plate = rc.shapes.plate(0.1, 0.1)
-    motions = [LINEAR.pose, LINEAR, rc.Attached(LINEAR.pose, rc.Pose([1.0, 0.0, 0.0])), rc.Function(swaying)]
-    bodies = [rc.Body(plate, motion=motion) for motion in motions]
-    point = rc.PointTarget([1.0, 2.0, 3.0], velocity=[-0.3, 0.2, 0.1])
-    places = Places(rc.Scene([*bodies[:2], point, *bodies[2:]]), motion, center)
-    for times in (TIMES, TIMES[:1]):
-        place = places.at(times)
-        for k, time in enumerate(times.tolist()):
-            to_sensor = motion.at(time).inverse()
-            for b, body in enumerate(bodies):
-                expected = matrix(to_sensor @ body.motion.at(time)) - np.pad(center[:, None], ((0, 0), (3, 0)))
-                np.testing.assert_allclose(place.poses[k, b], expected, rtol=0.0, atol=ROUNDING)
-            expected = to_sensor.apply(point.position + time * point.velocity) - center
-            np.testing.assert_allclose(place.points[k, 0], expected, rtol=0.0, atol=ROUNDING)
-
-    # Rates are differences of places: step^2 / 6 of third derivatives of up to 100 m/s^3, and rounding over the step.
+def test_rates_are_derivatives_of_places() -> None:
+    # step^2 / 6 of third derivatives of up to 100 m/s^3, and rounding over the step.
     step, time = 1e-5, 1.3
-    before, after = places.at(np.array([time - step])), places.at(np.array([time + step]))
-    rates = places.rates_at(time)
-    np.testing.assert_allclose(rates.poses, (after.poses - before.poses) / (2.0 * step), rtol=0.0, atol=1e-8)
-    np.testing.assert_allclose(rates.points, (after.points - before.points) / (2.0 * step), rtol=0.0, atol=1e-8)
+    together = Motions([make() for name, make in MOTIONS.items() if "person" not in name])
+    before, after = together.poses_at(np.array([time - step, time + step]))
+    np.testing.assert_allclose(together.rates_at(np.array([time]))[0], (after - before) / (2.0 * step), atol=1e-7)
+
+
+def test_motions_at_rest_have_equal_bits_at_all_times() -> None:
+    arm = RobotArm.ur10().moving(np.ones(6), rc.Pose([1.0, 2.0, 3.0]))
+    resting = [LINEAR.pose, rc.Linear(LINEAR.pose, np.zeros(3)), rc.Attached(LINEAR.pose, rc.Pose([1.0, 0.0, 0.0]))]
+    together = Motions([*resting, LINEAR, *(body.motion for body in arm.bodies())])
+    poses = together.poses_at(np.concatenate([TIMES, [1e6]]))
+    moves = (poses != poses[:1]).any(axis=(0, 2, 3))
+    assert moves.tolist() == [False] * 3 + [True] + [False] * len(arm.bodies())
 
 
 def radar() -> rc.Radar:
@@ -243,10 +245,10 @@ def test_no_function_is_asked_twice_for_a_time_of_a_frame() -> None:
         asked.clear()
         sim.frame(0.5)
         placed = [call for call in asked if call[0] != "shape"]
-        assert len(placed) == len(set(placed)) >= 3 * (1 + 4 + 6)  # the middle, and two numbers of times at least
-        # The core has the shape of the middle, whose rates are four differences.
+        # At 17 times and, for the rates of the middle, at four beside it; shapes at about half as many.
+        assert len(placed) == len(set(placed)) == 3 * (17 + 4)
         shapes = [time for name, time in asked if name == "shape"]
-        assert len(shapes) <= len(set(shapes)) + 1
+        assert len(shapes) == len(set(shapes)) == 9 + 4
 
 
 def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> None:
@@ -257,7 +259,9 @@ def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> No
         assert truth is not None
         assert truth.range[0] == pytest.approx(distance, rel=1e-3)  # the nearest pixel is not quite on the axis
         distance += 1.0
-        assert np.nanmin(sim.depth_image(sim._middle).distance) == pytest.approx(distance, rel=1e-3)
+        assert np.nanmin(sim.depth_image(0.5 * sim.radar.waveform.duration).distance) == pytest.approx(
+            distance, rel=1e-3
+        )
 
 
 def test_what_stands_still_is_placed_once_for_all_frames(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -280,16 +284,15 @@ def test_what_stands_still_is_placed_once_for_all_frames(monkeypatch: pytest.Mon
             np.testing.assert_array_equal(sim.frame(time).cube, cube)
 
 
-def test_radar_of_a_simulator_can_be_moved() -> None:
+def test_another_simulator_has_its_radar_elsewhere() -> None:
     plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
-    sim = simulator([plate])
+    sim, nearer = simulator([plate]), rc.Pose([1.0, 0.0, 0.0])
     before = sim.frame().cube
-    sim.radar_motion = nearer = rc.Pose([1.0, 0.0, 0.0])
-    assert sim.radar_motion is nearer
-    np.testing.assert_array_equal(sim.frame().cube, simulator([plate], nearer).frame().cube)
-    assert not np.array_equal(sim.frame().cube, before)
-    with pytest.raises(TypeError, match=r"radar_motion: expected Pose, Linear, .* got tuple"):
-        sim.radar_motion = (1.0, 0.0, 0.0)  # type: ignore[assignment]
+    moved = dataclasses.replace(sim, radar_motion=nearer)
+    assert moved.radar_motion is nearer
+    np.testing.assert_array_equal(moved.frame().cube, simulator([plate], nearer).frame().cube)
+    assert not np.array_equal(moved.frame().cube, before)
+    np.testing.assert_array_equal(sim.frame().cube, before)
 
 
 def test_people_and_arms_travel_to_other_processes() -> None:
@@ -302,7 +305,7 @@ def test_people_and_arms_travel_to_other_processes() -> None:
 @pytest.mark.parametrize(
     ("motion", "error", "message"),
     [
-        (lambda time: np.eye(4), TypeError, r"pose: expected a function that returns Pose, got ndarray at 0\.00"),
+        (lambda time: np.eye(4), TypeError, r"pose: expected a function that returns Pose, got ndarray at 9\.6"),
         (lambda time: None, TypeError, r"pose: expected a function that returns Pose, got NoneType at"),
     ],
 )

@@ -1,0 +1,137 @@
+"""Simulators in use: read-only settings, frames placed ahead, several threads, Ctrl-C and other processes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pickle
+import signal
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=8, chirp_interval=300e-6
+)
+RADAR = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]])
+MATT = rc.Material(-0.5, 0.5)
+
+
+def moving_bodies() -> list[Any]:
+    """Uniform, by a function of time, at rest, deforming, and a point."""
+    ball = rc.shapes.sphere(0.1, subdivisions=2)
+    return [
+        rc.Body(ball, motion=rc.Linear(rc.Pose([2.0, 0.3, 0.0]), velocity=[-0.5, 0.2, 0.0]), material=MATT),
+        rc.Body(ball, motion=lambda t: rc.Pose([1.5 + 0.1 * np.sin(9.0 * t), -0.3, 0.1])),
+        rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]), material=MATT),
+        rc.Body(
+            ball, motion=rc.Pose([1.8, 0.0, -0.3]), deformation=lambda t: ball.vertices * (1.0 + 0.1 * np.sin(9.0 * t))
+        ),
+        rc.PointTarget([2.5, 0.4, 0.3], velocity=[0.0, 1.0, 0.0]),
+    ]
+
+
+def simulator(bodies: list[Any] | None = None, radar: rc.Radar = RADAR, **options: Any) -> rc.Simulator:
+    settings: dict[str, Any] = {"resolution": 32, "field_of_view_deg": (40.0, 40.0)} | options
+    return rc.Simulator(rc.Scene(moving_bodies() if bodies is None else bodies), radar, **settings)
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(rc.Simulator)])
+def test_settings_are_read_only(name: str) -> None:
+    sim = simulator([])
+    with pytest.raises(AttributeError, match=f"cannot assign to field '{name}'"):
+        setattr(sim, name, getattr(sim, name))
+
+
+def test_replaced_settings_make_another_simulator() -> None:
+    sim = simulator(seed=1)
+    before = sim.frame(0.1)
+    other = dataclasses.replace(sim, seed=2)
+    assert (sim.seed, other.seed, other.resolution) == (1, 2, sim.resolution)
+    np.testing.assert_array_equal(other.frame(0.1).cube, simulator(seed=2).frame(0.1).cube)
+    assert not np.array_equal(other.frame(0.1).cube, before.cube)  # speckle of the matt bodies
+    np.testing.assert_array_equal(sim.frame(0.1).cube, before.cube)
+    with pytest.raises(ValueError, match="tolerance: expected a positive number, got -1"):
+        dataclasses.replace(sim, tolerance=-1.0)
+
+
+@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
+def test_frames_placed_ahead_are_those_placed_one_by_one(sampling: str) -> None:
+    recording = simulator(sampling=sampling).record(0.2, 0.7, 40.0, progress=False)
+    assert len(recording) == 20  # more than are placed together
+    alone = simulator(sampling=sampling)
+    for frame in recording.frames():
+        expected = alone.frame(frame.time)
+        np.testing.assert_array_equal(frame.cube, expected.cube)
+        assert frame.truth is not None
+        assert expected.truth is not None
+        for name in ("range", "velocity", "azimuth", "elevation"):
+            np.testing.assert_array_equal(getattr(frame.truth, name), getattr(expected.truth, name))
+
+
+def test_two_threads_that_share_a_simulator_get_the_frames_of_one() -> None:
+    times = [0.05 * k for k in range(8)]
+    expected = [simulator().frame(at).cube for at in times]
+    shared = simulator()
+    got: dict[tuple[int, float], Any] = {}
+
+    def work(worker: int) -> None:
+        for at in times[worker::2] + times[::-1]:
+            got[worker, at] = shared.frame(at).cube
+
+    workers = [threading.Thread(target=work, args=(worker,)) for worker in range(2)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert len(got) == 2 * len(times)
+    for (_, at), cube in got.items():
+        np.testing.assert_array_equal(cube, expected[times.index(at)])
+
+
+def test_used_simulator_travels_with_equal_bits() -> None:
+    bodies = [body for body in moving_bodies() if isinstance(getattr(body, "motion", None), rc.Pose | rc.Linear)]
+    sim = simulator([body for body in bodies if body.deformation is None])
+    used = [sim.frame(at).cube for at in (0.0, 0.1)]
+    sim.depth_image(0.1)
+    again = pickle.loads(pickle.dumps(sim))
+    for at, cube in zip((0.0, 0.1), used, strict=True):
+        np.testing.assert_array_equal(again.frame(at).cube, cube)
+
+
+def test_interrupt_ends_a_long_frame_within_a_second() -> None:
+    # Half a minute of work.
+    long = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=256))
+    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
+    options: dict[str, Any] = {"sampling": "footprint", "method": "direct"}
+    sim = simulator([wall], long, resolution=512, **options)
+    sent: list[float] = []
+
+    def interrupt() -> None:
+        sent.append(time.process_time())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(1.0, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        sim.frame()
+    heard = time.process_time()
+    timer.join()
+    assert heard - sent[0] < 1.0  # time of all threads, which no other program slows down
+
+
+def test_interrupted_simulator_gives_the_bits_of_a_fresh_one() -> None:
+    radar = rc.Radar(WAVEFORM.replace(num_samples=64, num_chirps=64))
+    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
+    options: dict[str, Any] = {"sampling": "footprint", "method": "direct", "resolution": 256}
+    expected = simulator([wall], radar, **options).frame().cube
+    sim = simulator([wall], radar, **options)
+    threading.Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        list(sim.frames(0.0, 100.0))
+    np.testing.assert_array_equal(sim.frame().cube, expected)
