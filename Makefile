@@ -30,7 +30,7 @@ help:
 demo: $(VENV)/built
 	$(BIN)/radarcore demo
 
-# Two checks at a time, quick ones first. A check says its name as it starts; the output of a command follows as it ends,
+# Two checks at a time, quick ones first. A check says its name as it starts; the output of a command follows at its end,
 # in one piece. After a failure no further check starts.
 test: checkers
 	@$(MAKE) --no-print-directory --jobs=2 $(IN_PIECES) $(CHECKS)
