@@ -30,8 +30,8 @@ help:
 demo: $(VENV)/built
 	$(BIN)/radarcore demo
 
-# Two checks at a time, quick ones first. A check says its name as it starts; the output of a command follows at its end,
-# in one piece. After a failure no further check starts.
+# Two checks at a time, quick ones first. A check says its name as it starts; what a command prints follows in one piece
+# when it ends. After a failure no further check starts.
 test: checkers
 	@$(MAKE) --no-print-directory --jobs=2 $(IN_PIECES) $(CHECKS)
 
