@@ -8,10 +8,15 @@ PIP = $(BIN)/pip --quiet --disable-pip-version-check
 # cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 
+# What `make test` runs.
+CHECKS = layout lint-python lint-rust tests-python tests-rust benches-rust types benches-python wheel-check
+
+# Older versions of make cannot keep the outputs of two commands apart.
+IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
+
 SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 
-.PHONY: help demo test wheel wheel-check bench format clean tools checkers
-.NOTPARALLEL:
+.PHONY: help demo test $(CHECKS) wheel bench format clean tools checkers
 .DELETE_ON_ERROR:
 
 help:
@@ -25,29 +30,49 @@ help:
 demo: $(VENV)/built
 	$(BIN)/radarcore demo
 
-test: checkers $(VENV)/robots $(VENV)/built
+# Two checks at a time, quick ones first. A check says its name as it starts; what a command prints follows in one piece
+# when it ends. After a failure no further check starts.
+test: checkers
+	@$(MAKE) --no-print-directory --jobs=2 $(IN_PIECES) $(CHECKS)
+
+layout: $(VENV)/dev
 	@echo "-- layout"
 	@cargo fmt --check
 	@$(BIN)/ruff format --quiet --check .
+
+lint-python: $(VENV)/dev
+	@echo "-- lint: Python"
+	@$(BIN)/ruff check --quiet .
+
+lint-rust: $(VENV)/created
 	@echo "-- lint: Rust"
 	@cargo clippy --quiet --all-targets --locked -- -D warnings
 	@cargo clippy --quiet --all-targets --locked --features python -- -D warnings
-	@echo "-- lint: Python"
-	@$(BIN)/ruff check --quiet .
+
+types: $(VENV)/dev $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
+
+# Builds of the profile `test` wait for each other, so these follow `lint-rust`.
+tests-rust: | lint-rust
 	@echo "-- tests: Rust"
 	@cargo test --quiet --locked
+
+benches-rust: | tests-rust
 	@echo "-- benches once: Rust"
-	@cargo bench --quiet --locked -- --test
+	@cargo bench --quiet --locked --profile test -- --test
+
+# One worker per core; waiting threads of numpy's BLAS would only be in the way.
+tests-python: $(VENV)/robots $(VENV)/built
 	@echo "-- tests: Python"
-	@$(BIN)/python -m pytest --quiet
+	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
+
+benches-python: $(VENV)/dev $(VENV)/built | benches-rust
 	@echo "-- benches once: Python"
 	@for bench in benches/*.py; do \
 		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \
 	done
-	@$(MAKE) --no-print-directory wheel-check
 
 wheel: $(VENV)/demo
 	@echo "-- wheel"
