@@ -99,7 +99,7 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
 
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """At least two times in increasing order, frozen."""
+    """Times in increasing order, at least two, read-only."""
     times = frozen(array(name, value, (None,)))
     if len(times) < 2:
         raise ValueError(f"{name}: expected at least two, got {len(times)}")

@@ -39,7 +39,7 @@ OF_IMAGES: dict[str, Callable[[Image], Axes]] = {"depth": plot.depth_image, "ref
 """Pictures of what the rays of a scene hit."""
 
 KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experiment")
-"""All pictures; the last four need a scene."""
+"""Names of the pictures; the last four need a scene."""
 
 
 def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | None = None) -> None:

@@ -49,7 +49,7 @@ class MeshReport:
         What phases and echoes below are for [Hz].
     largest_difference, rms_difference : float
         Of the echoes of facets taken as flat and of the curved surfaces, relative to the rms echo: physical optics far
-        away in 64 directions all round, of all facets that face the radar whether others hide them or not. It
+        away in 64 directions all round, of all facets that face the radar occluded or not. It
         estimates the mesh's own error; the echo of single peaks may be off by as much.
     """
 
@@ -137,7 +137,7 @@ class MeshReport:
             yield f"{_number(self.num_dropped, 'triangle')} without area: left out."
 
     def facts(self) -> dict[str, Any]:
-        """All numbers by name with unit."""
+        """Numbers of the report, by name with unit."""
         return {
             "triangles": self.num_triangles,
             "dropped triangles": self.num_dropped,

@@ -85,7 +85,7 @@ def draw_scene(
     field_of_view_deg: tuple[float, float] | None,
     colors: Mapping[str, str] | None = None,
 ) -> list[Name]:
-    """All of `scene_from_above` but the names, which are returned."""
+    """Draw `scene_from_above` without the names, which are returned."""
     check_scene(scene)
     sensor: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
     moments = np.sort(check.array("times", times, (None,)))

@@ -240,7 +240,7 @@ def _draw_image(
 
 
 def _channels(frame: Frame, channel: int | None) -> NDArray[Any]:
-    """One channel or all, (channel, chirp, sample)."""
+    """Samples of one channel or all, (channel, chirp, sample)."""
     if channel is None:
         return frame.cube
     index = check.index("channel", channel, len(frame.cube))

@@ -327,5 +327,5 @@ def _frame_interval(recording: Recording) -> float:
 
 
 def _span(recording: Recording) -> tuple[float, float]:
-    """From the start of the first frame to the end of the last, and the pause after it [s]."""
+    """Time from the start of the first frame to the end of the last, and the pause after it [s]."""
     return float(recording.time.min()), float(recording.time.max()) + _frame_interval(recording)

@@ -127,7 +127,7 @@ class Radar(Twinned):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers, lists and texts, for JSON."""
+        """Radar as plain numbers, lists and texts, for JSON."""
         return {
             "waveform": self.waveform.to_dict(),
             "tx": self.tx.tolist(),
@@ -190,7 +190,7 @@ def _polarization(value: object) -> str | tuple[float, float, float] | None:
 
 
 def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, number: int) -> tuple[Pattern, ...]:
-    """One pattern per element."""
+    """Patterns, one per element."""
     if value is None:
         return (default,) * number
     if not isinstance(value, Sequence):

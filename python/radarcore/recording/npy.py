@@ -121,7 +121,7 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
         shape, fortran_order, dtype = readers[version](file)
         return shape, fortran_order, dtype
     except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
-        # All that NumPy's reader, which evaluates the header as an expression, has for damaged ones.
+        # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 

@@ -249,7 +249,7 @@ _FORMATS = {
     "directory": _Format(Path.is_dir, load_directory, _save_directory),
     "npz": _Format(Path.exists, lambda path, _: load_npz(path), save_npz),
 }
-"""In the order in which they are tried on a path."""
+"""Formats in the order in which they are tried on a path."""
 
 
 def _paced(

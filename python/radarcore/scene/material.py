@@ -15,7 +15,7 @@ _REFERENCE_FREQUENCY = 60e9
 """Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
 _SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
-"""Parts of both polarisations that antennas get."""
+"""Weights of both polarisations at the antennas."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Material:
     Parameters
     ----------
     reflection : complex
-        Field reflection coefficient of the mirror-like part; -1 for a perfect conductor.
+        Field reflection coefficient of the specular part; -1 for a perfect conductor.
     albedo : float
         Diffuse albedo: power scattered after Lambert's law over incident power.
 
@@ -75,7 +75,7 @@ class Material:
 
     @classmethod
     def lambertian(cls, albedo: float) -> Material:
-        """A matt surface: no mirror-like part."""
+        """Diffuse surface without a specular part."""
         return cls(0.0, albedo)
 
     @classmethod
@@ -140,7 +140,7 @@ class Material:
     def response(
         self, frequency: float, cos_incidence: ArrayLike = 1.0, *, polarization: str | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-        """Reflection coefficient of the mirror-like part and albedo at a frequency [Hz] and angles of incidence.
+        """Reflection coefficient of the specular part and albedo at a frequency [Hz] and angles of incidence.
 
         Parameters
         ----------

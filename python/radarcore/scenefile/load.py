@@ -1,4 +1,4 @@
-"""From a scene file to what it describes."""
+"""Loading of scene files."""
 
 from __future__ import annotations
 

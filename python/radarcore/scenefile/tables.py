@@ -156,7 +156,7 @@ ShapeTable = (
 class MaterialTable(Table):
     """A material by numbers: `reflection` and `albedo`, or `permittivity` and what goes with it."""
 
-    reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no mirror-like part")
+    reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no specular part")
     albedo: float = _key(0.0, "", "diffuse albedo, 0 to 1")
     permittivity: str | tuple[float, float] | None = _key(
         None, "", "relative permittivity: real part, loss (positive); or the material of the library whose it is"

@@ -42,7 +42,7 @@ class BoardInfo:
 
 @dataclass(frozen=True, eq=False)
 class RawFrame:
-    """One frame as the ADC has it.
+    """Frame of ADC codes.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")
-"""In the order of asking: a board with ComLib is confused for seconds by what it does not know."""
+"""Protocols in the order in which they are tried: unknown requests confuse a ComLib board for seconds."""
 
 _XMC = 0x0058
 """USB product id of boards with ComLib."""
@@ -212,7 +212,7 @@ class Sensor:
         self._is_open = True
         self._closing = threading.RLock()
         self._reader: _Reader | None = None
-        # One that is forgotten gives its port back too, at the latest when the program ends.
+        # A forgotten sensor gives its port back too, at the latest when the program ends.
         self._forgotten = weakref.finalize(self, _close_forgotten, board)
 
     def __repr__(self) -> str:

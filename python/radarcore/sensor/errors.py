@@ -8,7 +8,7 @@ class SensorError(OSError):
 
 
 class SensorNotFoundError(SensorError):
-    """No board, or nothing at the port that was named."""
+    """Error for a missing board, or nothing at the named port."""
 
 
 class SensorTimeoutError(SensorError, TimeoutError):

@@ -66,11 +66,11 @@ def _distance_to_triangles(point: NDArray[np.float64], corners: NDArray[np.float
     from_point = corners - point
     edges = np.roll(from_point, -1, axis=1) - from_point
 
-    # To the nearest point of every edge.
+    # Distance to the nearest point of every edge.
     along = np.clip(-(from_point * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
     to_edges = np.linalg.norm(from_point + along[..., None] * edges, axis=-1)
 
-    # To the planes whose foot point lies inside the triangle.
+    # Distance to the planes whose foot point lies inside the triangle.
     normals = np.cross(edges[:, 0], edges[:, 1])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     heights = (from_point[:, 0] * normals).sum(axis=-1)

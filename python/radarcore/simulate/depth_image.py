@@ -24,7 +24,7 @@ class DepthImage:
     cos_incidence : (rows, columns) float64
         Cosine of the angle between ray and surface normal; 0 where nothing was hit.
     reflectance : (rows, columns) float64
-        Power that the material returns, mirror-like and diffuse, over incident power, at the pixel's angle of incidence
+        Power that the material returns, specular and diffuse, over incident power, at the pixel's angle of incidence
         and to the radar's polarisation; 0 where nothing was hit.
     body : (rows, columns) int32
         Number of the body in the scene; -1 where nothing was hit.

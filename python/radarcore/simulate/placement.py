@@ -14,10 +14,10 @@ from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
 
 _BYTES_AHEAD = 64_000_000
-"""Most memory of the places of frames that are placed together."""
+"""Largest memory of the poses of frames that are placed together [bytes]."""
 
 _FRAMES_AHEAD = 16
-"""Most frames that are placed together: from there on, a call costs little beside its work."""
+"""Largest number of frames that are placed together: beyond it a call costs little beside its work."""
 
 _FLOAT = 8
 """Bytes of a number."""

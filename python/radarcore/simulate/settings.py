@@ -26,7 +26,7 @@ _IMAGE_SIDE = 256
 """Pixels of images by default."""
 
 MAX_BOUNCES = 64
-"""More reflections than any path has that is not lost in the noise."""
+"""Largest number of reflections: paths with more are lost in the noise."""
 
 _NOT_RECORDED = ("method", "threads")
 """Settings that change no result."""
@@ -88,7 +88,7 @@ class Settings:
 
     @property
     def most_rays(self) -> int | None:
-        """Most rays through cells; none: as many as `rcs_floor` asks for."""
+        """Largest number of rays through cells; None: as many as `rcs_floor` asks for."""
         if self.ray_budget is None:
             rows, columns = self.num_cells
             return max(_RAY_BUDGET, _RAYS_PER_CELL * rows * columns)

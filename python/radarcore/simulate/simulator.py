@@ -192,7 +192,7 @@ class Simulator(Settings):
         Parameters
         ----------
         points : (n, 3) array_like
-            Positions in the world [m]: markers of a motion capture, say. A point on a surface is not hidden by it.
+            Positions in the world [m]: markers of a motion capture, say. A point on a surface is not occluded by it.
         time : float
             Time [s].
 

@@ -20,7 +20,7 @@ SINGLE_PRECISION_TOLERANCE = 1e-6
 """Tolerances below this give complex128 and float64, others complex64 and float32."""
 
 MAX_THREADS = 1024
-"""More than this the core does not start."""
+"""Largest number of threads that the core starts."""
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,7 @@ def _powers(phases: _Floats) -> _Phasors:
 
 @lru_cache(maxsize=64)
 def _series(relative_speed: float) -> _FourierSeries:
-    """All curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
+    """Curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
     RV = relative_speed
     late = 0.625 - stance_fraction(RV)
     angles = {

@@ -28,7 +28,7 @@ _DYNAMIC_RANGE_DB = 60.0
 """Largest span of the colours [dB]."""
 
 _TEXT_INTERVAL = 0.2
-"""Between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
+"""Time between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
 
 
 class LiveView:
@@ -284,7 +284,7 @@ class LiveView:
         return pixels
 
     def _on_draw(self, _: object) -> None:
-        """After all that stays is drawn, whoever asked for it: keep that, and draw the rest on top."""
+        """Keep the drawn background, after any redraw, and draw the moving parts on top."""
         painting: Any = self.figure.canvas
         self._still = {}
         if painting.supports_blit and not painting.is_saving():

@@ -247,7 +247,7 @@ class _Source:
         self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
-        """Until the frames end or nobody wants them."""
+        """Read frames until they end or the window is closed."""
         began, start = 0.0, None
         try:
             for frame in self._frames:

@@ -44,7 +44,7 @@ class Parts:
         self._carriers: Carriers = {}
 
     def build(self, table: SceneTable) -> tuple[list[Body | PointTarget], Carriers]:
-        """All parts in the order of the tables, and what can carry the sensor."""
+        """Parts in the order of the tables, and motions that can carry the sensor."""
         kinds: dict[str, list[Any]] = {
             "body": table.body,
             "point": table.point,
@@ -88,7 +88,7 @@ class Parts:
         return self._human(entry) if isinstance(entry, HumanTable) else self._arm(entry)
 
     def _bodies(self, table: BodyTable) -> list[Body]:
-        """One body, or one for each material of an OBJ file that is to have several."""
+        """Bodies of a table: one, or one for each material of an OBJ file."""
         motion = motion_of(table, self._carriers)
         if table.name is not None:
             self._carriers[table.name] = motion

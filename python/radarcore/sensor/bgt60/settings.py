@@ -76,7 +76,7 @@ from radarcore.sensor.bgt60.timing import (
 )
 
 ADC_DELAY = 249 / CLOCK
-"""From the start of a chirp's band to its first sample [s]: 3.1125 us."""
+"""Time from the start of a chirp's band to its first sample [s]: 3.1125 us."""
 
 NUM_RX = 3
 IF_GAINS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)

@@ -45,7 +45,7 @@ from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, Se
 from radarcore.sensor.transport import Stream
 
 _TIMEOUT = 1.0
-"""For the answer to a request [s]."""
+"""Time-out of the answer to a request [s]."""
 
 _BOARD_TIMEOUT = 10.0
 """Silence after which a board that has lost step listens again [s]."""
@@ -256,7 +256,7 @@ class ComLibBoard:
             self._stop()
 
     def details(self) -> dict[str, Any]:
-        """Nothing: the settings that are known are those of the radar."""
+        """Entries of `Recording.source`: none, as all known settings are those of the radar."""
         return {}
 
     def temperature(self) -> float:
@@ -422,7 +422,7 @@ class ComLibBoard:
 
     @contextlib.contextmanager
     def _exclusive(self) -> Iterator[None]:
-        """One conversation at a time; a thread that reads frame after frame lets others in between."""
+        """Lock of the conversation; a thread that reads frame after frame lets others in between."""
         with self._turn:
             self._lock.acquire()
         try:
@@ -453,7 +453,7 @@ class ComLibBoard:
     def _exchange(self, endpoint: int, payload: bytes) -> list[Message]:
         """Messages that answer a request, once its status is OK."""
         if self._is_frame_due:
-            # No request before the answer to the last one. What is wrong with that, the next frame has again.
+            # No request before the answer to the last one; an error in that comes again with the next frame.
             try:
                 self._read_frame(self._interval_us / 1e6 + self._timeout)
             except SensorTimeoutError:

@@ -52,7 +52,7 @@ class Firmware(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Firmware:
-        """From a payload; ProtocolError where it is too short."""
+        """Decode a payload; ProtocolError when it is too short."""
         return cls(*_fields("firmware", "<xHHH", payload, has_text=True))
 
 
@@ -77,7 +77,7 @@ class Info(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Info:
-        """From a payload; ProtocolError where it is too short."""
+        """Decode a payload; ProtocolError when it is too short."""
         return cls(*_fields("device info", "<xII8B", payload, has_text=True))
 
 
@@ -95,7 +95,7 @@ class Format(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Format:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("frame format", "<xIIBB", payload))
 
 
@@ -113,7 +113,7 @@ class FmcwSettings(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> FmcwSettings:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("FMCW settings", "<xIIBB", payload))
 
 
@@ -130,7 +130,7 @@ class AdcSettings(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> AdcSettings:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("ADC settings", "<xIBB", payload))
 
 
@@ -146,7 +146,7 @@ class Reading(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Reading:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("reading", "<xBi", payload))
 
 
@@ -222,7 +222,7 @@ class Frame:
 
     @classmethod
     def decode(cls, payload: bytes) -> Frame:
-        """From a payload; ProtocolError where its size is not that of its samples."""
+        """Decode a payload; ProtocolError when its size is not that of its samples."""
         head = _fields("frame", "<xIIBIBBBB", payload[:18])
         number, num_chirps, num_rx, num_samples, rx_mask, data_format, resolution, is_interleaved = head
         if data_format > 2 or not 1 <= resolution <= 16 or is_interleaved > 1:

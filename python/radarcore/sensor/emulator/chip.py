@@ -95,7 +95,7 @@ class Chip:
         """An overflow has not been told yet; whoever tells it clears this."""
         self.failure: Exception | None = None
         self.slowest = np.inf
-        """Least pace of the source so far, 1 where it keeps up."""
+        """Smallest rate of the source so far, relative to real time; 1 when it keeps up."""
         self._began = time.monotonic()
         self._latest = 0.0  # time stamp of the newest samples
         self.registers: dict[int, int] = {}

@@ -166,7 +166,7 @@ class ComLibEmulator:
             self._changed.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
-        """Bytes of one transfer to the host: 1 to `size` of them, none when nothing is to be sent within `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size`, none when nothing is to be sent within `timeout` [s]."""
         deadline = time.monotonic() + timeout
         with self._changed:
             while True:
@@ -258,7 +258,7 @@ class ComLibEmulator:
         """Time until a frame is ready that has not been sent [s]."""
         if self._num_over > self._next_index:
             return 0.0
-        # By a rounding it may be zero too soon: look again then.
+        # Rounding may make it zero too soon: look again then.
         ready = self._begin + (self._next_index + 1) * self._interval / 1e6
         return max(1e-6, (ready - self._now()) / (self._speed or 1.0))
 

@@ -380,7 +380,7 @@ class VendorBoard:
         return response.payload
 
     def send(self, size: int, timeout: float) -> bytes:
-        """One data packet."""
+        """Data packet."""
         deadline = time.monotonic() + timeout
         arrived = self.controller.arrived
         with arrived:

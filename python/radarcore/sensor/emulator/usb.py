@@ -188,7 +188,7 @@ class EmulatedBus:
             return list(self._connections)
 
     def get_parent(self, connection: _Connection) -> None:
-        """No hubs are emulated."""
+        """Port numbers of hubs: none, as no hubs are emulated."""
 
     def get_device_descriptor(self, connection: _Connection) -> SimpleNamespace:
         """Device descriptor, with the place on the bus."""
@@ -293,7 +293,7 @@ class EmulatedBus:
             connection.driver_is_bound = True
 
     def bulk_read(self, handle: _Handle, endpoint: int, interface: int, buffer: array[int], timeout: int) -> int:
-        """One transfer from a board, into a buffer."""
+        """Transfer from a board into a buffer."""
         handle.check_claimed(interface)
         deadline = _deadline(timeout)
         lock = handle.connection.endpoint_locks[endpoint]
@@ -307,7 +307,7 @@ class EmulatedBus:
         return len(data)
 
     def bulk_write(self, handle: _Handle, endpoint: int, interface: int, data: array[int], timeout: int) -> int:
-        """One transfer to a board, or the part of it that the board takes in time."""
+        """Transfer to a board, or the part of it that the board takes in time."""
         handle.check_claimed(interface)
         connection, device = handle.connection, handle.connection.device
         if device.stream is None or connection.endpoint(endpoint) is None:
@@ -330,7 +330,7 @@ class EmulatedBus:
         )
 
     def intr_write(self, *_arguments: object) -> NoReturn:
-        """No board has such an endpoint; pyusb asks for the method all the same."""
+        """Refused: no board has such an endpoint, but pyusb demands the method."""
         raise NotImplementedError("transfers of this type are not emulated")
 
     iso_read = iso_write = intr_write

@@ -64,7 +64,7 @@ class _Inbox:
             self._queue.put(item)
 
     def fail(self, error: SensorError) -> None:
-        """Nothing more will come."""
+        """End of the packets."""
         self._failure = error
         self._queue.put(error)
 

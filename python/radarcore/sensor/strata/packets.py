@@ -28,7 +28,7 @@ MAX_CONTROL_PAYLOAD = 4088
 """Largest payload of a control transfer of vendor USB."""
 
 MAX_WORDS = 255
-"""Most SPI words in one request: the published firmware counts them in 8 bits."""
+"""Largest number of SPI words in one request: the published firmware counts them in 8 bits."""
 
 _TIMESTAMP = struct.Struct("<Q")
 

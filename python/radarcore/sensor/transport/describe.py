@@ -1,4 +1,4 @@
-"""All descriptors of the boards on the bus, for owners who want to help with a board that is unknown here."""
+"""Descriptors of the boards on the bus, for owners of a board that is unknown here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIELD = re.compile("(b|bcd|bm|i|id|w)[A-Z]")
 
 
 def describe_usb(*, usb_backend: Any = None) -> list[dict[str, Any]]:
-    """All USB descriptors of boards of the vendor; nothing is claimed, sent or changed.
+    """USB descriptors of the vendor's boards; nothing is claimed, sent or changed.
 
     Parameters
     ----------

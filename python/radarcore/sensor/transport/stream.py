@@ -67,7 +67,7 @@ class VendorPort(Protocol):
         """A control transfer from the board, at most `length` bytes."""
 
     def read_packet(self, size: int, timeout: float) -> bytes:
-        """One bulk transfer of at most `size` bytes; none where none came within `timeout` [s]."""
+        """Bulk transfer of at most `size` bytes; none when none came within `timeout` [s]."""
 
     def close(self) -> None:
         """Give the device back; may be called twice."""

@@ -51,7 +51,7 @@ def require_pyusb() -> Any:
 
 
 def usb_devices(usb_backend: Any = None) -> list[Any]:
-    """All devices on the bus as pyusb has them; SensorError where libusb is missing."""
+    """Devices on the bus as pyusb has them; SensorError when libusb is missing."""
     usb = require_pyusb()
     if usb_backend is None and (usb_backend := _libusb()) is None:
         raise SensorError(
@@ -210,7 +210,7 @@ class UsbVendorPort:
         return bytes(self._control(request_type, request, value, index, length, timeout))
 
     def read_packet(self, size: int, timeout: float) -> bytes:
-        """One bulk transfer of at most `size` bytes; none where none came within `timeout` [s]."""
+        """Bulk transfer of at most `size` bytes; none when none came within `timeout` [s]."""
         size = check.count("size", size)
         deadline = monotonic() + check.non_negative("timeout", timeout, "s")
         room = _whole_packets(size, self._in)
@@ -343,13 +343,13 @@ def _whole_packets(size: int, endpoint: Any) -> int:
 
 
 def _bulk_read(device: Any, endpoint: Any, size: int, timeout: float) -> bytes:
-    """One transfer; none where none came in time, and for one of no bytes."""
+    """Bytes of one transfer; none when none came in time."""
     with errors_as_ours(device_path(device)):
         return bytes(_unless_halted(device, endpoint, lambda: device.read(endpoint, size, _milliseconds(timeout)), b""))
 
 
 def _bulk_write(device: Any, endpoint: Any, data: bytes, timeout: float) -> int:
-    """One transfer; how many bytes of it the board took."""
+    """Number of bytes of one transfer that the board took."""
     with errors_as_ours(device_path(device)):
         return int(_unless_halted(device, endpoint, lambda: device.write(endpoint, data, _milliseconds(timeout)), 0))
 
