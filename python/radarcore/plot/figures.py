@@ -30,7 +30,7 @@ def overview(
     *,
     max_range: float | None = None,
 ) -> Figure:
-    """One frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
+    """Frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
 
     Parameters
     ----------

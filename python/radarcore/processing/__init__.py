@@ -1,4 +1,4 @@
-"""Processing of samples: spectra, peaks, and their course over time."""
+"""Processing of samples: spectra, peaks, and power over time."""
 
 from radarcore.lazy import attach
 

@@ -1,4 +1,4 @@
-"""The strongest peak of a frame with sub-bin accuracy."""
+"""Strongest peak of a frame with sub-bin accuracy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PADDING = 4
 
 @dataclass(frozen=True)
 class Peak:
-    """The strongest echo of a frame; range and velocity are NaN where there is none (or nothing to tell them by).
+    """Strongest echo of a frame; range and velocity are NaN without a peak, or if they cannot be determined.
 
     Parameters
     ----------

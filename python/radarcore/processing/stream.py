@@ -42,7 +42,7 @@ _RATE_INTERVALS = 40
 
 
 class Detection(NamedTuple):
-    """A local maximum that stands out of the noise."""
+    """Local maximum above the noise."""
 
     range: float
     """Range at the middle of the frame [m]."""

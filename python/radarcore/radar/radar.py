@@ -20,7 +20,7 @@ from radarcore.units import power_from_dbm
 
 @dataclass(frozen=True, eq=False)
 class Radar(Twinned):
-    """A sensor: every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
+    """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
 
     Parameters
     ----------

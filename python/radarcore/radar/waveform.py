@@ -240,7 +240,7 @@ class Waveform(Twinned):
 
     @cached_property
     def _core(self) -> _core.Waveform:
-        """The numbers that the core needs."""
+        """Counterpart in the core."""
         return _core.Waveform(
             start_frequency=self.start_frequency,
             slope=self.slope,

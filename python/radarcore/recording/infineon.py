@@ -404,7 +404,7 @@ def _header(shape: tuple[int, ...]) -> bytes:
 
 
 def _warn_of_left_out(path: Path, stored: Stored) -> None:
-    """Warn of what the layout has no place for."""
+    """Warn of content that the layout cannot hold."""
     interval = stored.radar.waveform.frame_interval
     is_lost = stored.lost is not None and stored.lost.any()
     left_out = {
@@ -417,7 +417,7 @@ def _warn_of_left_out(path: Path, stored: Stored) -> None:
 
 
 def _make_room(path: Path, folder: str, overwrite: bool) -> None:
-    """Refuse a place with anything but nothing or, to be overwritten, a recording of the same sensor."""
+    """Refuse a path that exists, but for a recording of the same sensor that is to be overwritten."""
     if path.exists() and not path.is_dir():
         raise exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):

@@ -1,4 +1,4 @@
-"""NPY files that grow frame by frame and are read as far as they got; files that are there whole or not at all."""
+"""NPY files that grow frame by frame, readable at any length; atomic writes of small files."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a small file so that it is there whole or not at all."""
+    """Write a small file atomically."""
     partial = path.with_name(path.name + ".part")
     with naming(path):
         partial.write_bytes(data)

@@ -133,7 +133,7 @@ class Recording(Stored):
         return rounds if speed is None else _paced(rounds, factor, time.monotonic, time.sleep)
 
     def _rounds(self) -> Iterator[Frame]:
-        """The frames again and again, in times that go on."""
+        """Frames in endless rounds, with times that go on."""
         if len(self) == 0:
             return
         usual = float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
@@ -229,7 +229,7 @@ class Recording(Stored):
 
 
 class _Format(NamedTuple):
-    """Recordings on disk: whether a path has this format, and how to read and write it."""
+    """Format on disk: a test of a path, a reader and a writer."""
 
     knows: Callable[[Path], bool]
     load: Callable[[Path, bool], Stored]

@@ -16,7 +16,7 @@ from radarcore.scene.body import Body, PointTarget
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Bodies with meshes and point targets of a scene apart, both in the scene's order.
+    """Bodies with meshes, and point targets, both in the scene's order.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ def table(file: Path) -> SceneTable:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Text about a name that is not there, with near ones that are."""
+    """Text about an unknown name, with near ones that are known."""
     return f"{name!r}; {check.near_names(name, known)}"
 
 
@@ -170,7 +170,7 @@ def _path_text(path: Location, values: dict[str, Any]) -> str:
 
 
 def _key(location: Location) -> _Key:
-    """The place that pydantic's location means, which also has names of types and kinds in it."""
+    """Place of a pydantic location, which also holds names of types and kinds."""
     tables: list[type[Table]] = [SceneTable]
     holders, path, unit = tables, list[str | int](), ""
     for part in location:

@@ -1,4 +1,4 @@
-"""Clearance of the antennas: a scene with a body at their place cannot be meant."""
+"""Clearance of the antennas from the surfaces of a scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radarcore.scene.scene import Scene
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0
-# Nothing may be closer to an antenna than this when the run begins [m].
+# Smallest distance of a surface or point from an antenna at the start of a run [m].
 _CLEARANCE = 1e-3
 
 
@@ -27,7 +27,7 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
     poses = np.array([poses_at(body.motion, [time])[0] for body in parts.meshed]).reshape(-1, 3, 4)
     for pose, number in zip(relative_poses(poses, sensor), parts.mesh_numbers, strict=True):
         body = scene.bodies[number]
-        assert isinstance(body, Body)  # the scene says so
+        assert isinstance(body, Body)  # by its number
         corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
         _check_gap(min(_distance_to_triangles(antenna, corners) for antenna in antennas), scene.names[number])
         size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) if len(corners) > 0 else 0.0

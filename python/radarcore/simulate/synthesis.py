@@ -1,4 +1,4 @@
-"""The beat signal of given paths: the synthesis without a scene."""
+"""Beat signal of given paths: the synthesis without a scene."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def plan_beat_signal(
 
 
 def check_tolerance(tolerance: float) -> float:
-    """A tolerance that can be asked for."""
+    """Checked tolerance."""
     bound = check.positive("tolerance", tolerance)
     if not 1e-12 <= bound <= 1e-1:
         raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
@@ -181,12 +181,12 @@ def check_tolerance(tolerance: float) -> float:
 
 
 def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
-    """The type of samples that honours a tolerance."""
+    """Type of samples that is precise enough for a tolerance."""
     return np.complex128 if check_tolerance(tolerance) < SINGLE_PRECISION_TOLERANCE else np.complex64
 
 
 def check_threads(threads: int | None) -> int | None:
-    """A number of threads, or None for all cores."""
+    """Checked number of threads, or None for all cores."""
     if threads is None:
         return None
     num_threads = check.count("threads", threads)

@@ -1,4 +1,4 @@
-"""Robot arms: joints, the links between them, and where these are while the joints move."""
+"""Robot arms: joints, links, and poses of the links while the joints move."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ class RobotArm:
         return MovingArm(self, joint_motion, base)
 
     def link_number(self, link: str) -> int:
-        """Place of a link in `links`; a KeyError that names near ones when there is none."""
+        """Index of a link in `links`; a KeyError that names near ones when there is none."""
         try:
             return self._numbers[link]
         except KeyError:
@@ -271,7 +271,7 @@ class MovingArm:
             self._resting = check.frozen(arm.joint_array(joint_motion))
 
     def link_motion(self, link: str) -> Motion:
-        """Motion of a link in the world: that of a body on it, or the parent of what is `Attached` to it."""
+        """Motion of a link in the world, for bodies on it and for `Attached`."""
         number = self.arm.link_number(link)
         if self._resting is None:
             return LinkMotion(self, number)

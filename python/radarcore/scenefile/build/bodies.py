@@ -36,7 +36,7 @@ AnyTable = BodyTable | PointTable | HumanTable | ArmTable
 
 
 class Parts:
-    """Builds bodies, points, people and arms, each after what carries it."""
+    """Builder of bodies, points, people and arms, each after its carrier."""
 
     def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
         self._directory = directory
@@ -77,7 +77,7 @@ class Parts:
         assert entry.attached_to is not None  # or it would not wait
         waiting_names = {other.name for other in waiting.values()}
         if entry.attached_to.partition("/")[0] in waiting_names:
-            return f"attached_to: expected what is not attached to this in turn, got {entry.attached_to!r}"
+            return f"attached_to: expected a carrier that is not attached to this in turn, got {entry.attached_to!r}"
         return f"attached_to: unknown {unknown(entry.attached_to, self._carriers)}"
 
     def _part(self, entry: AnyTable) -> list[Body] | list[PointTarget]:
@@ -164,7 +164,7 @@ class Parts:
 
 
 def _check_names(tables: dict[str, AnyTable]) -> None:
-    """Refuse a name that two parts have: attachments and truth could not tell them apart."""
+    """Refuse a name that two parts have: it would be ambiguous in attachments and truth."""
     seen: dict[str, str] = {}
     for where, table in tables.items():
         if table.name is not None and table.name in seen:

@@ -67,7 +67,7 @@ class SerialStream(ByteStream):
         except BlockingIOError:
             return 0
         except serial.SerialTimeoutException as error:
-            raise SensorTimeoutError(f"{self.name}: the board took not all bytes in time") from error
+            raise SensorTimeoutError(f"{self.name}: the board did not take all bytes in time") from error
         except OSError as error:
             raise SensorDisconnectedError(f"{self.name}: the board is gone ({error})") from error
 
