@@ -50,7 +50,7 @@ def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | No
     source : path
         Recording, or scene file (``.toml``).
     picture : path
-        Where to save, in the format of the suffix.
+        Output file, in the format of the suffix.
     kind : str
         One of `KINDS`.
     frame : int, optional

@@ -40,7 +40,7 @@ class MeshReport:
     num_duplicates, num_thin : int
         Triangles in the place of another, and triangles over 100 times longer than high.
     area : float
-        Of all triangles [m^2].
+        Area of all triangles [m^2].
     smooth_share : float
         Part of the area that is smooth, 0 to 1.
     largest_sagitta, mean_sagitta : float

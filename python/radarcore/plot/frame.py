@@ -65,7 +65,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ----------
     frame : Frame
     channel, chirp : int
-        Which chirp; negative numbers count from the end.
+        Indices of the chirp; negative numbers count from the end.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     """
@@ -142,7 +142,7 @@ def range_doppler_map(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     dynamic_range_db : float
-        What is further below the maximum has the colour of the floor [dB].
+        Range of levels below the maximum that colours span [dB].
     max_range : float, optional
         End of the range axis [m]; default: the largest unambiguous range.
     """

@@ -47,7 +47,7 @@ def range_time(
     remove_static : bool
         Leave out what stands still throughout, see `radarcore.range_time`.
     dynamic_range_db : float, optional
-        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
     max_range : float, optional
         End of the range axis [m]; default: the largest unambiguous range.
     """
@@ -91,7 +91,7 @@ def spectrogram(
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional
-        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
     """
     check_recording(recording)
     wf = recording.radar.waveform

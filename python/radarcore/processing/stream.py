@@ -65,7 +65,7 @@ class Stream:
     history : float
         Length of the history [s].
     threshold_db : float
-        Least level of a detection [dB].
+        Smallest level of a detection [dB].
     max_detections : int
         Keep at most as many.
 
@@ -85,7 +85,7 @@ class Stream:
     num_frames, num_lost : int
         Frames taken, and lost between them.
     time : float
-        Of the newest frame [s].
+        Time of the newest frame [s].
     rate : float
         Frames per second of their own time, over the last ones; NaN before the second.
     """
@@ -152,7 +152,7 @@ class Stream:
         Raises
         ------
         ValueError, TypeError
-            For a frame of another radar, and for what is no frame.
+            For a frame of another radar, and for anything but a frame.
         """
         if not isinstance(frame, Frame):
             raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")

@@ -87,7 +87,7 @@ class Frame:
         Start of the first chirp [s].
     radar : Radar
     truth : Truth, optional
-        Of this frame: arrays (body,).
+        Truth of this frame: arrays (body,).
     stats : dict
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
         just before this one.

@@ -47,7 +47,7 @@ class Recording(Stored):
     truth : Truth, optional
         Arrays (frame, body).
     source : dict
-        Where the frames come from: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
+        Origin of the frames: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
         sqrt(W); ``"full scale"`` for those of an ADC.
     lost : (frame,) array_like, optional
         Number of frames lost just before each; None where nobody counted. Frames have it in
@@ -101,7 +101,7 @@ class Recording(Stored):
     def raw(self) -> NDArray[np.uint16] | None:
         """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None where the unit is not full scale.
 
-        Those nearest to the samples, worked out again at every use: exact for samples that came from codes.
+        Nearest codes, computed again at every use: exact for samples that came from codes.
         """
         return to_codes(self.cube) if self._has_codes else None
 
@@ -148,7 +148,7 @@ class Recording(Stored):
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
-        Where `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
+        If `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
         """
         kept = list(frames)
         if not kept:

@@ -78,7 +78,7 @@ class Scene:
     Parameters
     ----------
     bodies : iterable of Body and PointTarget
-        Their order gives the body numbers of images and paths.
+        Parts of the scene; images and paths number bodies in this order.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ def load_scene(path: str | PathLike[str]) -> Simulation:
     Returns
     -------
     Simulation
-        Its `record` simulates the run; `simulator`, `scene`, `radar` and `radar_motion` are there for other uses.
+        `record` simulates the run; `simulator`, `scene`, `radar` and `radar_motion` are for other uses.
 
     Raises
     ------

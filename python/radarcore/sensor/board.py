@@ -19,7 +19,7 @@ class BoardInfo:
     Attributes
     ----------
     port : str
-        Where it is: a device file, or ``usb:BUS-ADDRESS``.
+        Name of the port: a device file, or ``usb:BUS-ADDRESS``.
     protocol : str
         ``"strata"`` or ``"comlib"``.
     name : str
@@ -29,7 +29,7 @@ class BoardInfo:
     firmware : str
         Version of the firmware.
     serial_number : str
-        What tells this board from others of its kind; empty where the board has none.
+        Serial number; empty for a board without one.
     """
 
     port: str
@@ -69,9 +69,9 @@ class Lost:
     Attributes
     ----------
     num_frames : int
-        How many, at least one.
+        Number of lost frames, at least one.
     reason : str
-        What happened.
+        Reason of the loss.
     """
 
     num_frames: int

@@ -198,7 +198,7 @@ class Sensor:
     info : BoardInfo
         Port, name, chip, firmware and serial number.
     radar : Radar or None
-        What the board does: the achieved settings, None before `configure`.
+        Achieved settings of the board; None before `configure`.
     num_lost : int
         Frames lost since the last start.
     """
@@ -232,19 +232,19 @@ class Sensor:
         Parameters
         ----------
         radar : Radar
-            Its waveform and receivers; a board sets power and gains by `options`.
+            Wanted waveform and receivers; a board sets power and gains by `options`.
         **options
-            Of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
+            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
 
         Returns
         -------
         radar : Radar
-            What the board achieves: times and frequencies in its own steps. Frames have this radar.
+            Achieved radar: times and frequencies in the steps of the board. Frames have this radar.
 
         Raises
         ------
         ValueError
-            For what the board cannot do, with the nearest it can.
+            For a radar beyond the board's limits, with the nearest possible value.
         """
         self._check_open()
         if not isinstance(radar, Radar):
@@ -342,9 +342,9 @@ class Sensor:
         path : path
             A new directory.
         duration : float, optional
-            How long [s]; default, without `num_frames`: until Ctrl-C.
+            Duration [s]; default, without `num_frames`: until Ctrl-C.
         num_frames : int, optional
-            How many frames.
+            Number of frames.
         progress : bool
             Show a progress bar when run in a terminal.
         overwrite : bool

@@ -29,7 +29,7 @@ class RequestError(ProtocolError):
     Attributes
     ----------
     status : int
-        Its status code.
+        Status code.
     """
 
     def __init__(self, message: str, status: int) -> None:

@@ -81,7 +81,7 @@ class DepthImage:
         return self.distance[is_hit, None] * self.directions[is_hit]
 
     def __getstate__(self) -> dict[str, Any]:
-        # The arrays are all there is to keep.
+        # Hits in the core are not pickled: keep the arrays.
         arrays = {name: getattr(self, name) for name in ("directions", "reflectance", "surface_distance", "normals")}
         return {**self.__dict__, **arrays, "_hits": None, "_reflectance": None}
 

@@ -135,7 +135,7 @@ def beat_signal(
         For shapes that do not fit together, numbers that are not finite, phases beyond 1e12 turns, and a tolerance that
         the grid cannot reach.
     TypeError
-        For complex delays and things that are no numbers.
+        For complex delays and values that are no numbers.
     MemoryError
         For samples that do not fit into memory.
     """

@@ -41,11 +41,11 @@ def run(
     Parameters
     ----------
     directory : path
-        Where scene file, recording and picture go.
+        Directory of scene file, recording and picture.
     duration : float, optional
         Length of the recording [s]; default: that of the scene file.
     ray_budget : int, optional
-        Most rays of a cast; default: that of `Simulator`.
+        Largest number of rays of a cast; default: that of `Simulator`.
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """

@@ -38,7 +38,7 @@ class RobotArm:
     links : mapping of str to Mesh or None
         All links by name, with their shape in their own coordinates.
     name : str
-        For the names of bodies.
+        Prefix of the names of bodies.
 
     Attributes
     ----------
@@ -93,10 +93,10 @@ class RobotArm:
         path : path
             The file. Its root link is the arm's base.
         meshes : "collision", "visual" or None
-            Which of the two geometries to put on the links. Box, cylinder, sphere and OBJ files need nothing else
+            Geometry of the links. Box, cylinder, sphere and OBJ files need nothing else
             installed; other files need trimesh (``pip install radarcore[mesh]``).
         package_directories : mapping, optional
-            Where ``package://name/...`` is, by name; default: the directory `name` that the file is in.
+            Directories of ``package://name/...`` by name; default: the directory `name` that the file is in.
 
         Raises
         ------
@@ -284,9 +284,9 @@ class MovingArm:
         Parameters
         ----------
         material : Material, optional
-            Of all links; default: that of `Body`, metal.
+            Material of all links; default: that of `Body`, metal.
         name : str, optional
-            What the names begin with; default: the arm's.
+            Prefix of the names; default: the arm's name.
         """
         prefix = self.arm.name if name is None else name
         return [

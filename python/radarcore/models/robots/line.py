@@ -59,7 +59,7 @@ def cartesian_line(
     ramp_time, start_time : float
         Length of each of the two ramps, and when the motion begins [s].
     link : str
-        What moves: its origin stays on the line.
+        Link whose origin stays on the line.
 
     Returns
     -------

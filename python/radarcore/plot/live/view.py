@@ -49,7 +49,7 @@ class LiveView:
     Parameters
     ----------
     radar : Radar
-        Of all frames.
+        Radar of all frames.
     figure : matplotlib Figure, optional
         An empty one to draw in, such as a window's; default: a new one, not known to pyplot.
     title : str
@@ -62,7 +62,7 @@ class LiveView:
     history : float
         Length of the time axis [s].
     threshold_db : float
-        Least level of a detection [dB].
+        Smallest level of a detection [dB].
     max_detections : int
         Show at most as many.
 

@@ -55,7 +55,7 @@ def view(
     Parameters
     ----------
     frames : iterable of Frame
-        Of one radar: a sensor's, a recording's, a simulator's.
+        Frames of one radar: a sensor's, a recording's, a simulator's.
     output : path, optional
         Directory for PNG pictures instead of a window; made if missing. Default without a window: ``out/view``.
     every : float
@@ -82,7 +82,7 @@ def view(
     Raises
     ------
     Exception
-        What the source raises, after the last picture is written.
+        Errors of the source, after the last picture is written.
     """
     canvas.require()
     check.positive("every", every, "s")

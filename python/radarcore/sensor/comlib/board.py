@@ -83,7 +83,7 @@ class ComLibBoard:
     stream : Stream
         Connection, which `close` gives back.
     timeout : float
-        For the answer to a request [s].
+        Time-out of the answer to a request [s].
     board_timeout : float
         Silence after which a board that has lost step listens again [s].
 
@@ -163,9 +163,9 @@ class ComLibBoard:
         Raises
         ------
         ValueError
-            For what no setting of the board comes near to.
+            For a radar that no setting of the board comes near to.
         RequestError
-            For what the board refuses.
+            For a request that the board refuses.
         """
         wave = radar.waveform
         rx_mask = self._rx_mask(radar, rx_mask)

@@ -58,7 +58,7 @@ class Chip:
     Parameters
     ----------
     source : FrameSource
-        What is measured.
+        Measured samples.
     speed : float or None
         Seconds of the sensor per second of the host; None: as fast as samples are taken.
     temperature : float
@@ -66,7 +66,7 @@ class Chip:
     on_samples : callable
         Called with no lock held whenever samples have come or the FIFO has overflown.
     is_full : callable
-        Whether whoever takes the samples has no room: at ``speed=None`` the sequencer then waits.
+        True while the reader of the samples has no room: at ``speed=None`` the sequencer then waits.
     """
 
     def __init__(

@@ -85,9 +85,9 @@ class ComLibEmulator:
     sample_rate : float
         Sample rate after power-up [Hz].
     has_adc : bool
-        Whether there is the endpoint RADX, which sets the sample rate.
+        Offer the endpoint RADX, which sets the sample rate.
     is_interleaved : bool
-        Whether frames have the receivers in turn, sample by sample.
+        Interleave the receivers, sample by sample.
     temperature : float
         Temperature of the chip [degrees Celsius]; the attribute may change.
     resync_timeout : float

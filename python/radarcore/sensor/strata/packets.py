@@ -249,7 +249,7 @@ class DataPacket:
         Counts packets, modulo 65536.
     channel : int
     is_first, is_last : bool
-        Whether it begins and ends a slice.
+        True for a packet that begins, or ends, a slice.
     timestamp : int or None
         Time since the board started [us]; only the last packet of a slice has one.
     error : int, str or None

@@ -35,7 +35,7 @@ class SliceLost:
     ----------
     reason : str
     num_packets : int
-        How many; 0 where the counter went back, which says nothing.
+        Number of packets; 0 after a counter that went back, which is no measure.
     """
 
     reason: str

@@ -122,7 +122,7 @@ class UsbStream(ByteStream):
     path : str
         ``usb:BUS-ADDRESS`` or ``usb:VID:PID``.
     usb_backend : backend of pyusb, optional
-        Where the device is; libusb where none is given.
+        Backend of the bus; default: libusb.
 
     Raises
     ------
