@@ -1,4 +1,4 @@
-"""The pictures of `radarcore plot`: of a recording, or of what a scene file describes."""
+"""Pictures of `radarcore plot`: of a recording or of a scene file."""
 
 from __future__ import annotations
 

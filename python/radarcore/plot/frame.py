@@ -1,4 +1,4 @@
-"""Pictures of one frame: what the radar sees, a chirp, power over range and velocity."""
+"""Pictures of one frame: depth, reflectance, a chirp, power over range and velocity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Image(Protocol):
 
 
 def depth_image(image: Image, ax: Axes | None = None) -> Axes:
-    """Distance of every pixel [m]; what was not hit is grey.
+    """Distance of every pixel [m]; pixels without a hit are grey.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
 
 
 def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
-    """Reflectance of every pixel; what was not hit is grey.
+    """Reflectance of every pixel; pixels without a hit are grey.
 
     Parameters and result as `depth_image`.
     """

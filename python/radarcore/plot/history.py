@@ -178,7 +178,7 @@ def tracks(
 
 
 def check_recording(recording: object) -> None:
-    """Refuse what is no recording, or has nothing to draw."""
+    """Refuse anything but a recording with frames to draw."""
     if not isinstance(recording, Recording):
         raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
     if len(recording) == 0:

@@ -74,7 +74,7 @@ class Stream:
     ranges : (range,) float64
         [m].
     velocities : (velocity,) float64 or None
-        [m/s, receding positive]; None where the waveform has one or two chirps, or unevenly spaced ones.
+        [m/s, receding positive]; None if the waveform has one or two chirps, or unevenly spaced ones.
     level : (velocity, range) float32
         Power of all channels over the median of all cells [dB], not below `LOWEST_DB`; one row without velocities.
         NaN after a frame with samples that are no finite numbers.

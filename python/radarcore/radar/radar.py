@@ -141,7 +141,7 @@ class Radar(Twinned):
         }
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
-        """Patterns of elements for JSON; None where all have the one of the radar."""
+        """Patterns of elements for JSON; None if all have the one of the radar."""
         return None if all(p == self.pattern for p in patterns) else [pattern_to_dict(p) for p in patterns]
 
     @classmethod

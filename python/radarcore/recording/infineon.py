@@ -101,7 +101,7 @@ def load(path: Path) -> Stored:
 
 
 def save(path: Path, stored: Stored, overwrite: bool) -> None:
-    """Write a folder, whole or not at all; ValueError where the layout cannot hold the recording."""
+    """Write a folder, whole or not at all; ValueError if the layout cannot hold the recording."""
     if stored.source.get("cube_unit") != FULL_SCALE or stored.cube.dtype.kind != "f":
         got = f"{stored.cube.dtype} in {stored.source.get('cube_unit', UNITS['cube'])}"
         raise ValueError(
@@ -276,7 +276,7 @@ def _receivers(shape: dict[str, Any]) -> list[int]:
 
 
 def _fitting_texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str | None]:
-    """Texts by path: kept ones that fit the radar, new ones otherwise; None where there was none."""
+    """Texts by path: kept ones that fit the radar, new ones otherwise; None if there was none."""
     texts = kept.get("texts")
     if isinstance(texts, dict) and isinstance(config := texts.get(f"{folder}/config.json"), str):
         found = {name: texts.get(name) for name in _text_names(folder)}

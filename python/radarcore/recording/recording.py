@@ -50,7 +50,7 @@ class Recording(Stored):
         Origin of the frames: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
         sqrt(W); ``"full scale"`` for those of an ADC.
     lost : (frame,) array_like, optional
-        Number of frames lost just before each; None where nobody counted. Frames have it in
+        Number of frames lost just before each; None if nobody counted. Frames have it in
         ``stats["lost_before"]``.
     """
 
@@ -99,7 +99,7 @@ class Recording(Stored):
 
     @property
     def raw(self) -> NDArray[np.uint16] | None:
-        """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None where the unit is not full scale.
+        """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None if the unit is not full scale.
 
         Nearest codes, computed again at every use: exact for samples that came from codes.
         """

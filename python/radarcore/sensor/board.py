@@ -64,7 +64,7 @@ class RawFrame:
 
 @dataclass(frozen=True)
 class Lost:
-    """Frames that never came.
+    """Lost frames.
 
     Attributes
     ----------

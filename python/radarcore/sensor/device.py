@@ -1,4 +1,4 @@
-"""The sensor as a person uses it: open, configure, take frames that are like those of the simulator."""
+"""Sensor: open a board, configure it, and take frames like those of the simulator."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _SLOWEST_START = 10.0
 
 
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
-    """Every board that answers, one after the other; ports that cannot be opened are left out.
+    """Boards that answer, one after the other; ports that cannot be opened are left out.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _comlib(stream: Stream, timeout: float) -> Board:
 
 
 def _port_of(text: str, usb_backend: Any) -> Port:
-    """The port of a name: a USB device that is there, or else a serial port."""
+    """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
         return Port("serial", text, None, None, "", "", "")
     ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
@@ -183,7 +183,7 @@ def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
 
 
 class Sensor:
-    """A radar board that measures; made by `open_sensor`.
+    """Radar board that measures; made by `open_sensor`.
 
     Use it as a context manager. Frames are those of the simulator: ``(channel, chirp, sample)`` float32 between -1 and
     1 of full scale, the codes of the ADC in `Frame.raw`. Their times count from the start of the first one: by the
@@ -335,7 +335,7 @@ class Sensor:
         progress: bool = True,
         overwrite: bool = False,
     ) -> Recording:
-        """Measure into a recording's directory, frame by frame: what is there is readable at any moment.
+        """Measure into a recording's directory, frame by frame; it is readable at any moment.
 
         Parameters
         ----------
@@ -408,7 +408,7 @@ class Sensor:
 
 
 def _close_forgotten(board: Board) -> None:
-    """Close the board of a sensor that nobody has any more."""
+    """Close the board of a sensor without references."""
     if threading.current_thread() is threading.main_thread():
         board.close()
     else:
@@ -457,7 +457,7 @@ class _Reader:
         self._thread.start()
 
     def take(self, timeout: float) -> tuple[RawFrame, _Losses] | None:
-        """The next frame, and what was lost before it; None where measuring was ended."""
+        """The next frame, and what was lost before it; None if measuring was ended."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._is_closed or self._frames or self._failure, timeout)
             if self._is_closed:

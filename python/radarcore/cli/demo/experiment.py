@@ -36,7 +36,7 @@ def run(
     with_robots: bool | None = None,
     say: Callable[[str], None] = print,
 ) -> dict[str, Any]:
-    """Simulate, record, compare and draw; what it finds goes to `say`, line by line, and is returned.
+    """Simulate, record, compare and draw; results go to `say`, line by line, and are returned.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ class Posture(NamedTuple):
 
 
 def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:
-    """Both sides, trunk and root together; with ``orders=2`` their derivatives too."""
+    """Posture: both sides, trunk and root together; with ``orders=2`` their derivatives too."""
     curves = _series(relative_speed).at(phase, orders)
     return Posture(curves[..., : _TRUNK.stop], curves[..., _ROOT])
 

@@ -135,7 +135,7 @@ class LiveView:
         self._show()
 
     def draw(self) -> None:
-        """Paint what `update` has changed: axes at once, texts a few times per second; all, where the scale changed."""
+        """Paint the changes of `update`: axes at once, texts a few times per second; all after a change of the scale."""
         painting: Any = self.figure.canvas
         if not self._still:
             painting.draw()
@@ -145,7 +145,7 @@ class LiveView:
             self._paint(self._text_axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write what is shown as a PNG picture; missing parents are made."""
+        """Write the figure as a PNG picture; missing parents are made."""
         from matplotlib.image import imsave
 
         painting: Any = self.figure.canvas
@@ -159,7 +159,7 @@ class LiveView:
         imsave(path, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
 
     def _make_axes(self) -> None:
-        """Axes with all that stays, and what changes in them."""
+        """Make the axes, and the artists in them that change."""
         from matplotlib.cm import ScalarMappable
 
         stream = self._stream
@@ -199,7 +199,7 @@ class LiveView:
             left.set_title("Range and velocity")
 
     def _make_texts(self, title: str, number: int) -> None:
-        """Headline and list of detections; drawing letters takes time, so what stays is apart from what changes."""
+        """Make the headline and the list of detections; constant text stands apart, as drawing letters takes time."""
         top, bottom = self._text_axes
         for ax in (top, bottom):
             ax.set_axis_off()
@@ -293,7 +293,7 @@ class LiveView:
             self._paint(self._changing, is_blitted=False)
 
     def _paint(self, axes: Iterable[Axes], *, is_blitted: bool = True) -> None:
-        """Paint what changes in some axes over what stays in them."""
+        """Paint the changing artists of some axes over the constant ones."""
         painting: Any = self.figure.canvas
         for ax in axes:
             painting.restore_region(self._still[ax])

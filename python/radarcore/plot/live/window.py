@@ -142,7 +142,7 @@ def _write(
 
 
 def _new_window(title: str) -> Figure | None:
-    """Empty figure in a window of pyplot's; None where there can be none."""
+    """Empty figure in a window of pyplot's; None if there can be none."""
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not has_display:
         return None

@@ -1,4 +1,4 @@
-"""Registers of the chip BGT60TR13C, the words that set them, and what can be read from it."""
+"""Registers of the chip BGT60TR13C: words that set them, and values read from it."""
 
 from __future__ import annotations
 

@@ -334,7 +334,7 @@ class ComLibBoard:
             raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {answer}")
 
     def _sample_rate(self, wave: Waveform, rx_mask: int) -> float:
-        """Sample rate of the board [Hz]; ValueError where it is another than the waveform's and cannot be set."""
+        """Sample rate of the board [Hz]; ValueError if it is another than the waveform's and cannot be set."""
         if self._adc is not None:
             return float(self._adc_settings(self._adc).sample_rate)
         # Chirps of n and of other samples differ by the time of the samples between them.
@@ -501,7 +501,7 @@ class ComLibBoard:
         return messages
 
     def _await_silence(self) -> None:
-        """Throw away what comes until the line is silent, and a confused board has had the time to listen again."""
+        """Discard bytes until the line is silent, for as long as a confused board needs to listen again."""
         listens = StatusMessage(0, ProtocolStatus.SILENCE).encode()
         limit = time.monotonic() + self._timeout + (self._board_timeout if self._is_board_confused else 0.0)
         last = b""

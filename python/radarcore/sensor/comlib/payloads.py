@@ -32,7 +32,7 @@ def encode_endpoints(endpoints: list[Endpoint]) -> bytes:
 
 
 def decode_endpoints(payload: bytes) -> list[Endpoint]:
-    """Endpoints from 1 on; ProtocolError where the answer is of a wrong size."""
+    """Endpoints from 1 on; ProtocolError if the answer is of a wrong size."""
     if len(payload) < 2 or len(payload) != 2 + 6 * payload[1]:
         raise ProtocolError(f"ComLib endpoints: expected 2 + 6 n bytes, got {payload[:8].hex(' ')}...")
     return [Endpoint(*fields) for fields in struct.iter_unpack("<IH", payload[2:])]
@@ -47,7 +47,7 @@ class Firmware(NamedTuple):
     description: str
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("firmware", "<BHHH", Protocol.FIRMWARE, *self[:3]) + self.description.encode() + b"\0"
 
     @classmethod
@@ -57,7 +57,7 @@ class Firmware(NamedTuple):
 
 
 class Info(NamedTuple):
-    """Answer to `Base.GET_INFO`: what the board can do."""
+    """Answer to `Base.GET_INFO`: capabilities of the board."""
 
     min_frequency_khz: int
     max_frequency_khz: int
@@ -72,7 +72,7 @@ class Info(NamedTuple):
     description: str
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("device info", "<BII8B", Base.INFO, *self[:10]) + self.description.encode() + b"\0"
 
     @classmethod
@@ -90,7 +90,7 @@ class Format(NamedTuple):
     signal_part: int = SignalPart.I
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("frame format", "<BIIBB", Base.FORMAT, *self)
 
     @classmethod
@@ -108,7 +108,7 @@ class FmcwSettings(NamedTuple):
     tx_power: int
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("FMCW settings", "<BIIBB", Fmcw.SETTINGS, *self)
 
     @classmethod
@@ -125,7 +125,7 @@ class AdcSettings(NamedTuple):
     post_calibration: int = 0
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("ADC settings", "<BIBB", Adc.SETTINGS, *self)
 
     @classmethod
@@ -156,7 +156,7 @@ def encode_byte(code: int, number: int) -> bytes:
 
 
 def decode_byte(payload: bytes) -> int:
-    """The 8 bits behind a code; ProtocolError where the payload is of a wrong size."""
+    """The 8 bits behind a code; ProtocolError if the payload is of a wrong size."""
     number: int
     (number,) = _fields("message", "<xB", payload)
     return number
@@ -168,7 +168,7 @@ def encode_number(code: int, number: int) -> bytes:
 
 
 def decode_number(payload: bytes) -> int:
-    """The 32 bits behind a code; ProtocolError where the payload is of a wrong size."""
+    """The 32 bits behind a code; ProtocolError if the payload is of a wrong size."""
     number: int
     (number,) = _fields("message", "<xI", payload)
     return number
@@ -202,7 +202,7 @@ class Frame:
     is_interleaved: bool = False
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         num_rx, num_chirps, num_samples, _ = self.codes.shape
         head = pack(
             "frame",
@@ -271,7 +271,7 @@ def unpack_bits(data: bytes, num_codes: int, resolution: int) -> NDArray[np.uint
 
 
 def pack(name: str, layout: str, *numbers: int) -> bytes:
-    """Numbers in a layout of `struct`; a ValueError where one does not fit."""
+    """Numbers in a layout of `struct`; a ValueError if one does not fit."""
     try:
         return struct.pack(layout, *numbers)
     except struct.error as error:

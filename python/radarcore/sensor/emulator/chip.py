@@ -195,12 +195,12 @@ class Chip:
         return (pieces[0] if len(pieces) == 1 else np.concatenate(pieces)), when
 
     def wake(self) -> None:
-        """Whoever takes samples has room again."""
+        """Wake the sequencer: the reader of samples has room again."""
         with self._lock:
             self._lock.notify_all()
 
     def overflow(self) -> None:
-        """Lose what is in the FIFO and stop, as when nobody takes it in time."""
+        """Lose the content of the FIFO and stop, as when it is not read in time."""
         with self._lock:
             self.has_overflown = self.complains = True
             self._run += 1
@@ -230,7 +230,7 @@ class Chip:
         self._thread.start()
 
     def _stop(self) -> None:
-        """End what is measured; its thread ends when the source has given the frame it is at, which may take long."""
+        """End the measurement; its thread ends with the frame that the source is at, which may take long."""
         with self._lock:
             self._run += 1
             self._lock.notify_all()

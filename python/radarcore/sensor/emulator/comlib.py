@@ -131,7 +131,7 @@ class ComLibEmulator:
 
     @property
     def radar(self) -> Radar:
-        """The radar as it is set, which the source is asked for frames of."""
+        """Radar of the present settings, whose frames the source gives."""
         ramp, adc, form = self._ramp, self._converter, self._format
         duration = self._chirp_duration / 1e9
         slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
@@ -300,7 +300,7 @@ class ComLibEmulator:
 
     @property
     def _chirp_duration(self) -> int:
-        """[ns]."""
+        """Duration of a chirp [ns]."""
         return round(self._format.num_samples / self._converter.sample_rate * 1e9) + _OVERHEAD_NS
 
     @property
@@ -325,7 +325,7 @@ class ComLibEmulator:
         return Message(_BASE, power.encode(Base.TX_POWER))
 
     def _protocol(self, payload: bytes) -> list[Message]:
-        """Endpoint 0."""
+        """Answer a message to endpoint 0."""
         _check_size(payload, dict.fromkeys(ProtocolCode, 1))
         match payload[0]:
             case ProtocolCode.ENDPOINTS:
@@ -336,7 +336,7 @@ class ComLibEmulator:
         return []
 
     def _base(self, payload: bytes) -> list[Message]:
-        """RBAS."""
+        """Answer a message to the endpoint RBAS."""
         _check_size(payload, _BASE_SIZES)
         match payload[0]:
             case Base.GET_FRAME:
@@ -379,7 +379,7 @@ class ComLibEmulator:
         return [*messages, self._tell_slope()]
 
     def _fmcw(self, payload: bytes) -> list[Message]:
-        """RFMC."""
+        """Answer a message to the endpoint RFMC."""
         _check_size(payload, _FMCW_SIZES)
         match payload[0]:
             case Fmcw.SETTINGS:
@@ -397,7 +397,7 @@ class ComLibEmulator:
         return [Message(_FMCW, self._ramp.encode())]
 
     def _adc(self, payload: bytes) -> list[Message]:
-        """RADX."""
+        """Answer a message to the endpoint RADX."""
         _check_size(payload, _ADC_SIZES)
         messages = []
         if payload[0] == Adc.SETTINGS:

@@ -1,4 +1,4 @@
-"""Faults of a link and a board, on demand or at random, and what was done of them."""
+"""Faults of a link and a board, on demand or at random, and counts of them."""
 
 from __future__ import annotations
 

@@ -330,7 +330,7 @@ class CdcBoard:
             self._out += faults.damage(encoded)
 
     def unplug(self) -> None:
-        """The board is gone, whatever was under way."""
+        """Take the board off the bus, whatever is under way."""
         self._is_gone = True
         with self.controller.arrived:
             self.controller.arrived.notify_all()

@@ -1,4 +1,4 @@
-"""Slices of samples out of Strata data packets, and what is missing between them."""
+"""Slices of samples from Strata data packets, and losses between them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class StreamError:
 
 
 class SliceAssembler:
-    """Slices out of data packets, and what is missing between them (Strata, receiver rules).
+    """Assembler of slices from data packets, with losses between them (Strata, receiver rules).
 
     Parameters
     ----------

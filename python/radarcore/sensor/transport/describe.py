@@ -37,7 +37,7 @@ def describe_usb(*, usb_backend: Any = None) -> list[dict[str, Any]]:
         the fields of the device descriptor by their names in the USB specification, ``strings`` by their indices,
         ``configurations`` with ``interfaces`` with ``endpoints``, and ``errors``: what could not be read, and why.
         ``extra`` has further descriptors in hexadecimal, ``kernel_driver`` whether the kernel has a
-        driver on the interface (None where that is unknown).
+        driver on the interface (None if that is unknown).
     """
     devices = usb_devices(usb_backend)
     return [

@@ -38,9 +38,9 @@ class Port:
     path : str
         Device file or COM port, or ``usb:BUS-ADDRESS``.
     vendor_id, product_id : int or None
-        USB ids; None where the port has none.
+        USB ids; None if the port has none.
     product, serial_number : str
-        As the device calls itself; empty where that is unknown.
+        Name that the device reports; empty if unknown.
     description : str
         Text for people: the board by its ids, and obstacles to reading more.
     """
