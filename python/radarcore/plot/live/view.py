@@ -135,7 +135,7 @@ class LiveView:
         self._show()
 
     def draw(self) -> None:
-        """Paint the changes of `update`: axes at once, texts a few times per second; all after a change of the scale."""
+        """Paint the changes of `update`: axes at once, texts a few times per second; all if the scale changed."""
         painting: Any = self.figure.canvas
         if not self._still:
             painting.draw()
