@@ -1,7 +1,7 @@
 //! No bench: looks through its own symbols for intrinsics that were not inlined, and fails if it finds one.
 //!
 //! A closure inside a kernel, those of `map` and `from_fn` as well, does not inherit the kernel's instruction set: intrinsics
-//! that it uses become calls, two to three times slower, and nothing else tells (simd.rs). An intrinsic that is called
+//! that it uses become calls, two to three times slower, and nothing else tells (`numeric::simd`). An intrinsic that is called
 //! is a function of its own in the executable.
 //!
 //! It is a bench because only benches are compiled as users run the code: checks of the test profile (debug assertions) keep

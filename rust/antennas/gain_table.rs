@@ -77,7 +77,8 @@ impl Table {
         Some(low + s * (high - low))
     }
 
-    /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges: between the gains of a cell there is none beyond them.
+    /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges: between the gains of a cell there is none beyond
+    /// them.
     pub fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
         // Elevation atan(v / hypot(1, u)) grows with v, and away from the axis shrinks towards 0 with |u|.
         let most = u[0].abs().max(u[1].abs());

@@ -1,6 +1,7 @@
 //! Rays: images of bodies at their poses, by traversal of a tree and an exact test of triangles.
 
 pub mod batch;
+pub mod build;
 pub mod camera;
 pub mod hits;
 pub mod image;

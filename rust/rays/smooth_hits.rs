@@ -152,7 +152,8 @@ impl Shade {
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// As [`crate::geometry::curved_triangle::shade`] does, for all rays that meet one triangle; distances and normals where `ALL` are wanted.
+    /// Shading of all rays that meet one triangle, by [`crate::geometry::curved_triangle::shade`]; distances and normals
+    /// only where `ALL` are wanted.
     #[inline(always)]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,

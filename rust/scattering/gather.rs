@@ -5,6 +5,7 @@
 //! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
 //! deforms, and its delay and amplitude follow from the geometry at any time of the frame.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::antennas::array::Array;
@@ -23,7 +24,6 @@ use crate::scattering::material_points::Points;
 use crate::scattering::patch::{Patch, patch};
 use crate::scattering::physical_optics::{Sampling, Weigh};
 use crate::scattering::samples::Samples;
-use glam::DVec3;
 
 impl Scatterers {
     /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.

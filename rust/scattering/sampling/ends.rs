@@ -1,8 +1,8 @@
 //! Ends of cells, and which of them neighbours cancel.
 
-use super::cells::{Ends, Leaf, NONE, Partner, Place, Quadtree};
-
 use rayon::prelude::*;
+
+use super::cells::{Ends, Leaf, NONE, Partner, Place, Quadtree};
 
 impl Quadtree {
     /// The cells that hit something and have no parts.

@@ -1,10 +1,10 @@
 //! Judgement of cells: what they may leave open, and parts of meshes that want smaller ones.
 
-use super::cells::{BUNDLE, CELLS_ACROSS, FEW_PARTS, Look, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
+use super::cells::{BUNDLE, CELLS_ACROSS, FEW_PARTS, Look, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::geometry::aabb::Bounds;

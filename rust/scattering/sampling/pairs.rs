@@ -1,7 +1,8 @@
 //! Pairs of neighbouring cells: what is between them.
 
-use super::cells::{Ends, Look, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 use std::f64::consts::TAU;
+
+use super::cells::{Ends, Look, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 
 impl Quadtree {
     /// How much a cell leaves open, at most, relative to what it may.

@@ -1,11 +1,11 @@
 //! Refinement: cells are split until they leave open little enough.
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Rule, SIDES};
-use super::judge::{Judge, Target, bundles, cell};
 use std::collections::HashMap;
 
 use rayon::prelude::*;
 
+use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Rule, SIDES};
+use super::judge::{Judge, Target, bundles, cell};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};

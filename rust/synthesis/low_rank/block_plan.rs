@@ -1,4 +1,4 @@
-//! How moving paths are laid out on the range-velocity grid in a block of chirps, see `residual_phase` and `cross_approximation`.
+//! Layout of moving paths on the range-velocity grid in a block of chirps.
 
 use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
