@@ -1,4 +1,4 @@
-"""Checks of arguments: every message names the argument, what was expected and what came."""
+"""Checks of arguments: messages name the argument, the expected and the given value."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def index(name: str, value: object, length: int) -> int:
 
 
 def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
-    """One of a few words."""
+    """Word out of a few choices."""
     if value not in choices:
         raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}")
     return str(value)
@@ -99,7 +99,7 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
 
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """At least two times in increasing order, frozen."""
+    """Times in increasing order, at least two, read-only."""
     times = frozen(array(name, value, (None,)))
     if len(times) < 2:
         raise ValueError(f"{name}: expected at least two, got {len(times)}")
@@ -122,12 +122,12 @@ def shape_text(shape: tuple[int | None, ...]) -> str:
 
 
 def near(name: object, known: Iterable[str]) -> list[str]:
-    """Known names that may have been meant, the nearest first."""
+    """Known names close to a given one, the nearest first."""
     return difflib.get_close_matches(str(name), known, n=3)
 
 
 def near_names(name: object, known: Iterable[str]) -> str:
-    """Text of what may have been meant, or of all there is."""
+    """Text that suggests known names close to a given one, or lists all."""
     names = list(known)
     meant = near(name, names)
     return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"

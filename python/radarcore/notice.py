@@ -25,7 +25,7 @@ def warn(message: str, category: type[Warning] = UserWarning) -> None:
 def progress(
     steps: Iterable[Any] | None, description: str, unit: str, *, total: int | None = None, shown: bool = True
 ) -> tqdm[Any]:
-    """A progress bar over some steps, or one that is moved on by hand; shown in terminals only."""
+    """Progress bar over some steps, or one that is advanced by hand; in terminals only."""
     from tqdm import tqdm  # takes longer to load than the rest
 
     return tqdm(

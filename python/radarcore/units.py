@@ -1,4 +1,4 @@
-"""Constants and the few conversions everything shares."""
+"""Constants and conversions of units."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def test_bad_options_write_nothing(tmp_path: Path, scene: Path, capsys: pytest.C
 def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> None:
     scene.write_text(SCENE.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
     output = tmp_path / "recording"
-    # What is started in the background of a shell ignores interrupts unless it says otherwise.
+    # A background job of a shell ignores interrupts by default.
     program = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
         "from radarcore.cli.main import main; sys.exit(main())"

@@ -12,6 +12,7 @@ from radarcore.cli.demo import experiment
 from radarcore.cli.main import main
 from radarcore.comparison import targets
 from radarcore.models import robots
+from radarcore.recording.writer import RecordingWriter
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -101,14 +102,14 @@ def test_help_names_the_commands_and_no_command_is_an_error() -> None:
 
 def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = iter(range(2))
-    original = rc.Simulator.frame
+    original = RecordingWriter.append
 
-    def interrupted(self: rc.Simulator, time: float = 0.0) -> rc.Frame:
+    def interrupted(self: RecordingWriter, frame: rc.Frame) -> None:
         if next(frames, None) is None:
             raise KeyboardInterrupt
-        return original(self, time)
+        original(self, frame)
 
-    monkeypatch.setattr(rc.Simulator, "frame", interrupted)
+    monkeypatch.setattr(RecordingWriter, "append", interrupted)
     assert main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
     with pytest.warns(UserWarning, match="2 of 200 planned frames"):
         assert len(rc.Recording.load(tmp_path / "recording")) == 2

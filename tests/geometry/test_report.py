@@ -1,4 +1,4 @@
-"""What `mesh_report` says of meshes whose answers are known on paper."""
+"""Mesh reports against answers known on paper."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_flat_facets_of_a_coarse_sphere_change_its_echo_and_those_of_a_fine_one_
     assert differences[2].rms_difference < 0.1
     for report in differences:
         assert report.rms_difference < report.largest_difference < 8.0 * report.rms_difference  # sqrt(64)
-    # What counts is the sagitta in wavelengths.
+    # The sagitta counts in wavelengths.
     low = rc.mesh_report(rc.shapes.sphere(0.1, subdivisions=3), frequency=6e9)
     same = rc.mesh_report(rc.shapes.sphere(0.01, subdivisions=3), frequency=60e9)
     assert low.rms_difference == pytest.approx(same.rms_difference, rel=1e-6)

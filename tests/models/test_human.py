@@ -161,7 +161,7 @@ def test_all_segments_in_one_call_are_where_each_of_them_is():
         motion = human.segment_motion(segment)
         np.testing.assert_array_equal(motion.poses_at(times), pose)
         np.testing.assert_array_equal(motion.rates_at(times), rate)
-        # Of one time alone sums are in another order.
+        # Sums for a single time are in another order.
         np.testing.assert_allclose(motion.at(times[7]).apply([0.1, 0.2, 0.3]), pose[7] @ [0.1, 0.2, 0.3, 1], atol=1e-12)
         np.testing.assert_allclose(motion.rate_at(times[7]), rate[7], atol=1e-10)
 

@@ -63,7 +63,7 @@ def approach(num_frames: int, first: int = 0, **options: Any) -> list[Frame]:
 
 
 def stream(frames: Iterable[Frame], **options: Any) -> Stream:
-    """What the view knows after some frames, without drawing."""
+    """State of the view after some frames, without drawing."""
     taken: Stream | None = None
     for each in frames:
         taken = taken or Stream(each.radar, **options)
@@ -82,7 +82,7 @@ def texts(live: plot.LiveView) -> str:
 
 
 def columns(live: plot.LiveView) -> NDArray[np.bool_]:
-    """Which columns of the history are drawn in colours, oldest first; grey has three equal parts, black is none."""
+    """True for columns of the history in colours, oldest first; grey has three equal parts, black is none."""
     pixels = shown(live)["Range over time"].images[0].get_array()[..., :3]
     return np.asarray((pixels != pixels[..., :1]).any(axis=(0, 2)))
 
@@ -114,7 +114,7 @@ def test_detection_is_marked_and_listed() -> None:
     assert f"1\n{found.range:.2f}\n{found.velocity:+.2f}\n{found.level_db:.0f}" in texts(live)
     assert "-0.00" not in texts(live)
 
-    # Its cell is the brightest of the map, and of the newest column.
+    # The cell of the target is the brightest of the map, and of the newest column.
     level = np.nanargmax(shown(live)["Range and velocity"].images[0].get_array()[..., :3].sum(axis=2, dtype=int))
     picture = shown(live)["Range and velocity"].images[0]
     left, right, nearest, farthest = picture.get_extent()
@@ -421,7 +421,7 @@ def test_error_of_the_source_is_raised_after_the_last_picture(tmp_path: Path) ->
 
 
 def play(frames: Any, *, paced: bool = False, hold: bool = False) -> tuple[int, plot.LiveView | None]:
-    """What a window does, on a canvas without one: its event loop, callbacks and blitting are real."""
+    """Window on a canvas without one: event loop, callbacks and blitting are real."""
     from radarcore.plot.live.view import _figure
     from radarcore.plot.live.window import _play
 

@@ -70,7 +70,7 @@ def test_table_is_bilinear_in_decibels() -> None:
     np.testing.assert_allclose(10.0 * np.log10(pattern.gain(az, el)), expected(np.stack([az, el], 1)), atol=1e-12)
     assert pattern.gain(azimuth[2], elevation[:, None]).shape == (7, 1)
     np.testing.assert_allclose(10.0 * np.log10(pattern.gain(azimuth[2], elevation)), gain_db[2], atol=1e-12)
-    # What the samples see is the same.
+    # Samples do not change.
     for a, e in np.rad2deg(np.stack([az, el], 1)[:5]):
         assert one_way_db(pattern, a, e) == pytest.approx(expected(np.deg2rad([a, e]))[0], abs=1e-9)
 

@@ -469,7 +469,7 @@ FAULTS = {
     ),
     "circle": (
         BALL + 'attached_to = "ball"',
-        "body[0] 'ball': attached_to: expected what is not attached to this in turn, got 'ball'",
+        "body[0] 'ball': attached_to: expected a carrier that is not attached to this in turn, got 'ball'",
     ),
     "link": (
         '[sensor]\nattached_to = "arm/tol0"\n[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',

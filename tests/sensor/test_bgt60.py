@@ -104,7 +104,7 @@ def test_published_lists_are_decoded() -> None:
 
 
 def test_chip_at_power_up_has_the_default_settings() -> None:
-    # Its frame ends idle with the timer (195, 11), and its unused shapes have a delay but are off.
+    # The frame ends idle with the timer (195, 11), and unused shapes have a delay but are off.
     power_up = image(V1) | {0x2D: 10 | 1 << 9 | 195 << 11 | 11 << 19, 0x3F: 0x393B00, 0x47: 0x393B00, 0x4F: 0x393B00}
     decoded = settings_of(power_up)
     assert decoded.frame_time == 6181508 / CLOCK
@@ -401,7 +401,7 @@ def test_transmitter_off_has_no_power() -> None:
 def test_falling_ramp_starts_at_the_top() -> None:
     falling = Settings(start_frequency=63.5e9, end_frequency=58e9)
     registers = registers_of(falling, 2)
-    # The same step as the rising one, downwards, and 150 cycles before the start.
+    # The step of the rising ramp, downwards, and 150 cycles before the start.
     assert registers[0x31] == 0x1000000 - 3208
     assert registers[0x30] == 3375104 + 150 * 3208
     back = settings_of(registers)
@@ -522,7 +522,7 @@ def test_ramp_must_not_begin_beyond_the_pll(ends: tuple[float, float]) -> None:
         ValueError, match=r"end_frequency: expected at (most|least) [\d.]+ GHz after 3.3625 us"
     ) as caught:
         registers_of(steep, 2)
-    # What it names as the nearest is within a step of the slope, 269 cycles of 610 Hz, of what fits.
+    # The nearest value that it names is within a step of the slope, 269 cycles of 610 Hz, of a possible one.
     nearest = float(str(caught.value).split("the nearest is ")[1].split()[0]) * 1e9
     registers_of(dataclasses.replace(steep, end_frequency=nearest), 2)
     further = nearest + np.sign(ends[1] - ends[0]) * 170e3

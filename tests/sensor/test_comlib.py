@@ -473,7 +473,7 @@ def test_frame_that_is_not_ready_is_refused_or_held_back():
     talk(emulator, 1, encode_number(0x02, 100_000))
     assert talk(emulator, 1, b"\x01\x00") == [StatusMessage(1, 0x02)]
     assert talk(emulator, 1, b"\x01\x01") == []
-    # What is asked next waits behind it.
+    # The next request waits behind it.
     assert talk(emulator, 1, b"\x22") == []
 
 
@@ -626,7 +626,7 @@ def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
         message = r"sample_rate: expected 1\.7e\+06 Hz.*got 2e\+06; the endpoint .*\(RadarSoli\) is not public"
         with pytest.raises(ValueError, match=message):
             board.configure(radar(num_samples=num_samples))
-        # What has half been set is not measured with.
+        # Half of a setting is not measured with.
         with pytest.raises(SensorError, match="not configured"):
             board.start()
 

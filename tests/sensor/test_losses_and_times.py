@@ -1,4 +1,4 @@
-"""What is lost is counted, and when frames were measured: slices put in by hand, and clocks of all kinds."""
+"""Counts of losses, and times of frames: slices put in by hand, and clocks of all kinds."""
 
 import time
 from dataclasses import replace

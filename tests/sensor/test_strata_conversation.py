@@ -1,4 +1,4 @@
-"""What the driver says to a board, byte by byte, and answers that come late or not at all."""
+"""Requests of the driver, byte by byte, and answers that come late or not at all."""
 
 import threading
 import time

@@ -30,7 +30,7 @@ from radarcore.sensor.strata.packets import (
 )
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
-# The same examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
+# Equal examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
 fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 REQUESTS = {
@@ -189,7 +189,7 @@ def test_any_bulk_transfer_is_a_packet_or_refused(data):
     assert len(packet.payload) <= len(data) - 6
 
 
-# What does not fit
+# Packets that do not fit
 
 
 @pytest.mark.parametrize(

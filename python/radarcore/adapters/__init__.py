@@ -1,4 +1,4 @@
-"""Data of other programs: pure functions of what they deliver, importing none of them."""
+"""Data of other programs, decoded by pure functions that import none of them."""
 
 from radarcore.lazy import attach
 

@@ -187,7 +187,7 @@ def from_ros_image(
 
 
 def _decoded(metres: NDArray[Any], far: float, camera: Camera, axes: Matrix, time: float | None) -> PlanarDepth:
-    """The common result; what is not between zero and the far plane is nothing."""
+    """Decoded image; depths not between zero and the far plane are no return."""
     depth = metres.astype(np.float64)
     is_valid = np.isfinite(depth) & (depth > 0.0) & (depth < far * (1.0 - _FAR_MARGIN))
     at = None if time is None else check.number("time", time, "s")
@@ -204,7 +204,7 @@ def _image(name: str, value: ArrayLike) -> Matrix:
 
 
 def _fractions(name: str, value: ArrayLike) -> Matrix:
-    """A z-buffer."""
+    """Checked z-buffer, from 0 to 1."""
     image = _image(name, value)
     if not ((image >= 0.0) & (image <= 1.0)).all():
         raise ValueError(f"{name}: expected numbers from 0 to 1, got {image[~((image >= 0.0) & (image <= 1.0))][0]:g}")

@@ -1,4 +1,4 @@
-"""The command `radarcore info`: what a recording, a scene file or a mesh holds."""
+"""The command `radarcore info`: content of a recording, a scene file or a mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from radarcore.simulate.times import frame_times
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print what a recording, a scene file or a mesh holds."""
+    """Print the content of a recording, a scene file or a mesh."""
     if options.source.suffix.lower() in _MESHES:
         return _mesh_info(options)
     facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)

@@ -1,4 +1,4 @@
-"""The pictures of `radarcore plot`: of a recording, or of what a scene file describes."""
+"""Pictures of `radarcore plot`: of a recording or of a scene file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OF_IMAGES: dict[str, Callable[[Image], Axes]] = {"depth": plot.depth_image, "ref
 """Pictures of what the rays of a scene hit."""
 
 KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experiment")
-"""All pictures; the last four need a scene."""
+"""Names of the pictures; the last four need a scene."""
 
 
 def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | None = None) -> None:
@@ -50,7 +50,7 @@ def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | No
     source : path
         Recording, or scene file (``.toml``).
     picture : path
-        Where to save, in the format of the suffix.
+        Output file, in the format of the suffix.
     kind : str
         One of `KINDS`.
     frame : int, optional

@@ -119,7 +119,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def _radar(options: argparse.Namespace) -> Radar:
-    """The radar that the options describe."""
+    """Radar from the options."""
     given = {"num_chirps": options.chirps, "num_samples": options.samples}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if options.rate is not None:
@@ -230,7 +230,7 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _frames(options: argparse.Namespace, stack: ExitStack) -> tuple[Iterator[Frame], str, bool]:
-    """Frames of whatever the source is, its name, and whether it is a sensor."""
+    """Frames of a source, its name, and true for a sensor."""
     source = options.source
     # Pictures need not wait for anybody.
     speed = None if options.output is not None else options.speed

@@ -33,7 +33,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Track:
-    """The strongest peak near a body's truth in every frame; NaN where there was none, or no body to be seen."""
+    """Strongest peak near a body's truth in every frame; NaN without a peak or a visible body."""
 
     time: NDArray[np.float64]
     """Middle of the frame [s]."""
@@ -67,7 +67,7 @@ def track(recording: Recording, body: str) -> Track:
 
 
 def compare(recording: Recording, name: str, body: str, found: Track) -> Comparison:
-    """A track against the truth of a body; a frame in which nothing was found counts as an infinite error."""
+    """Errors of a track against the truth of a body; infinite in a frame without a peak."""
     assert recording.truth is not None  # the simulator always gives it
     truth = recording.truth.select([body])
     waveform = recording.radar.waveform

@@ -1,1 +1,1 @@
-"""From depth images to radar frames."""
+"""Radar frames from depth images."""

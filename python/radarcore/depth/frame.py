@@ -52,13 +52,13 @@ def frame_from_depth(
     seed: int = 0,
     threads: int | None = None,
 ) -> Frame:
-    """One radar frame from a depth image of any origin, seen from the centre of the radar's array.
+    """Radar frame from a depth image of any origin, seen from the centre of the radar's array.
 
     Without `previous` and `twists` nothing moves. With `previous` every pixel gets the range rate of the difference of
-    the two images and keeps it through the frame (Stetco et al., eq. (13)); that is the truth where a surface moves
-    along the ray and, for specular surfaces, along itself; the diffuse part of a surface that moves along itself has
-    a velocity that no difference of depths shows. Pixels that show another object than before have no range rate: their
-    difference is a jump, not a motion, and they are left out. With `body` and `twists` everything moves exactly.
+    the two images and keeps it through the frame (Stetco et al., eq. (13)). That is the truth where a surface moves
+    along the ray and, for specular surfaces, along itself; diffuse echoes of a surface that moves along itself have a
+    velocity that no difference of depths shows. A pixel that shows another object than before has no range rate, as its
+    difference is a jump and not a motion, and is left out. With `body` and `twists` motion is exact.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def frame_from_depth(
         of 8 and 16 bits, a grey image, count as fractions of the largest.
     radar : Radar
     camera : Camera or (float, float)
-        Or horizontal and vertical field of view [degrees].
+        Camera of the image, or its horizontal and vertical field of view [degrees].
     planar : bool
         The distance is the one along the optical axis, as renderers give it.
     previous : (rows, columns) array_like, optional
@@ -80,8 +80,8 @@ def frame_from_depth(
     max_speed : float
         Differences faster than this are jumps between objects, whatever the surroundings look like [m/s].
     normals : (rows, columns, 3) array_like, optional
-        Of the surface, in sensor axes, of any length and sign. Default: from the differences of neighbouring depths,
-        exact on planes; pixels without neighbours on the same surface are left out.
+        Normals of the surface, in sensor axes, of any length and sign. Default: from differences of neighbouring
+        depths, exact on planes; pixels without neighbours on the same surface are left out.
     albedo : (rows, columns) array_like or float
         Power scattered after Lambert's law over incident power.
     body : (rows, columns) array_like of int, optional
@@ -91,9 +91,9 @@ def frame_from_depth(
         material at the place of the camera, and angular velocity [rad/s]. A body that turns with w about a point p that
         moves with v has the velocity ``v + cross(p, w)`` there.
     far : float, optional
-        Far plane [m], in the measure of `distance`: what reaches it is no return.
+        Far plane [m], measured as `distance`: depths that reach it are no return.
     max_points : int, optional
-        At most as many pixels are used, evenly spaced; each stands for a larger solid angle.
+        Largest number of pixels used, evenly spaced; each then covers a larger solid angle.
     sampling : "footprint" or "point"
         As in `Simulator`.
     time : float
@@ -211,4 +211,4 @@ def _simulate(
         places = motion.placement(start - at + radar.waveform.delay_times(num_times))
         if (ideal := engine.frame(places, rates)) is not None:
             return ideal
-    raise AssertionError("the core follows any motion through the largest number of times as well as it can")
+    raise AssertionError("the core takes any motion at the largest number of times")

@@ -25,7 +25,7 @@ class Image:
     range_rate: NDArray[np.float64]
 
     def thinned(self, max_points: int | None) -> Image:
-        """Evenly spaced rows and columns, such that at most `max_points` pixels remain; each stands for more."""
+        """Image of evenly spaced rows and columns with at most `max_points` pixels; each covers more."""
         rows, columns = self.distance.shape
         if max_points is None or rows * columns <= max_points:
             return self
@@ -39,7 +39,7 @@ class Image:
 
 
 def depths(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
-    """An image of real numbers of any type, infinite and NaN ones kept."""
+    """Image of real numbers of any type, infinite and NaN ones kept."""
     try:
         image = np.asarray(value)
     except ValueError as error:  # rows of different lengths
@@ -60,7 +60,7 @@ def returns(depth: NDArray[Any], limit: float) -> NDArray[np.float64]:
 def bodies_of(
     body: ArrayLike | None, twists: ArrayLike | None, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int32], int]:
-    """Body of every pixel and number of bodies."""
+    """Body of every pixel, and number of bodies."""
     if body is None:
         if twists is not None and len(np.atleast_1d(np.asarray(twists))) != 1:
             raise ValueError("body: expected the body of every pixel with the twists of several bodies, got none")
@@ -82,7 +82,7 @@ def bodies_of(
 
 
 def fractions(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """An image of numbers from 0 to 1; grey levels count as fractions of the largest."""
+    """Image of numbers from 0 to 1; grey levels count as fractions of the largest."""
     given = np.asarray(value)
     largest = float(np.iinfo(given.dtype).max) if given.dtype in (np.uint8, np.uint16) else 1.0
     try:
@@ -118,7 +118,7 @@ def normals_of(
 
 
 def _middle_ones(length: int, step: int) -> slice:
-    """Every `step`-th of `length`, as many left out at both ends."""
+    """Slice of every `step`-th of `length` indices, as many left out at both ends."""
     count = max(1, length // step)
     first = (length - ((count - 1) * step + 1)) // 2
     return slice(first, first + (count - 1) * step + 1, step)

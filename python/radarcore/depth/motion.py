@@ -1,4 +1,4 @@
-"""Motion of what a depth image shows: twists of bodies, or range rates of pixels."""
+"""Motion of the surfaces in a depth image: twists of bodies, or range rates of pixels."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ImageMotion:
         return cls(rates, None if interval is None else check.positive("interval", interval, "s"))
 
     def placement(self, elapsed: NDArray[np.float64], *, is_rate: bool = False) -> _core.Placement:
-        """Bodies at times after that of the image [s], or their time derivatives; the sensor's axes are the world's."""
+        """Poses at times after that of the image [s], or time derivatives; the sensor's axes are the world's."""
         poses = _rigid_motions(self.twists, elapsed)
         sensor = np.broadcast_to(np.eye(3, 4), (len(elapsed), 3, 4)).copy()
         if is_rate:
@@ -53,7 +53,7 @@ class ImageMotion:
         return _core.Placement(sensor, poses, np.zeros((len(elapsed), 0, 3)))
 
     def truth(self, image: Image, num_bodies: int) -> Truth:
-        """Nearest visible point of every body."""
+        """Truth: the nearest visible point of every body."""
         values = np.full((4, num_bodies), np.nan)
         rows, columns = image.distance.shape
         u, v = image.camera.plane(rows, columns)

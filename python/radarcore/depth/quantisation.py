@@ -1,4 +1,4 @@
-"""Steps in depth images: 16-bit millimetres and z-buffers, and the errors of phase they make."""
+"""Quantisation of depth images, such as 16-bit millimetres and z-buffers, and the errors of phase it makes."""
 
 from __future__ import annotations
 
@@ -74,13 +74,13 @@ def relative_noise(given: NDArray[Any], depth: Values, steps: Quantisation) -> V
 
 
 def warn_of(steps: Quantisation, waveform: Waveform, interval: float | None) -> None:
-    """Warn when steps of the depths turn phases, or make velocities that do."""
+    """Warn when quantisation makes large errors of phase, at once or by velocities from differences."""
     wavelength = waveform.wavelength
     phase = steps.phase_error_deg(wavelength)
     if phase > _PHASE_WARNING_DEG:
         notice.warn(
             f"distance: quantised in steps of up to {1e6 * steps.largest:.3g} um, {phase:.0f} degrees of phase (rms) "
-            f"at {1e-9 * SPEED_OF_LIGHT / wavelength:.1f} GHz: expect false echoes and no use for Doppler",
+            f"at {1e-9 * SPEED_OF_LIGHT / wavelength:.1f} GHz: expect false echoes and useless Doppler",
         )
     if interval is None:
         return
@@ -88,13 +88,13 @@ def warn_of(steps: Quantisation, waveform: Waveform, interval: float | None) -> 
     if drift > _PHASE_WARNING_DEG:
         speed = np.sqrt(2.0 / 12.0) * steps.largest / interval
         notice.warn(
-            f"previous: differences of quantised depths are velocities with errors of {speed:.2g} m/s (rms), "
+            f"previous: velocities from quantised depths have errors of {speed:.2g} m/s (rms), "
             f"{drift:.0f} degrees of phase within the frame",
         )
 
 
 def _decimal_step(depth: Values) -> float:
-    """The step of an image in whole millimetres or the like, on surfaces of any shape; zero where there is none."""
+    """Step of an image in whole millimetres or the like, on surfaces of any shape; zero where there is none."""
     distinct = np.unique(depth[np.isfinite(depth)])
     if len(distinct) < _LEAST_DISTINCT:
         return 0.0
@@ -106,7 +106,7 @@ def _decimal_step(depth: Values) -> float:
 
 
 def _uniform_step(values: Values) -> float:
-    """The step that all values are multiples of, but for an offset; zero where there is none.
+    """Step that all values are multiples of, but for an offset; zero where there is none.
 
     Seen from the second differences along rows and columns: those of a plane are zero if it is not quantised, although
     its values may be evenly spaced.

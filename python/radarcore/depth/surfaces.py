@@ -1,4 +1,4 @@
-"""Surfaces in a depth image: normals from depth, and which pixels show the same surface as an image before."""
+"""Surfaces in depth images: normals from depth, and range rates of pixels that show one surface in two images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera of a depth image: which direction each pixel looks into."""
+"""Camera of a depth image: directions of its pixels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Camera:
     fx, fy : float
         Focal lengths [pixels], to the right and down.
     cx, cy : float
-        Where the optical axis meets the image, from its left and top edge [pixels]; half its size when centred.
+        Principal point, from the left and top edge of the image [pixels]; half its size when centred.
     """
 
     fx: float

@@ -129,7 +129,7 @@ def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None]
 
 
 def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
-    """One mesh of several, each at its place."""
+    """Mesh of several, each at its pose."""
     first = np.cumsum([0, *(len(mesh.vertices) for mesh, _ in parts)])
     return Mesh(
         np.vstack([pose.apply(mesh.vertices) for mesh, pose in parts]),
@@ -140,14 +140,14 @@ def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
 def _restore_mesh(
     vertices: ArrayLike, triangles: ArrayLike, num_dropped: int, crease_angle_deg: float, shading: str
 ) -> Mesh:
-    """The mesh that was pickled; its tree is built again."""
+    """Mesh from its pickle; the tree is built again."""
     mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
     mesh.num_dropped = num_dropped
     return mesh
 
 
 def _numbers(name: str, value: ArrayLike, shape: str, kinds: str) -> NDArray[Any]:
-    """An array of some kinds of number (NumPy's letters); an empty one may be of any."""
+    """Array of some kinds of number (NumPy's letters); an empty one may be of any."""
     try:
         array = np.asarray(value)
     except ValueError:

@@ -14,7 +14,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A fixed place: maps body (or sensor) coordinates to the world, ``rotation @ x + position``.
+    """Fixed pose: maps body (or sensor) coordinates to the world, ``rotation @ x + position``.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Pose:
 
     @classmethod
     def _unchecked(cls, position: Matrix, rotation: Matrix) -> Pose:
-        """A pose from numbers that are known to be one: products of rotations need no second look."""
+        """Pose from a rotation and a position, unchecked: products of rotations are rotations."""
         pose = object.__new__(cls)
         object.__setattr__(pose, "position", check.frozen(position))
         object.__setattr__(pose, "rotation", check.frozen(rotation))
@@ -85,13 +85,13 @@ class Pose:
         return cls(position, z @ y @ x)
 
     def __matmul__(self, other: Pose) -> Pose:
-        """The pose of `other`, given in this pose's coordinates, in the world."""
+        """Pose of `other`, given in this pose's coordinates, in the world."""
         if not isinstance(other, Pose):
             return NotImplemented
         return Pose._unchecked(self.apply(other.position), self.rotation @ other.rotation)
 
     def inverse(self) -> Pose:
-        """The pose that maps the world to the body."""
+        """Inverse pose: maps the world to the body."""
         return Pose._unchecked(-self.rotation.T @ self.position, self.rotation.T)
 
     def apply(self, points: ArrayLike) -> Matrix:
@@ -99,11 +99,11 @@ class Pose:
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
 
     def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`
-        """The pose at a time [s]: always the same."""
+        """The pose at a time [s]: constant."""
         return self
 
     def poses_at(self, times: ArrayLike) -> Matrix:
-        """``[rotation | position]`` at several times [s], (n, 3, 4): the same at all of them."""
+        """``[rotation | position]`` at several times [s], (n, 3, 4), all equal."""
         return np.broadcast_to(transforms(self.rotation, self.position), (np.size(times), 3, 4))
 
     def rate_at(self, time: float) -> Matrix:  # noqa: ARG002  # every motion has `rate_at`
@@ -122,7 +122,7 @@ class Pose:
 
 
 def as_pose(matrix: Matrix) -> Pose:
-    """The pose of a map ``[rotation | position]`` that is known to be one."""
+    """Pose from a map ``[rotation | position]``, unchecked."""
     return Pose._unchecked(matrix[:3, 3].copy(), matrix[:3, :3].copy())
 
 
@@ -144,7 +144,7 @@ def _moved_only(maps: Matrix) -> Matrix:
 
 
 def transforms(rotations: Matrix, positions: Matrix) -> Matrix:
-    """``[rotation | position]``, (..., 3, 4)."""
+    """Maps ``[rotation | position]``, (..., 3, 4)."""
     return np.concatenate([rotations, positions[..., None]], axis=-1)
 
 
@@ -157,7 +157,7 @@ def cross_matrix(v: Matrix) -> Matrix:
 
 
 def rotations_about(vectors: Matrix) -> Matrix:
-    """Rotations about the directions of vectors (n, 3) by their lengths [rad], (n, 3, 3) (Rodrigues)."""
+    """Rotations by rotation vectors (n, 3) [rad], (n, 3, 3): Rodrigues' formula."""
     angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
     k = cross_matrix(vectors / np.where(angle[..., 0] > 0.0, angle[..., 0], 1.0))
     # 1 - cos as 2 sin^2 keeps small angles exact.

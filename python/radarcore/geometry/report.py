@@ -23,9 +23,9 @@ _SMALL_DIFFERENCE, _LARGE_DIFFERENCE = 0.05, 0.3
 class MeshReport:
     """Quality of a mesh; `str` has it line by line, with `verdicts` at the end.
 
-    Vertices at equal positions count as one. Smooth facets are those that stand for a curved surface: they meet others
-    below the mesh's crease angle and their corner normals fit a smooth surface. A mesh with `shading="flat"` is looked
-    at as if it were smooth.
+    Vertices at equal positions count as one. Smooth facets approximate a curved surface: they meet others below the
+    mesh's crease angle and their corner normals fit a smooth surface. A mesh with `shading="flat"` is examined as if it
+    were smooth.
 
     Attributes
     ----------
@@ -40,17 +40,17 @@ class MeshReport:
     num_duplicates, num_thin : int
         Triangles in the place of another, and triangles over 100 times longer than high.
     area : float
-        Of all triangles [m^2].
+        Area of all triangles [m^2].
     smooth_share : float
         Part of the area that is smooth, 0 to 1.
     largest_sagitta, mean_sagitta : float
         Height of the curved surface over the middle of smooth facets, the largest and the mean over their area [m].
     frequency : float
-        What phases and echoes below are for [Hz].
+        Frequency of the phases and echoes below [Hz].
     largest_difference, rms_difference : float
-        Of the echoes of facets taken as flat and of the curved surfaces, relative to the rms echo: physical optics far
-        away in 64 directions all round, of all facets that face the radar whether others hide them or not. It
-        estimates the mesh's own error; the echo of single peaks may be off by as much.
+        Difference between the echoes of facets taken as flat and of the curved surfaces, relative to the rms echo:
+        physical optics in the far field in 64 directions, of all facets that face the radar, occluded or not. It
+        estimates the error of the mesh; single peaks of the echo may be off by as much.
     """
 
     num_triangles: int
@@ -137,7 +137,7 @@ class MeshReport:
             yield f"{_number(self.num_dropped, 'triangle')} without area: left out."
 
     def facts(self) -> dict[str, Any]:
-        """All numbers by name with unit."""
+        """Numbers of the report, by name with unit."""
         return {
             "triangles": self.num_triangles,
             "dropped triangles": self.num_dropped,
@@ -167,17 +167,17 @@ class MeshReport:
 
 
 def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
-    """Say what a mesh is good for at a frequency [Hz].
+    """Quality of a mesh for simulation at a frequency [Hz].
 
-    Facets should stand off the surface they stand for by less than 0.1 mm. The numbers are estimates from the mesh
-    alone: a smooth facet is taken for a piece of the surface through its corners with the corner normals, which are
-    themselves estimates from the facets round them.
+    Facets should deviate from the surface that they approximate by less than 0.1 mm. The numbers are estimates from the
+    mesh alone: a smooth facet is taken for a piece of the surface through its corners with the corner normals, which
+    are themselves estimates from the adjacent facets.
 
     Parameters
     ----------
     mesh : Mesh
     frequency : float
-        For phases and echoes [Hz].
+        Frequency of phases and echoes [Hz].
     """
     if not isinstance(mesh, Mesh):
         raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")

@@ -1,4 +1,4 @@
-"""Models of what a sensor meets: robot arms and people.
+"""Models of robot arms and people.
 
 Only the names here are public; the modules load scipy when they are used.
 """

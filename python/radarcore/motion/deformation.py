@@ -1,4 +1,4 @@
-"""Meshes that change their shape: where the vertices are at every time, and how fast they move."""
+"""Deformations of meshes: positions and velocities of the vertices over time."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Deformation:
 
 
 class DeformationFunction:
-    """Vertices given by a function of time; what it returns is checked every time.
+    """Vertices given by a function of time, whose results are checked.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Motions that are evaluated together: all that stands still, all uniform motions, the links of an arm or a person."""
+"""Motions that are evaluated together: at rest, uniform, and the links of an arm or a person."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from radarcore.motion.static import is_static
 
 
 class Links(Protocol):
-    """Motions of several links, by one call for all of them: an arm, a person."""
+    """Links of an arm or a person, evaluated together."""
 
     def link_poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` of all links at times (n,) [s], (n, link, 3, 4)."""
@@ -28,7 +28,7 @@ class Links(Protocol):
 
 
 class Group(Protocol):
-    """Several motions, by one call for all of them."""
+    """Several motions, evaluated together."""
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, member, 3, 4)."""
@@ -72,7 +72,7 @@ class LinkMotion:
 
 
 class _Still:
-    """Motions that are known to stand still: placed once."""
+    """Motions at rest: evaluated once."""
 
     def __init__(self, motions: Sequence[Motion]) -> None:
         self._poses = np.array([poses_at(motion, [0.0])[0] for motion in motions]).reshape(-1, 3, 4)
@@ -118,7 +118,7 @@ class _Linked:
 
 
 class _Single:
-    """Any other motion by itself; one without `rates_at` is asked time by time."""
+    """Any other motion; one without `rates_at` is evaluated time by time."""
 
     def __init__(self, motion: Motion) -> None:
         self._motion = motion
@@ -187,7 +187,7 @@ def _is_product(motion: Motion) -> bool:
 
 
 def _place_of(factor: Motion, every: list[Motion], numbers: dict[int, int]) -> int:
-    """Place of a factor in `every`, appended unless it is there; a product always is, to stand behind its own."""
+    """Index of a factor in `every`, appended unless it is there; a product always is, behind those that contain it."""
     if not _is_product(factor) and id(factor) in numbers:
         return numbers[id(factor)]
     every.append(factor)
@@ -196,7 +196,7 @@ def _place_of(factor: Motion, every: list[Motion], numbers: dict[int, int]) -> i
 
 
 def _groups(motions: Sequence[Motion]) -> list[tuple[Group, NDArray[np.intp]]]:
-    """Groups of all motions but products, each with the places of its members."""
+    """Groups of all motions but products, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
     linked: dict[int, list[int]] = {}

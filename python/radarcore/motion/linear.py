@@ -18,7 +18,7 @@ class Linear:
     Parameters
     ----------
     pose : Pose
-        Where the body is at absolute time 0.
+        Pose of the body at absolute time 0.
     velocity : (3,) array_like
         Velocity of the pose's origin [m/s].
     angular_velocity : (3,) array_like

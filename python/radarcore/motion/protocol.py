@@ -14,8 +14,8 @@ from radarcore.geometry.pose import Matrix, Pose, transforms
 class Motion(Protocol):
     """Motion of a body or sensor: a pose at every time, and its rate of change.
 
-    A motion that also has ``poses_at(times)``, which gives ``[rotation | position]`` at several times [s] at once,
-    (n, 3, 4), is asked for these; one that has not, time by time.
+    A motion may also have ``poses_at(times)``, which returns ``[rotation | position]`` at several times [s],
+    (n, 3, 4); one without is evaluated time by time.
     """
 
     def at(self, time: float) -> Pose:

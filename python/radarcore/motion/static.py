@@ -1,4 +1,4 @@
-"""Motions that are known to stand still."""
+"""Motions at rest."""
 
 from __future__ import annotations
 

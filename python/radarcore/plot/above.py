@@ -1,4 +1,4 @@
-"""The scene from above: bodies on the floor plan, where they went, and what the sensor sees of them."""
+"""Scene from above: bodies on the floor plan, their trails, and the field of view of the sensor."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def draw_scene(
     field_of_view_deg: tuple[float, float] | None,
     colors: Mapping[str, str] | None = None,
 ) -> list[Name]:
-    """All of `scene_from_above` but the names, which are returned."""
+    """Draw `scene_from_above` without the names, which are returned."""
     check_scene(scene)
     sensor: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
     moments = np.sort(check.array("times", times, (None,)))
@@ -99,7 +99,7 @@ def draw_scene(
     palette = scene_colors(scene, moments) if colors is None else colors
     sensor_pose = sensor.at(float(moments[-1]))
 
-    # Bodies, from the largest to the smallest so that none is hidden.
+    # Bodies, from the largest to the smallest so that none is covered.
     names = []
     last = float(moments[-1])
     for name, body in sorted(zip(scene.names, scene.bodies, strict=True), key=lambda pair: -_extent(pair[1], last)):
@@ -131,7 +131,7 @@ def draw_scene(
 
 
 def check_scene(scene: object) -> None:
-    """Refuse what is no scene."""
+    """Raise a TypeError unless the argument is a scene."""
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: expected Scene, got {type(scene).__name__}")
 

@@ -30,14 +30,14 @@ def overview(
     *,
     max_range: float | None = None,
 ) -> Figure:
-    """One frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
+    """Frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
 
     Parameters
     ----------
     frame : Frame
         A frame of a single chirp, or of unevenly spaced ones, shows power over range alone.
     image : DepthImage or None
-        What the radar sees; None (a measured frame): without the two images.
+        Depth image at the time of the frame; None (a measured frame): without the two images.
     path : path, optional
         Save here, in the format of the suffix; missing parents are made.
     max_range : float, optional
@@ -95,7 +95,7 @@ def experiment(
     recording : Recording
         At least one frame, of more than one chirp at equal intervals.
     scene : Scene
-        What was in front of the radar.
+        Scene of the recording.
     radar_motion : motion, optional
         Sensor to world, as `Simulator` takes it; default: the world's own frame.
     estimates : dict, optional

@@ -1,4 +1,4 @@
-"""Pictures of one frame: what the radar sees, a chirp, power over range and velocity."""
+"""Pictures of one frame: depth, reflectance, a chirp, power over range and velocity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Image(Protocol):
 
 
 def depth_image(image: Image, ax: Axes | None = None) -> Axes:
-    """Distance of every pixel [m]; what was not hit is grey.
+    """Distance of every pixel [m]; pixels without a hit are grey.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
 
 
 def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
-    """Reflectance of every pixel; what was not hit is grey.
+    """Reflectance of every pixel; pixels without a hit are grey.
 
     Parameters and result as `depth_image`.
     """
@@ -65,7 +65,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ----------
     frame : Frame
     channel, chirp : int
-        Which chirp; negative numbers count from the end.
+        Indices of the chirp; negative numbers count from the end.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     """
@@ -142,7 +142,7 @@ def range_doppler_map(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     dynamic_range_db : float
-        What is further below the maximum has the colour of the floor [dB].
+        Range of levels below the maximum that colours span [dB].
     max_range : float, optional
         End of the range axis [m]; default: the largest unambiguous range.
     """
@@ -240,7 +240,7 @@ def _draw_image(
 
 
 def _channels(frame: Frame, channel: int | None) -> NDArray[Any]:
-    """One channel or all, (channel, chirp, sample)."""
+    """Samples of one channel or all, (channel, chirp, sample)."""
     if channel is None:
         return frame.cube
     index = check.index("channel", channel, len(frame.cube))

@@ -47,7 +47,7 @@ def range_time(
     remove_static : bool
         Leave out what stands still throughout, see `radarcore.range_time`.
     dynamic_range_db : float, optional
-        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
     max_range : float, optional
         End of the range axis [m]; default: the largest unambiguous range.
     """
@@ -91,7 +91,7 @@ def spectrogram(
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional
-        What is further below the maximum has the colour of the floor [dB]; default: down to the noise, at most 60.
+        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
     """
     check_recording(recording)
     wf = recording.radar.waveform
@@ -178,7 +178,7 @@ def tracks(
 
 
 def check_recording(recording: object) -> None:
-    """Refuse what is no recording, or has nothing to draw."""
+    """Refuse anything but a recording with frames to draw."""
     if not isinstance(recording, Recording):
         raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
     if len(recording) == 0:
@@ -327,5 +327,5 @@ def _frame_interval(recording: Recording) -> float:
 
 
 def _span(recording: Recording) -> tuple[float, float]:
-    """From the start of the first frame to the end of the last, and the pause after it [s]."""
+    """Time from the start of the first frame to the end of the last, and the pause after it [s]."""
     return float(recording.time.min()), float(recording.time.max()) + _frame_interval(recording)

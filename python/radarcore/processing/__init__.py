@@ -1,4 +1,4 @@
-"""From samples to spectra, peaks and what they say over time."""
+"""Processing of samples: spectra, peaks, and power over time."""
 
 from radarcore.lazy import attach
 

@@ -1,4 +1,4 @@
-"""The strongest peak of a frame with sub-bin accuracy."""
+"""Strongest peak of a frame with sub-bin accuracy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PADDING = 4
 
 @dataclass(frozen=True)
 class Peak:
-    """The strongest echo of a frame; range and velocity are NaN where there is none (or nothing to tell them by).
+    """Strongest echo of a frame; range and velocity are NaN without a peak, or if they cannot be determined.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def strongest_peak(
     cube : (channel, chirp, sample) float32, float64, complex64 or complex128
         Beat signal of one frame, finite.
     waveform : Waveform
-        Its chirps must follow each other at equal intervals.
+        Waveform of the frame, with chirps at equal intervals.
     min_range, max_range : float, optional
         Limits of the range at the middle of the frame [m]; default: all that the waveform tells apart.
     min_velocity, max_velocity : float, optional
@@ -79,7 +79,7 @@ def strongest_peak(
     Returns
     -------
     peak : Peak
-        Its range is corrected for the Doppler shift of the beat frequency (except for a single chirp).
+        Strongest peak; the range is corrected for the Doppler shift of the beat frequency (except for a single chirp).
         NaN, with power 0, where nothing is within the limits.
 
     Raises

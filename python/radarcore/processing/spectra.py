@@ -75,7 +75,7 @@ def range_doppler(
     cube : (..., chirp, sample) float32, float64, complex64 or complex128
         Beat signal, real or I/Q.
     waveform : Waveform
-        Its chirps must follow each other at equal intervals.
+        Waveform of the frame, with chirps at equal intervals.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     num_range_bins, num_velocity_bins : int, optional

@@ -17,10 +17,10 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 
 LOWEST_DB = -10.0
-"""Level below which nothing is told apart, silence among it."""
+"""Lowest level of the map [dB]."""
 
 _MOST_RANGES, _MOST_VELOCITIES = 256, 64
-"""Padding ends here: a finer picture is not seen and costs time in every frame."""
+"""Largest numbers of cells after padding: a finer picture is not seen and costs time in every frame."""
 
 _MOST_COLUMNS = 400
 """Columns of the history: about as many as its axes have pixels."""
@@ -32,20 +32,20 @@ _FIRST_BINS = 2.0
 """Range bins without detections: the width of what leaks from transmitter to receiver (Hann)."""
 
 _ROUNDING = 1e-12
-"""Noise that is assumed at least, over the power of the frame in one echo; float32 rounds to less."""
+"""Smallest noise, relative to the power of the frame as one echo; float32 rounds to less."""
 
 _STATIC_TIME = 3.0
-"""In which the mean of the static echoes follows a change [s]: walking leaves no trace, standing fades in seconds."""
+"""Time constant of the mean of static echoes [s]: walking leaves no trace, standing fades in seconds."""
 
 _RATE_INTERVALS = 40
-"""Over how many intervals between frames the rate is measured."""
+"""Intervals between frames over which the rate is measured."""
 
 
 class Detection(NamedTuple):
-    """A local maximum that stands out of the noise."""
+    """Local maximum above the noise."""
 
     range: float
-    """At the middle of the frame [m]."""
+    """Range at the middle of the frame [m]."""
     velocity: float
     """Range rate, receding positive [m/s]; NaN where a frame tells nothing of it."""
     level_db: float
@@ -53,7 +53,7 @@ class Detection(NamedTuple):
 
 
 class Stream:
-    """Takes frames of one radar; what it knows after each of them is in its attributes.
+    """Running levels, history and detections of the frames of one radar.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Stream:
     history : float
         Length of the history [s].
     threshold_db : float
-        Least level of a detection [dB].
+        Smallest level of a detection [dB].
     max_detections : int
         Keep at most as many.
 
@@ -74,7 +74,7 @@ class Stream:
     ranges : (range,) float64
         [m].
     velocities : (velocity,) float64 or None
-        [m/s, receding positive]; None where the waveform has one or two chirps, or unevenly spaced ones.
+        [m/s, receding positive]; None if the waveform has one or two chirps, or unevenly spaced ones.
     level : (velocity, range) float32
         Power of all channels over the median of all cells [dB], not below `LOWEST_DB`; one row without velocities.
         NaN after a frame with samples that are no finite numbers.
@@ -85,7 +85,7 @@ class Stream:
     num_frames, num_lost : int
         Frames taken, and lost between them.
     time : float
-        Of the newest frame [s].
+        Time of the newest frame [s].
     rate : float
         Frames per second of their own time, over the last ones; NaN before the second.
     """
@@ -152,7 +152,7 @@ class Stream:
         Raises
         ------
         ValueError, TypeError
-            For a frame of another radar, and for what is no frame.
+            For a frame of another radar, and for anything but a frame.
         """
         if not isinstance(frame, Frame):
             raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")

@@ -82,7 +82,7 @@ def spectrogram(
     Parameters
     ----------
     recording : Recording
-        Its chirps must follow each other at equal intervals within a frame.
+        Frames with chirps at equal intervals.
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
     window_length : int, optional

@@ -192,7 +192,7 @@ def pattern_to_dict(pattern: Pattern) -> dict[str, Any]:
 
 
 def pattern_from_dict(values: Mapping[str, Any]) -> Pattern:
-    """The pattern that `pattern_to_dict` described."""
+    """Pattern from its description by `pattern_to_dict`."""
     parameters = dict(values)
     kind = check.choice("pattern kind", parameters.pop("kind", None), tuple(_KINDS))
     return _KINDS[kind](**parameters)

@@ -20,7 +20,7 @@ from radarcore.units import power_from_dbm
 
 @dataclass(frozen=True, eq=False)
 class Radar(Twinned):
-    """A sensor: every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
+    """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Radar(Twinned):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers, lists and texts, for JSON."""
+        """Radar as plain numbers, lists and texts, for JSON."""
         return {
             "waveform": self.waveform.to_dict(),
             "tx": self.tx.tolist(),
@@ -141,7 +141,7 @@ class Radar(Twinned):
         }
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
-        """Patterns of elements for JSON; None where all have the one of the radar."""
+        """Patterns of elements for JSON; None if all have the one of the radar."""
         return None if all(p == self.pattern for p in patterns) else [pattern_to_dict(p) for p in patterns]
 
     @classmethod
@@ -190,7 +190,7 @@ def _polarization(value: object) -> str | tuple[float, float, float] | None:
 
 
 def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, number: int) -> tuple[Pattern, ...]:
-    """One pattern per element."""
+    """Patterns, one per element."""
     if value is None:
         return (default,) * number
     if not isinstance(value, Sequence):

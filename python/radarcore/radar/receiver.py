@@ -1,4 +1,4 @@
-"""The receiver: what happens to the ideal beat signal before it reaches the user."""
+"""Receiver: noise and output of the ideal beat signal."""
 
 from __future__ import annotations
 

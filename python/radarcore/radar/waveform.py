@@ -14,7 +14,7 @@ from radarcore.twin import Twinned
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
-"""More samples or chirps than a frame can be meant to have: axes of them still fit into memory."""
+"""Largest number of samples or chirps of a frame: axes of so many still fit into memory."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,7 +208,7 @@ class Waveform(Twinned):
 
     @property
     def duration(self) -> float:
-        """From the start of the first ramp to the last sample of the last chirp [s]."""
+        """Duration from the start of the first ramp to the last sample of the last chirp [s]."""
         return float(self.chirp_times[-1] + self.sample_times[-1])
 
     def delay_times(self, num_nodes: int) -> NDArray[np.float64]:
@@ -240,7 +240,7 @@ class Waveform(Twinned):
 
     @cached_property
     def _core(self) -> _core.Waveform:
-        """The numbers that the core needs."""
+        """Counterpart in the core."""
         return _core.Waveform(
             start_frequency=self.start_frequency,
             slope=self.slope,

@@ -1,4 +1,4 @@
-"""One frame of beat signals, with its radar, time and truth."""
+"""Frame of beat signals, with its radar, time and truth."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of samples, simulated or measured.
+    """Frame of samples, simulated or measured.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Frame:
         Start of the first chirp [s].
     radar : Radar
     truth : Truth, optional
-        Of this frame: arrays (body,).
+        Truth of this frame: arrays (body,).
     stats : dict
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
         just before this one.
@@ -117,7 +117,7 @@ class Frame:
 
     @property
     def lost_before(self) -> int | None:
-        """``stats["lost_before"]``; None where nothing is known of lost frames."""
+        """``stats["lost_before"]``; None if the number of lost frames is unknown."""
         if (num_lost := self.stats.get("lost_before")) is None:
             return None
         if (count := check.count('stats["lost_before"]', num_lost, 0)) > _MAX_LOST:
@@ -136,7 +136,7 @@ def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:
 
 
 def check_frame(name: str, frame: object) -> None:
-    """Refuse what is no frame."""
+    """Raise a TypeError unless the argument is a frame."""
     if not isinstance(frame, Frame):
         raise TypeError(f"{name}: expected Frame, got {type(frame).__name__}")
 
@@ -152,7 +152,7 @@ def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> Non
 
 
 def check_radar(radar: object) -> None:
-    """Refuse what is no radar."""
+    """Raise a TypeError unless the argument is a radar."""
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
 
@@ -172,7 +172,7 @@ def checked_cube(cube: object, shape: tuple[int | None, ...]) -> NDArray[Any]:
 
 
 def check_truth(truth: object, frames: tuple[int, ...]) -> None:
-    """Refuse what is no truth of one frame, ``frames = ()``, or of ``frames = (n,)``."""
+    """Refuse anything but the truth of one frame, ``frames = ()``, or of ``frames = (n,)``."""
     if truth is None:
         return
     if not isinstance(truth, Truth):

@@ -39,7 +39,7 @@ from radarcore.recording.npy import ArrayFile, naming, read_header
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"
 _ADC_DELAY = 3.1125e-6
-"""From the start of the ramp to the first sample [s]: 249 cycles of 80 MHz, the same in every setting."""
+"""Time from the start of the ramp to the first sample [s]: 249 cycles of 80 MHz, the same in every setting."""
 _HEADER_BYTES = 1024
 """Length of the header of radar.npy as the recorder writes it."""
 _CHUNK = 64
@@ -101,7 +101,7 @@ def load(path: Path) -> Stored:
 
 
 def save(path: Path, stored: Stored, overwrite: bool) -> None:
-    """Write a folder, whole or not at all; ValueError where the layout cannot hold the recording."""
+    """Write a folder, whole or not at all; ValueError if the layout cannot hold the recording."""
     if stored.source.get("cube_unit") != FULL_SCALE or stored.cube.dtype.kind != "f":
         got = f"{stored.cube.dtype} in {stored.source.get('cube_unit', UNITS['cube'])}"
         raise ValueError(
@@ -203,7 +203,7 @@ def _check_sensor(text: str, where: str) -> str:
 
 
 def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """All of config.json, and the part of it that has the settings of a chirp."""
+    """Content of config.json, and the part of it with the settings of a chirp."""
     values = parsed_json(text.removeprefix("\ufeff"), where)
     if not isinstance(values, dict):
         raise ValueError(f"{where}: expected an object, got {type(values).__name__}")
@@ -276,7 +276,7 @@ def _receivers(shape: dict[str, Any]) -> list[int]:
 
 
 def _fitting_texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str | None]:
-    """All texts by their path: those kept if they fit the radar, made anew if not; None where there was none."""
+    """Texts by path: kept ones that fit the radar, new ones otherwise; None if there was none."""
     texts = kept.get("texts")
     if isinstance(texts, dict) and isinstance(config := texts.get(f"{folder}/config.json"), str):
         found = {name: texts.get(name) for name in _text_names(folder)}
@@ -372,7 +372,7 @@ def _encoded(text: str) -> bytes:
 
 
 def _array_bytes(cube: NDArray[Any], header: object) -> Iterator[bytes]:
-    """All of radar.npy: the header kept, if it is that of such codes, else the recorder's."""
+    """Content of radar.npy: the kept header if it is that of such codes, else the recorder's."""
     start, dtype = _header(cube.shape), np.dtype("<u2")
     if isinstance(header, str):
         given = header.encode("latin-1", "replace")
@@ -404,7 +404,7 @@ def _header(shape: tuple[int, ...]) -> bytes:
 
 
 def _warn_of_left_out(path: Path, stored: Stored) -> None:
-    """Warn of what the layout has no place for."""
+    """Warn of content that the layout cannot hold."""
     interval = stored.radar.waveform.frame_interval
     is_lost = stored.lost is not None and stored.lost.any()
     left_out = {
@@ -417,7 +417,7 @@ def _warn_of_left_out(path: Path, stored: Stored) -> None:
 
 
 def _make_room(path: Path, folder: str, overwrite: bool) -> None:
-    """Refuse a place with anything but nothing or, to be overwritten, a recording of the same sensor."""
+    """Refuse a path that exists, but for a recording of the same sensor that is to be overwritten."""
     if path.exists() and not path.is_dir():
         raise exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):

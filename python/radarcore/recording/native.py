@@ -140,7 +140,7 @@ def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bo
 
 
 def exists(path: Path, what: str) -> FileExistsError:
-    """The error of a place that is taken."""
+    """Error for a path that exists."""
     return FileExistsError(errno.EEXIST, f"expected no such path, got {what}", str(path))
 
 

@@ -1,4 +1,4 @@
-"""NPY files that grow frame by frame and are read as far as they got; files that are there whole or not at all."""
+"""NPY files that grow frame by frame, readable at any length; atomic writes of small files."""
 
 from __future__ import annotations
 
@@ -121,12 +121,12 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
         shape, fortran_order, dtype = readers[version](file)
         return shape, fortran_order, dtype
     except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
-        # All that NumPy's reader, which evaluates the header as an expression, has for damaged ones.
+        # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a small file so that it is there whole or not at all."""
+    """Write a small file atomically."""
     partial = path.with_name(path.name + ".part")
     with naming(path):
         partial.write_bytes(data)

@@ -47,10 +47,10 @@ class Recording(Stored):
     truth : Truth, optional
         Arrays (frame, body).
     source : dict
-        Where the frames come from: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
+        Origin of the frames: anything JSON can hold. ``cube_unit`` is the unit of the samples, if not
         sqrt(W); ``"full scale"`` for those of an ADC.
     lost : (frame,) array_like, optional
-        Number of frames lost just before each; None where nobody counted. Frames have it in
+        Number of frames lost just before each; None if nobody counted. Frames have it in
         ``stats["lost_before"]``.
     """
 
@@ -99,9 +99,9 @@ class Recording(Stored):
 
     @property
     def raw(self) -> NDArray[np.uint16] | None:
-        """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None where the unit is not full scale.
+        """Codes of the ADC (frame, channel, chirp, sample), from 0 to 4095; None if the unit is not full scale.
 
-        Those nearest to the samples, worked out again at every use: exact for samples that came from codes.
+        Nearest codes, computed again at every use: exact for samples that came from codes.
         """
         return to_codes(self.cube) if self._has_codes else None
 
@@ -133,7 +133,7 @@ class Recording(Stored):
         return rounds if speed is None else _paced(rounds, factor, time.monotonic, time.sleep)
 
     def _rounds(self) -> Iterator[Frame]:
-        """The frames again and again, in times that go on."""
+        """Frames in endless rounds, with times that go on."""
         if len(self) == 0:
             return
         usual = float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
@@ -148,7 +148,7 @@ class Recording(Stored):
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
-        Where `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
+        If `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
         """
         kept = list(frames)
         if not kept:
@@ -229,7 +229,7 @@ class Recording(Stored):
 
 
 class _Format(NamedTuple):
-    """Recordings on disk: whether a path has this format, and how to read and write it."""
+    """Format on disk: a test of a path, a reader and a writer."""
 
     knows: Callable[[Path], bool]
     load: Callable[[Path, bool], Stored]
@@ -249,7 +249,7 @@ _FORMATS = {
     "directory": _Format(Path.is_dir, load_directory, _save_directory),
     "npz": _Format(Path.exists, lambda path, _: load_npz(path), save_npz),
 }
-"""In the order in which they are tried on a path."""
+"""Formats in the order in which they are tried on a path."""
 
 
 def _paced(

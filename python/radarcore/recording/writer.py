@@ -31,7 +31,7 @@ class RecordingWriter:
     num_frames : int, optional
         Planned number of frames; a reader of fewer is warned. More are refused.
     source : dict, optional
-        Where the frames come from: anything JSON can hold. Where it has no ``cube_unit``, frames with the codes of
+        Origin of the frames: anything JSON can hold. Without a ``cube_unit``, frames with the codes of
         an ADC make it full scale.
     overwrite : bool
         Replace a recording that is already there.

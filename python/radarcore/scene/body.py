@@ -31,11 +31,11 @@ class Body:
     motion : Pose, Linear, Trajectory, Attached or function of time
         Body to world; default: the world's own frame.
     deformation : Deformation or function of time, optional
-        Where the vertices of the mesh are in body coordinates; a function maps a time [s] to all of them, (n, 3) [m].
+        Vertices of the mesh over time in body coordinates; a function maps a time [s] to all vertices, (n, 3) [m].
         Rates of a function are taken by differences, see `Function`. Default: the body is rigid. Speckle and smooth
         shading belong to the mesh as it was given: where facets meet below the crease angle, its own vertices say.
     name : str, optional
-        For tables and pictures.
+        Name in tables and pictures.
     """
 
     mesh: Mesh
@@ -83,7 +83,7 @@ class PointTarget:
     velocity : (3,) array_like
         Constant velocity in the world [m/s].
     name : str, optional
-        For tables and pictures.
+        Name in tables and pictures.
     """
 
     position: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The library of materials: published permittivities, with their sources and the frequencies they hold for."""
+"""Library of materials: published permittivities, with sources and frequencies."""
 
 from __future__ import annotations
 

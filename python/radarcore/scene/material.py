@@ -1,4 +1,4 @@
-"""Materials: how much a surface reflects like a mirror and how much it scatters."""
+"""Materials: specular reflection and diffuse scattering of a surface."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _REFERENCE_FREQUENCY = 60e9
 """Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
 _SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
-"""Parts of both polarisations that antennas get."""
+"""Weights of both polarisations at the antennas."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Material:
     Parameters
     ----------
     reflection : complex
-        Field reflection coefficient of the mirror-like part; -1 for a perfect conductor.
+        Field reflection coefficient of the specular part; -1 for a perfect conductor.
     albedo : float
         Diffuse albedo: power scattered after Lambert's law over incident power.
 
@@ -34,16 +34,16 @@ class Material:
     reflection, albedo
         As given; those of a dielectric at normal incidence and 60 GHz, `response` has the others.
     permittivity, roughness, thickness, scattering
-        Of a dielectric, see there; without permittivity the material is constant.
+        Parameters of `dielectric`; without permittivity the material is constant.
     name, source : str or None
-        Name in the library, and where its numbers come from.
+        Name in the library, and source of the numbers.
     valid_frequency : (float, float) or None
-        Frequencies for which they were published [Hz].
+        Frequencies for which the numbers were published [Hz].
 
     Raises
     ------
     ValueError
-        When the two together return more power than comes in.
+        When the reflected and scattered power exceeds the incident power.
     """
 
     reflection: complex
@@ -75,7 +75,7 @@ class Material:
 
     @classmethod
     def lambertian(cls, albedo: float) -> Material:
-        """A matt surface: no mirror-like part."""
+        """Diffuse surface without a specular part."""
         return cls(0.0, albedo)
 
     @classmethod
@@ -97,9 +97,9 @@ class Material:
         permittivity : complex, ItuPermittivity or ColeCole
             Relative permittivity ``eps' - j eps''``, or its law over frequency.
         roughness : float
-            Rms height of the surface [m]: what it turns out of phase is scattered after Lambert's law.
+            Rms height of the surface [m]; power that it takes from the specular part is scattered after Lambert's law.
         thickness : float, optional
-            Of a slab with air behind it [m]; default: a half-space.
+            Thickness of a slab with air behind it [m]; default: a half-space.
         scattering : float, optional
             In place of roughness: the part S, 0 to 1, of the reflected field that is scattered, ``S**2`` of its power,
             at every angle.
@@ -134,13 +134,13 @@ class Material:
 
     @property
     def reflectance(self) -> float:
-        """Power that comes back in either way, over incident power; of a dielectric as `reflection`."""
+        """Reflected and scattered power over incident power; of a dielectric as `reflection`."""
         return abs(self.reflection) ** 2 + self.albedo
 
     def response(
         self, frequency: float, cos_incidence: ArrayLike = 1.0, *, polarization: str | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-        """Reflection coefficient of the mirror-like part and albedo at a frequency [Hz] and angles of incidence.
+        """Reflection coefficient of the specular part and albedo at a frequency [Hz] and angles of incidence.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Material:
         )
 
     def _finish(self, roughness: float, thickness: float | None, scattering: float | None) -> None:
-        """Put what a dielectric has besides its permittivity, and what it does at normal incidence."""
+        """Set the surface of a dielectric, and its reflection at normal incidence."""
         height = check.non_negative("roughness", roughness, "m")
         part = None if scattering is None else check.number("scattering", scattering)
         if part is not None and not 0.0 <= part <= 1.0:

@@ -46,7 +46,7 @@ class ColeCole:
     relaxations : tuple of (step, tau, exponent)
         Steps of the permittivity, their times [s], and exponents, 1 for Debye's.
     conductivity : float
-        For direct current [S/m].
+        Conductivity for direct current [S/m].
     """
 
     high: float

@@ -16,7 +16,7 @@ from radarcore.scene.body import Body, PointTarget
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Bodies with meshes and point targets of a scene apart, both in the scene's order.
+    """Bodies with meshes, and point targets, both in the scene's order.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Scene:
     Parameters
     ----------
     bodies : iterable of Body and PointTarget
-        Their order gives the body numbers of images and paths.
+        Parts of the scene; images and paths number bodies in this order.
 
     Attributes
     ----------

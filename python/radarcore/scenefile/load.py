@@ -1,4 +1,4 @@
-"""From a scene file to what it describes."""
+"""Loading of scene files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def load_scene(path: str | PathLike[str]) -> Simulation:
     Returns
     -------
     Simulation
-        Its `record` simulates the run; `simulator`, `scene`, `radar` and `radar_motion` are there for other uses.
+        `record` simulates the run; `simulator`, `scene`, `radar` and `radar_motion` are for other uses.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From the text of a scene file to its tables; what is wrong with it, one line per fault."""
+"""Reader of scene files: tables from text, and errors, one line per fault."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def table(file: Path) -> SceneTable:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Text about a name that is not there, with near ones that are."""
+    """Text about an unknown name, with near ones that are known."""
     return f"{name!r}; {check.near_names(name, known)}"
 
 
@@ -57,7 +57,7 @@ def unit_of(description: str | None) -> str:
 
 
 def tables_in(annotation: Any) -> list[type[Table]]:
-    """All tables that a type is made of."""
+    """Tables that a type is made of."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
     return [table for part in get_args(annotation) for table in tables_in(part)]
@@ -106,7 +106,7 @@ _EXPECTED = {
 
 
 def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
-    """One line per fault: where, what was expected, what came."""
+    """Lines of an error message, one per fault: place, expected, got."""
     faults: dict[Location, _Fault] = {}
     for details in error.errors(include_url=False):
         fault = _fault(details)
@@ -170,7 +170,7 @@ def _path_text(path: Location, values: dict[str, Any]) -> str:
 
 
 def _key(location: Location) -> _Key:
-    """The place that pydantic's location means, which also has names of types and kinds in it."""
+    """Place of a pydantic location, which also holds names of types and kinds."""
     tables: list[type[Table]] = [SceneTable]
     holders, path, unit = tables, list[str | int](), ""
     for part in location:

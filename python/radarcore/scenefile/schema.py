@@ -1,4 +1,4 @@
-"""Every key of a scene file: as text for people, as JSON schema for editors."""
+"""Keys of a scene file: as text for people, as JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radarcore.scenefile.tables import SceneTable, Table
 
 
 def text() -> str:
-    """Every key with unit, meaning and default, one per line."""
+    """Keys with unit, meaning and default, one per line."""
     return "\n".join(_lines(SceneTable, ""))
 
 

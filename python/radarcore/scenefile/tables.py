@@ -1,6 +1,6 @@
-"""The tables of a scene file: every key with type, unit, default and meaning, and nothing else.
+"""Tables of a scene file: keys with type, unit, default and meaning.
 
-Numbers are checked where they are used, by the classes and functions they are passed to.
+Numbers are checked by the classes and functions that take them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LinearTable(Table):
 
 
 class TrajectoryTable(Table):
-    """A smooth motion through poses; before and after it the body goes on as it was moving."""
+    """A smooth motion through poses; before and after it the velocity is constant."""
 
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
@@ -51,12 +51,12 @@ class TrajectoryTable(Table):
 class PlacedTable(Table):
     """Anything that can be placed, moved and attached."""
 
-    pose: PoseTable = _key(PoseTable(), "", "place; that at time 0 with a linear motion, none with a trajectory")
+    pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory")
     motion: Annotated[LinearTable | TrajectoryTable, Field(discriminator="kind")] | None = _key(
-        None, "", "motion; default: stands still"
+        None, "", "motion; default: at rest"
     )
     attached_to: str | None = _key(
-        None, "", "name of the body that carries it, or arm/link, human/segment; pose and motion are relative to that"
+        None, "", "name of its carrier: a body, arm/link or human/segment; pose and motion are relative to it"
     )
 
 
@@ -64,7 +64,9 @@ class SensorTable(PlacedTable):
     """Pose and motion of the sensor; it looks along its x axis, y is left, z up."""
 
     along_z: float | None = _key(
-        None, "m", "in place of a pose: looks along the z axis of what carries it (tool0 of an arm), this far out"
+        None,
+        "m",
+        "in place of a pose: distance along the z axis of the carrier (tool0 of an arm), which it looks along",
     )
 
 
@@ -134,10 +136,10 @@ class MeshTable(Table):
     """A mesh file."""
 
     kind: Literal["mesh"]
-    path: str = _key(..., "", "OBJ, or what trimesh reads; relative to the scene file")
+    path: str = _key(..., "", "OBJ, or a format of trimesh; relative to the scene file")
     scale: float = _key(1.0, "m", "length of one unit of the mesh file")
-    crease_angle_deg: float = _key(45.0, "degrees", "facets that meet below it stand for a curved surface")
-    shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of curved surfaces, or of facets")
+    crease_angle_deg: float = _key(45.0, "degrees", "facets that meet at a smaller angle approximate a curved surface")
+    shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of the curved surface, or of facets")
 
 
 ShapeTable = (
@@ -156,22 +158,20 @@ ShapeTable = (
 class MaterialTable(Table):
     """A material by numbers: `reflection` and `albedo`, or `permittivity` and what goes with it."""
 
-    reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no mirror-like part")
+    reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no specular part")
     albedo: float = _key(0.0, "", "diffuse albedo, 0 to 1")
     permittivity: str | tuple[float, float] | None = _key(
-        None, "", "relative permittivity: real part, loss (positive); or the material of the library whose it is"
+        None, "", "relative permittivity: real part, loss (positive); or the name of a material of the library"
     )
     roughness: float = _key(0.0, "m", "rms height of the surface of a dielectric")
-    thickness: float | None = _key(None, "m", "of a slab of a dielectric; default: it has no other side")
-    scattering: float | None = _key(
-        None, "", "in place of roughness: part of the reflected field that is scattered, 0 to 1"
-    )
+    thickness: float | None = _key(None, "m", "of a slab of a dielectric; default: a half-space")
+    scattering: float | None = _key(None, "", "in place of roughness: scattered part of the reflected field, 0 to 1")
 
 
 class NamedMaterialTable(MaterialTable):
     """A material that bodies refer to."""
 
-    name: str = _key(..., "", "what bodies call it")
+    name: str = _key(..., "", "name that bodies refer to")
 
 
 _MATERIAL = "name of a material of this file or of the library, or a table of numbers"
@@ -184,7 +184,7 @@ class BodyTable(PlacedTable):
     shape: Annotated[ShapeTable, Field(discriminator="kind")] = _key(..., "", "kind and sizes")
     material: str | MaterialTable = _key("metal", "", _MATERIAL)
     materials: dict[str, str | MaterialTable] | None = _key(
-        None, "", "materials by the names that an OBJ file gives them; faces of others have `material`"
+        None, "", "materials by their names in an OBJ file; all other faces have `material`"
     )
 
 
@@ -200,20 +200,20 @@ class PointTable(Table):
 class HumanTable(Table):
     """A walking person."""
 
-    name: str = _key("human", "", "what the names of the segments begin with")
+    name: str = _key("human", "", "prefix of the names of the segments")
     height: float = _key(1.75, "m", "body height")
     speed: float = _key(1.4, "m/s", "mean walking speed")
     path: list[tuple[float, float]] = _key(..., "m", "waypoints on the floor, x and y, at least two")
     turn_radius: float = _key(0.4, "m", "smallest radius of the turns")
-    start_time: float = _key(0.0, "s", "when the person is at the first waypoint")
-    phase: float = _key(0.0, "", "part of the gait cycle at that time; the right heel strikes at 0")
+    start_time: float = _key(0.0, "s", "time at the first waypoint")
+    phase: float = _key(0.0, "", "phase of the gait cycle at that time; the right heel strikes at 0")
     mass: float | None = _key(None, "kg", "body mass; default: by the height")
     material: str | MaterialTable = _key("skin", "", _MATERIAL)
     meshes: bool = _key(False, "", "real human meshes (extra `robots`) in place of spheroids")
 
 
 class RestTable(Table):
-    """Joints that stay."""
+    """Joints at rest."""
 
     kind: Literal["rest"]
     angles_deg: list[float] = _key(..., "degrees", "one per moving joint; metres for joints that slide")
@@ -233,19 +233,19 @@ class LineTable(Table):
     """A straight motion of a link at constant speed, from rest to rest."""
 
     kind: Literal["line"]
-    start_deg: list[float] = _key(..., "degrees", "joint angles where it begins; metres for joints that slide")
+    start_deg: list[float] = _key(..., "degrees", "joint angles at the start; metres for joints that slide")
     direction: Vector = _key(..., "", "of the motion in the axes of the arm's base, of any length")
     speed: float = _key(0.25, "m/s", "speed")
     duration: float = _key(..., "s", "from rest to rest")
-    start_time: float = _key(0.0, "s", "when it begins")
-    ramp_time: float = _key(0.25, "s", "of gaining and of losing speed")
-    link: str = _key("tool0", "", "what moves along the line")
+    start_time: float = _key(0.0, "s", "time of the start")
+    ramp_time: float = _key(0.25, "s", "of acceleration and of deceleration")
+    link: str = _key("tool0", "", "link that moves along the line")
 
 
 class ArmTable(PlacedTable):
     """A robot arm; pose, motion and attached_to are those of its base."""
 
-    name: str = _key("arm", "", "what the names of the links begin with")
+    name: str = _key("arm", "", "prefix of the names of the links")
     model: str = _key("ur10", "", "ur10, or the path of a URDF file relative to the scene file")
     joints: Annotated[RestTable | JointTrajectoryTable | LineTable, Field(discriminator="kind")] = _key(
         ..., "", "angles or motion of the joints"
@@ -277,7 +277,7 @@ class ReceiverTable(Table):
 
 
 class RadarTable(Table):
-    """The radar; a preset has values for all keys, which those given override."""
+    """The radar; given keys override those of a preset."""
 
     preset: Literal["bgt60tr13c"] | None = _key(None, "", "a real sensor")
     start_frequency: float | None = _key(None, "Hz", "at the start of the ramp")
@@ -312,17 +312,17 @@ class RunTable(Table):
         None, "", "rays across and down, or rows and columns; default: 256, and 64 per 60 degrees for adaptive sampling"
     )
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
-    sampling: Literal["adaptive", "footprint", "point"] = _key("adaptive", "", "where rays go and what they stand for")
+    sampling: Literal["adaptive", "footprint", "point"] = _key("adaptive", "", "sampling of surfaces by rays")
     rcs_floor: float = _key(1e-5, "m^2", "smallest cross-section of interest, for adaptive sampling")
     ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
-        None, "", "most rays of a cast with adaptive sampling, inf: no limit; default: 40 000, or four per cell"
+        None, "", "largest number of rays of adaptive sampling, inf: no limit; default: 40 000, or four per cell"
     )
-    end_points: bool = _key(True, "", "adaptive sampling: cells where the phase turns fast stand for their ends")
-    tolerance: float = _key(1e-4, "", "error of synthesis relative to the amplitudes")
-    gain_floor_db: float = _key(80.0, "dB", "rays are not cast where the gain there and back is so far below its peak")
-    max_bounces: int = _key(1, "", "most reflections of a path")
-    bounce_floor_db: float = _key(80.0, "dB", "rays do not go on where surfaces have left so little of their power")
-    retrace_deg: float = _key(10.0, "degrees", "rays are cast again within a frame in which bodies turn by more")
+    end_points: bool = _key(True, "", "adaptive sampling: cells with a fast phase are represented by their end points")
+    tolerance: float = _key(1e-4, "", "error of the synthesis relative to the amplitudes")
+    gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
+    max_bounces: int = _key(1, "", "largest number of reflections of a path")
+    bounce_floor_db: float = _key(80.0, "dB", "loss of power by reflections at which a ray ends")
+    retrace_deg: float = _key(10.0, "degrees", "turn of a body within a frame above which rays are cast again")
     seed: int = _key(0, "", "of noise and speckle")
 
 
@@ -330,8 +330,8 @@ class SceneTable(Table):
     """A radarcore scene file."""
 
     radar: RadarTable = _key(..., "", "the radar")
-    sensor: SensorTable = _key(SensorTable(), "", "where the radar is; default: at the origin, looking along x")
-    run: RunTable = _key(RunTable(), "", "what is simulated and how")
+    sensor: SensorTable = _key(SensorTable(), "", "pose of the radar; default: at the origin, looking along x")
+    run: RunTable = _key(RunTable(), "", "times and settings of the simulation")
     material: list[NamedMaterialTable] = _key([], "", "materials that bodies refer to")
     body: list[BodyTable] = _key([], "", "rigid bodies")
     point: list[PointTable] = _key([], "", "ideal point targets")

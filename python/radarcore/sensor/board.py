@@ -19,7 +19,7 @@ class BoardInfo:
     Attributes
     ----------
     port : str
-        Where it is: a device file, or ``usb:BUS-ADDRESS``.
+        Name of the port: a device file, or ``usb:BUS-ADDRESS``.
     protocol : str
         ``"strata"`` or ``"comlib"``.
     name : str
@@ -29,7 +29,7 @@ class BoardInfo:
     firmware : str
         Version of the firmware.
     serial_number : str
-        What tells this board from others of its kind; empty where the board has none.
+        Serial number; empty for a board without one.
     """
 
     port: str
@@ -42,7 +42,7 @@ class BoardInfo:
 
 @dataclass(frozen=True, eq=False)
 class RawFrame:
-    """One frame as the ADC has it.
+    """Frame of ADC codes.
 
     Attributes
     ----------
@@ -64,14 +64,14 @@ class RawFrame:
 
 @dataclass(frozen=True)
 class Lost:
-    """Frames that never came.
+    """Lost frames.
 
     Attributes
     ----------
     num_frames : int
-        How many, at least one.
+        Number of lost frames, at least one.
     reason : str
-        What happened.
+        Reason of the loss.
     """
 
     num_frames: int

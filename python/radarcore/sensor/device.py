@@ -1,4 +1,4 @@
-"""The sensor as a person uses it: open, configure, take frames that are like those of the simulator."""
+"""Sensor: open a board, configure it, and take frames like those of the simulator."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")
-"""In the order of asking: a board with ComLib is confused for seconds by what it does not know."""
+"""Protocols in the order in which they are tried: unknown requests confuse a ComLib board for seconds."""
 
 _XMC = 0x0058
 """USB product id of boards with ComLib."""
@@ -46,7 +46,7 @@ _SLOWEST_START = 10.0
 
 
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
-    """Every board that answers, one after the other; ports that cannot be opened are left out.
+    """Boards that answer, one after the other; ports that cannot be opened are left out.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _comlib(stream: Stream, timeout: float) -> Board:
 
 
 def _port_of(text: str, usb_backend: Any) -> Port:
-    """The port of a name: a USB device that is there, or else a serial port."""
+    """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
         return Port("serial", text, None, None, "", "", "")
     ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
@@ -183,7 +183,7 @@ def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
 
 
 class Sensor:
-    """A radar board that measures; made by `open_sensor`.
+    """Radar board that measures; made by `open_sensor`.
 
     Use it as a context manager. Frames are those of the simulator: ``(channel, chirp, sample)`` float32 between -1 and
     1 of full scale, the codes of the ADC in `Frame.raw`. Their times count from the start of the first one: by the
@@ -198,7 +198,7 @@ class Sensor:
     info : BoardInfo
         Port, name, chip, firmware and serial number.
     radar : Radar or None
-        What the board does: the achieved settings, None before `configure`.
+        Achieved settings of the board; None before `configure`.
     num_lost : int
         Frames lost since the last start.
     """
@@ -212,7 +212,7 @@ class Sensor:
         self._is_open = True
         self._closing = threading.RLock()
         self._reader: _Reader | None = None
-        # One that is forgotten gives its port back too, at the latest when the program ends.
+        # A forgotten sensor gives its port back too, at the latest when the program ends.
         self._forgotten = weakref.finalize(self, _close_forgotten, board)
 
     def __repr__(self) -> str:
@@ -232,19 +232,19 @@ class Sensor:
         Parameters
         ----------
         radar : Radar
-            Its waveform and receivers; a board sets power and gains by `options`.
+            Wanted waveform and receivers; a board sets power and gains by `options`.
         **options
-            Of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
+            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
 
         Returns
         -------
         radar : Radar
-            What the board achieves: times and frequencies in its own steps. Frames have this radar.
+            Achieved radar: times and frequencies in the steps of the board. Frames have this radar.
 
         Raises
         ------
         ValueError
-            For what the board cannot do, with the nearest it can.
+            For a radar beyond the board's limits, with the nearest possible value.
         """
         self._check_open()
         if not isinstance(radar, Radar):
@@ -335,16 +335,16 @@ class Sensor:
         progress: bool = True,
         overwrite: bool = False,
     ) -> Recording:
-        """Measure into a recording's directory, frame by frame: what is there is readable at any moment.
+        """Measure into a recording's directory, frame by frame; it is readable at any moment.
 
         Parameters
         ----------
         path : path
             A new directory.
         duration : float, optional
-            How long [s]; default, without `num_frames`: until Ctrl-C.
+            Duration [s]; default, without `num_frames`: until Ctrl-C.
         num_frames : int, optional
-            How many frames.
+            Number of frames.
         progress : bool
             Show a progress bar when run in a terminal.
         overwrite : bool
@@ -408,7 +408,7 @@ class Sensor:
 
 
 def _close_forgotten(board: Board) -> None:
-    """Close the board of a sensor that nobody has any more."""
+    """Close the board of a sensor without references."""
     if threading.current_thread() is threading.main_thread():
         board.close()
     else:
@@ -457,7 +457,7 @@ class _Reader:
         self._thread.start()
 
     def take(self, timeout: float) -> tuple[RawFrame, _Losses] | None:
-        """The next frame, and what was lost before it; None where measuring was ended."""
+        """The next frame, and what was lost before it; None if measuring was ended."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._is_closed or self._frames or self._failure, timeout)
             if self._is_closed:

@@ -8,7 +8,7 @@ class SensorError(OSError):
 
 
 class SensorNotFoundError(SensorError):
-    """No board, or nothing at the port that was named."""
+    """Error for a missing board, or nothing at the named port."""
 
 
 class SensorTimeoutError(SensorError, TimeoutError):
@@ -29,7 +29,7 @@ class RequestError(ProtocolError):
     Attributes
     ----------
     status : int
-        Its status code.
+        Status code.
     """
 
     def __init__(self, message: str, status: int) -> None:

@@ -146,7 +146,7 @@ test_pattern.__test__ = False  # type: ignore[attr-defined]  # or pytest takes i
 
 @cache
 def _period() -> NDArray[np.uint16]:
-    """One period of the test pattern, (4095,)."""
+    """Period of the test pattern, (4095,)."""
     codes = np.empty(NUM_CODES - 1, np.uint16)
     state = 1
     for i in range(len(codes)):

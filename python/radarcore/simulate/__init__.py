@@ -1,1 +1,1 @@
-"""From a scene to radar frames."""
+"""Simulation of radar frames from a scene."""

@@ -1,4 +1,4 @@
-"""Clearance of the antennas: a scene with a body at their place cannot be meant."""
+"""Clearance of the antennas from the surfaces of a scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radarcore.scene.scene import Scene
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0
-# Nothing may be closer to an antenna than this when the run begins [m].
+# Smallest distance of a surface or point from an antenna at the start of a run [m].
 _CLEARANCE = 1e-3
 
 
@@ -27,7 +27,7 @@ def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> N
     poses = np.array([poses_at(body.motion, [time])[0] for body in parts.meshed]).reshape(-1, 3, 4)
     for pose, number in zip(relative_poses(poses, sensor), parts.mesh_numbers, strict=True):
         body = scene.bodies[number]
-        assert isinstance(body, Body)  # the scene says so
+        assert isinstance(body, Body)  # by its number
         corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
         _check_gap(min(_distance_to_triangles(antenna, corners) for antenna in antennas), scene.names[number])
         size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) if len(corners) > 0 else 0.0
@@ -66,11 +66,11 @@ def _distance_to_triangles(point: NDArray[np.float64], corners: NDArray[np.float
     from_point = corners - point
     edges = np.roll(from_point, -1, axis=1) - from_point
 
-    # To the nearest point of every edge.
+    # Distance to the nearest point of every edge.
     along = np.clip(-(from_point * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
     to_edges = np.linalg.norm(from_point + along[..., None] * edges, axis=-1)
 
-    # To the planes whose foot point lies inside the triangle.
+    # Distance to the planes whose foot point lies inside the triangle.
     normals = np.cross(edges[:, 0], edges[:, 1])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     heights = (from_point[:, 0] * normals).sum(axis=-1)

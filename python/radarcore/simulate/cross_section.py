@@ -36,7 +36,7 @@ def rcs(
     receiver : (direction, 3) or (3,) array_like, optional
         Unit vectors from the object to a receiver elsewhere; default: monostatic.
     max_bounces : int
-        Most reflections of a path.
+        Largest number of reflections of a path.
     polarization : None, "vertical", "horizontal" or (3,) array_like
         Direction of the field of both antennas: along z, across z, or a unit vector in the mesh's axes; the part of it
         across the ray. None: antennas without a polarisation.

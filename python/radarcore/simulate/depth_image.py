@@ -1,4 +1,4 @@
-"""Depth images: what the rays of a pinhole camera at the sensor hit."""
+"""Depth images of a pinhole camera at the sensor."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ class DepthImage:
     cos_incidence : (rows, columns) float64
         Cosine of the angle between ray and surface normal; 0 where nothing was hit.
     reflectance : (rows, columns) float64
-        Power that the material returns, mirror-like and diffuse, over incident power, at the pixel's angle of incidence
+        Power that the material returns, specular and diffuse, over incident power, at the pixel's angle of incidence
         and to the radar's polarisation; 0 where nothing was hit.
     body : (rows, columns) int32
-        Number of the body in the scene; -1 where nothing was hit.
+        Index of the body in the scene; -1 where nothing was hit.
     directions : (rows, columns, 3) float64
         Unit directions of the rays in sensor axes.
     surface_distance : (rows, columns) float64
-        Like `distance`, but to the smooth surface that the facets of a mesh stand for: what the radar's delays follow.
-        Facets lie behind it by up to their sagitta, which is an error of phase; see `Mesh`.
+        Like `distance`, but to the smooth surface that the facets of a mesh approximate, which sets the radar's delays.
+        Facets lie behind it by up to their sagitta, an error of phase; see `Mesh`.
     normals : (rows, columns, 3) float64
-        Unit normals of that surface towards the sensor, in sensor axes; 0 where nothing was hit.
+        Unit normals of the smooth surface towards the sensor, in sensor axes; 0 where nothing was hit.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle of the image [degrees].
     time : float
-        Time the image was taken [s].
+        Time of the image [s].
     """
 
     distance: NDArray[np.float64]
@@ -81,7 +81,7 @@ class DepthImage:
         return self.distance[is_hit, None] * self.directions[is_hit]
 
     def __getstate__(self) -> dict[str, Any]:
-        # The arrays are all there is to keep.
+        # Hits in the core are not pickled: keep the arrays.
         arrays = {name: getattr(self, name) for name in ("directions", "reflectance", "surface_distance", "normals")}
         return {**self.__dict__, **arrays, "_hits": None, "_reflectance": None}
 

@@ -1,4 +1,4 @@
-"""Doubts about results: one warning of each kind."""
+"""Warnings about the validity of results, one of each kind."""
 
 from __future__ import annotations
 
@@ -36,16 +36,17 @@ class Doubts:
         duration = self._radar.waveform.duration
         if duration * rate > 1.0:
             notice.warn(
-                f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second: no real sensor can do that"
+                f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second; no real sensor can do that"
             )
 
     def of_frame(self, ideal: _core.IdealFrame) -> None:
-        """Warn of motion that the series within a frame do not follow, and of echoes from beyond the largest range."""
+        """Warn of unresolved motion within a frame, and of echoes from beyond the largest range."""
         phase, weight = ideal.series_errors
         if (residual := float(np.hypot(phase, weight))) > self._tolerance and self._is_new("series"):
-            reason = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
+            series = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
             notice.warn(
-                f"{reason} are followed within a frame to {residual:.1e} only, tolerance is {self._tolerance:.1e}"
+                f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "
+                f"{self._tolerance:.1e}"
             )
         if ideal.farthest > self._radar.max_range and self._is_new("range"):
             notice.warn(

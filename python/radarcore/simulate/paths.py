@@ -1,4 +1,4 @@
-"""Paths at one time, for whoever wants to look at them."""
+"""Propagation paths at one time."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """All paths from transmitter over scatterer to receiver at one time.
+    """Paths from transmitter over scatterer to receiver at one time.
 
     Attributes
     ----------
     delay : (channel, path) float64
         Two-way delay [s].
     delay_rate : (channel, path) float64
-        Its rate of change [s/s].
+        Rate of change of the delay [s/s].
     amplitude : (channel, path) complex128
         Amplitude without the phase of propagation [sqrt(W)].
     body : (channel, path) int32
-        Number of the body in the scene; of paths of several reflections that of the last.
+        Index of the body in the scene; for several reflections that of the last.
     order : (channel, path) uint8
-        Power of the frequency by which amplitudes fall; `amplitude` is that at the centre of the band. Edges have 1 or
-        2, everything else 0.
+        Exponent n of amplitudes that fall with frequency^-n; `amplitude` holds at the centre of the band. 1 or 2 for
+        edges, 0 for all others.
     """
 
     delay: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Places of sensor, bodies, points and vertices at the Chebyshev times of frames, as the core takes them."""
+"""Poses of sensor and bodies, points and vertices at the Chebyshev times of frames, as the core takes them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
 
 _BYTES_AHEAD = 64_000_000
-"""Most memory of the places of frames that are placed together."""
+"""Largest memory of the poses of frames that are placed together [bytes]."""
 
 _FRAMES_AHEAD = 16
-"""Most frames that are placed together: from there on, a call costs little beside its work."""
+"""Largest number of frames that are placed together: beyond it a call costs little beside its work."""
 
 _FLOAT = 8
 """Bytes of a number."""
 
 
 class Placement:
-    """A scene and a sensor that move: their places at the times of a frame.
+    """Poses and positions of a moving scene and sensor at the times of a frame.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Placement:
         return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
 
     def frames(self, starts: Sequence[float], num_times: int) -> Iterator[tuple[_core.Placement, _core.Placement]]:
-        """Places at `num_times` times of each of the frames that start at `starts` [s], and rates at their middles."""
+        """Placements at `num_times` times of each frame that starts at `starts` [s], and rates at its middle."""
         first = np.array(starts)[:, None]
         times = first + self._waveform.delay_times(num_times)
         vertex_times = first + self._waveform.delay_times(_num_vertex_times(num_times))
@@ -62,12 +62,12 @@ class Placement:
             )
 
     def at(self, time: float) -> _core.Placement:
-        """Places at one time [s]."""
+        """Placement at one time [s]."""
         times = np.array([time])
         return self._placed(self._motions.poses_at(times), self._points(times), self._vertices(times))
 
     def rates_at(self, time: float) -> _core.Placement:
-        """Time derivatives of the places at one time [s]."""
+        """Time derivatives of the placement at one time [s]."""
         rates = self._motions.rates_at(np.array([time]))
         return self._placed(rates, self._parts.velocities[None], self._vertex_rates(time))
 

@@ -11,7 +11,7 @@ from radarcore import _core, check
 from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 
 SAMPLINGS = ("adaptive", "footprint", "point")
-"""Ways to cast rays, and to let a hit stand for the surface around it."""
+"""Ways to cast rays and to sample the surface around a hit."""
 
 _CELLS_PER_DEGREE = 64.0 / 60.0
 """Cells of the base grid of adaptive sampling per degree, by default."""
@@ -26,7 +26,7 @@ _IMAGE_SIDE = 256
 """Pixels of images by default."""
 
 MAX_BOUNCES = 64
-"""More reflections than any path has that is not lost in the noise."""
+"""Largest number of reflections: paths with more are lost in the noise."""
 
 _NOT_RECORDED = ("method", "threads")
 """Settings that change no result."""
@@ -88,7 +88,7 @@ class Settings:
 
     @property
     def most_rays(self) -> int | None:
-        """Most rays through cells; none: as many as `rcs_floor` asks for."""
+        """Largest number of rays through cells; None: as many as `rcs_floor` asks for."""
         if self.ray_budget is None:
             rows, columns = self.num_cells
             return max(_RAY_BUDGET, _RAYS_PER_CELL * rows * columns)
@@ -103,7 +103,7 @@ class Settings:
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
     def to_core(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
-        """The core's settings; what may be reused or skipped changes no result."""
+        """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
         half_sides = np.tan(0.5 * np.deg2rad(self.field_of_view_deg)).tolist()
         rays = self.num_cells if self.sampling == "adaptive" else self.num_pixels
         return _core.Settings(
@@ -136,7 +136,7 @@ def _as_json(value: Any) -> Any:
 
 
 def check_max_bounces(value: int) -> int:
-    """A number of reflections."""
+    """Checked number of reflections."""
     number = check.count("max_bounces", value)
     if number > MAX_BOUNCES:
         raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")
@@ -144,7 +144,7 @@ def check_max_bounces(value: int) -> int:
 
 
 def check_seed(value: int) -> int:
-    """A seed of 64 bits."""
+    """Checked seed of 64 bits."""
     seed = check.count("seed", value, minimum=0)
     if seed >= 2**64:
         raise ValueError(f"seed: expected less than 2**64, got {value}")
@@ -156,7 +156,7 @@ def _positive_or_infinite(name: str, value: float, unit: str) -> float:
 
 
 def _ray_budget(value: float, num_cells: tuple[int, int]) -> float:
-    """Enough for the base grid."""
+    """Checked budget: enough for the base grid."""
     if value == np.inf:
         return np.inf
     (rows, columns), budget = num_cells, check.count("ray_budget", value)

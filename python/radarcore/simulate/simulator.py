@@ -1,4 +1,4 @@
-"""From a scene to radar frames: place, simulate, receive."""
+"""Simulator of radar frames from a scene: place, simulate, receive."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NUM_TIMES = 17
 
 @dataclass(frozen=True, eq=False)
 class Simulator(Settings):
-    """Simulates what a radar receives from a scene.
+    """Simulator of the frames that a radar receives from a scene.
 
     Parameters
     ----------
@@ -48,35 +48,40 @@ class Simulator(Settings):
     field_of_view_deg : (float, float)
         Horizontal and vertical angle that is simulated [degrees], each below 180.
     sampling : "adaptive", "footprint" or "point"
-        Adaptive: cells of the image plane are split where what is seen through them matters and is not yet known, and
-        diffuse surfaces are points that stay on them. Footprint: the pixels of an image, with a phase that varies over
-        the patch behind each, which converges as pixels get smaller. Point: one phasor per pixel as in Stetco et al.,
-        ICRA 2020, for comparison; it does not converge.
+        Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
+        are sampled by material points that move with them. Footprint: the pixels of an image, with a phase that varies
+        over the patch of each, which converges with the number of pixels. Point: one phasor per pixel as in Stetco et
+        al., ICRA 2020, for comparison; it does not converge.
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
         the samples are in double precision.
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
     rcs_floor : float
-        Smallest cross-section of interest [m^2]: as far as the budget goes, cells of adaptive sampling are split until
-        what each leaves open is 40 dB below the echo of such a target at the peak of the gain and the same distance, or
-        they have been halved six times.
+        Smallest cross-section of interest [m^2]: within the budget, cells of adaptive sampling are refined until the
+        residual error of each is 40 dB below the echo of such a target at the peak of the gain and the same distance,
+        or six times.
     ray_budget : int, optional
-        Most rays of a cast through cells of adaptive sampling; what cells may leave open shrinks from step to step, as
-        far as they go. Infinite: as many as `rcs_floor` asks for. Default: 40 000, or four per cell of the base grid
-        where that is more. Rays to the points of diffuse surfaces, at most 131 072 per body, come on top.
+        Largest number of rays of a cast through cells of adaptive sampling; the permitted residual error shrinks from
+        step to step until they are used up. Infinite: as many as `rcs_floor` asks for. Default: 40 000, or four per
+        cell of the base grid where that is more. Rays to the points of diffuse surfaces, at most 131 072 per body, are
+        not counted.
     end_points : bool
-        With adaptive sampling: cells over which the phase turns fast stand for their ends, whose phase is exact over
-        the whole band and which neighbours cancel; otherwise for their centre, tapered as pixels are.
+        With adaptive sampling: a cell over which the phase varies fast is represented by its end points, whose phase is
+        exact over the whole band and which cancel those of its neighbours; otherwise by its centre, tapered as pixels.
     gain_floor_db : float
-        Directions in which the gain of every pair of antennas, there and back, is this far below their peaks [dB] are
-        not cast for frames and paths; infinite: none is left out. Depth images are always whole.
+        Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
+        the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.
+    max_bounces : int
+        Largest number of reflections of a path; 1: no multi-bounce paths.
+    bounce_floor_db : float
+        Loss of power by reflections [dB] at which a ray ends.
     retrace_deg : float
-        Largest angle [degrees] by which a body may turn, as the sensor sees it, from the time when the rays of a frame
-        are cast: where one turns by more, parts of the frame have casts of their own. Infinite: one cast per frame.
-        Bodies that deform count as they turn and move as a whole.
+        Largest angle [degrees] by which a body may turn, seen from the sensor, from the time at which the rays of a
+        frame are cast: if one turns by more, the rays are cast for parts of the frame. Infinite: one cast per frame.
+        The deformation of a body does not count.
     seed : int
-        Changes speckle and noise, nothing else.
+        Seed of speckle and noise.
     threads : int, optional
         Threads to use; default: all cores. Results do not depend on it.
 
@@ -102,12 +107,12 @@ class Simulator(Settings):
         return replace(self, radar=radar)
 
     def frame(self, time: float = 0.0) -> Frame:
-        """One frame of samples; its first chirp starts at `time` [s].
+        """Frame of samples; its first chirp starts at `time` [s].
 
-        The rays are cast once, at the middle of the frame. What they hit moves with its body, or with its facet where
-        the body deforms, and delay and amplitude follow the exact geometry through the frame; which surfaces are seen
-        does not change within it. Where a body turns by more than `retrace_deg` to either side, that holds for parts of
-        the frame. `Frame.truth` holds for the middle of the frame.
+        The rays are cast once, at the middle of the frame. Scatterers move with their body, or with their facet if the
+        body deforms, and delay and amplitude follow the exact geometry through the frame; visibility does not change
+        within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
+        own. `Frame.truth` holds for the middle of the frame.
         """
         return next(self._frames([check.number("time", time, "s")]))
 
@@ -154,7 +159,7 @@ class Simulator(Settings):
         return Recording.load(path)
 
     def paths(self, time: float = 0.0) -> Paths:
-        """Delays, rates and amplitudes at a time [s]: those that `frame` follows from there on.
+        """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them.
 
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
@@ -168,7 +173,7 @@ class Simulator(Settings):
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
     def depth_image(self, time: float = 0.0) -> DepthImage:
-        """Image of what the rays hit at a time [s]."""
+        """Depth image at a time [s]."""
         at = check.number("time", time, "s")
         self._doubts.of_materials(self.scene)
         hits, parts = self._engine.image(self._placement.at(at)), self.scene.parts
@@ -193,7 +198,7 @@ class Simulator(Settings):
         Parameters
         ----------
         points : (n, 3) array_like
-            Positions in the world [m]: markers of a motion capture, say. A point on a surface is not hidden by it.
+            Positions in the world [m]: markers of a motion capture, say. A point on a surface is not occluded by it.
         time : float
             Time [s].
 
@@ -208,22 +213,22 @@ class Simulator(Settings):
         return is_hidden
 
     def _frames(self, starts: list[float]) -> Iterator[Frame]:
-        """Place, simulate, receive: the frames that start at `starts` [s], placed together."""
+        """Frames that start at `starts` [s], placed together: place, simulate, receive."""
         self._doubts.of_materials(self.scene)
         for start, places in zip(starts, self._placement.frames(starts, _NUM_TIMES), strict=True):
             ideal = self._engine.frame(*places) or self._placed_again(start, _NUM_TIMES)
             self._doubts.of_frame(ideal)
-            assert ideal.truth is not None  # scenes have one
+            assert ideal.truth is not None  # as every scene has one
             cube = receive(ideal.cube, self.radar, start, seed=self.seed)
             yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats_of(ideal))
 
     def _placed_again(self, start: float, num_times: int) -> _core.IdealFrame:
-        """The frame of a motion that is too fast for `num_times` times."""
+        """Frame of a motion that needs more than `num_times` times."""
         more = 2 * num_times - 1
         return self._engine.frame(*next(self._placement.frames([start], more))) or self._placed_again(start, more)
 
     def _in_chunks(self, times: list[float]) -> Iterator[Frame]:
-        """Frames that are placed some at a time."""
+        """Frames at times, placed in chunks."""
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(times), size):
             yield from self._frames(times[first : first + size])
@@ -234,7 +239,7 @@ class Simulator(Settings):
 
     @cached_property
     def _engine(self) -> _core.Simulator:
-        """Counterpart in the core, which keeps what did not move from frame to frame."""
+        """Counterpart in the core, which keeps the samples of bodies at rest from frame to frame."""
         return self._new_engine()
 
     def _new_engine(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Simulator:
@@ -259,7 +264,7 @@ class Simulator(Settings):
         return [body.material._core_at(frequency) for body in self.scene.parts.meshed]
 
     def _reflectance(self, hits: _core.Hits) -> NDArray[np.float64]:
-        """Power reflectance of what the pixels show."""
+        """Power reflectance at the pixels."""
         return hits.reflectance(
             self._materials,
             frequency=self.radar.waveform.center_frequency,

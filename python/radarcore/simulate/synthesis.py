@@ -1,4 +1,4 @@
-"""The beat signal of given paths: the synthesis without a scene."""
+"""Beat signal of given paths: the synthesis without a scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SINGLE_PRECISION_TOLERANCE = 1e-6
 """Tolerances below this give complex128 and float64, others complex64 and float32."""
 
 MAX_THREADS = 1024
-"""More than this the core does not start."""
+"""Largest number of threads that the core starts."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def beat_signal(
         For shapes that do not fit together, numbers that are not finite, phases beyond 1e12 turns, and a tolerance that
         the grid cannot reach.
     TypeError
-        For complex delays and things that are no numbers.
+        For complex delays and values that are no numbers.
     MemoryError
         For samples that do not fit into memory.
     """
@@ -173,7 +173,7 @@ def plan_beat_signal(
 
 
 def check_tolerance(tolerance: float) -> float:
-    """A tolerance that can be asked for."""
+    """Checked tolerance."""
     bound = check.positive("tolerance", tolerance)
     if not 1e-12 <= bound <= 1e-1:
         raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
@@ -181,12 +181,12 @@ def check_tolerance(tolerance: float) -> float:
 
 
 def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
-    """The type of samples that honours a tolerance."""
+    """Type of samples that is precise enough for a tolerance."""
     return np.complex128 if check_tolerance(tolerance) < SINGLE_PRECISION_TOLERANCE else np.complex64
 
 
 def check_threads(threads: int | None) -> int | None:
-    """A number of threads, or None for all cores."""
+    """Checked number of threads, or None for all cores."""
     if threads is None:
         return None
     num_threads = check.count("threads", threads)

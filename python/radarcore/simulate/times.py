@@ -7,7 +7,7 @@ import numpy as np
 from radarcore import check
 
 _MAX_FRAMES = 10_000_000
-"""More frames than a recording can be meant to have: a day at 100 Hz."""
+"""Largest number of frames of a recording: a day at 100 Hz."""
 
 
 def frame_times(start: float, stop: float, rate: float) -> list[float]:

@@ -32,7 +32,7 @@ def virtual_board(
     Parameters
     ----------
     source : Simulator, Simulation, Recording or FrameSource
-        What it measures: a scene from its time 0, or from the start of a scene file's run. The client's registers
+        Source of the samples: a scene from its time 0, or from the start of a scene file's run. The client's registers
         say how: samples, chirps, bandwidth, times and gains.
     protocol : "strata" or "comlib"
     speed : float or None
@@ -41,7 +41,7 @@ def virtual_board(
     threads : int, optional
         Threads for a scene file's simulator; default: all cores.
     faults : Faults, optional
-        Of a Strata board.
+        Faults of a Strata board.
     """
     check.choice("protocol", protocol, PROTOCOLS)
     if speed is not None:

@@ -18,7 +18,7 @@ _IMPEDANCE = 50.0
 """Impedance of the receiver's input [ohm]."""
 
 _CONVERSION_GAIN_DB = 14.0
-"""From the power at the receiver's input to volts before the baseband [dB], typical value of the data sheet."""
+"""Gain from the receiver's input to the voltage before the baseband [dB], typical value of the data sheet."""
 
 
 class Simulated:

@@ -36,16 +36,16 @@ def run(
     with_robots: bool | None = None,
     say: Callable[[str], None] = print,
 ) -> dict[str, Any]:
-    """Simulate, record, compare and draw; what it finds goes to `say`, line by line, and is returned.
+    """Simulate, record, compare and draw; results go to `say`, line by line, and are returned.
 
     Parameters
     ----------
     directory : path
-        Where scene file, recording and picture go.
+        Directory of scene file, recording and picture.
     duration : float, optional
         Length of the recording [s]; default: that of the scene file.
     ray_budget : int, optional
-        Most rays of a cast; default: that of `Simulator`.
+        Largest number of rays of a cast; default: that of `Simulator`.
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """

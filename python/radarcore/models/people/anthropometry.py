@@ -61,7 +61,7 @@ def spheroids(height: float, mass: float) -> dict[str, Spheroid]:
     # The pelvis: as wide as the hips are apart and as deep as the trunk; its height follows, 0.13 of the body's.
     depth, breadth = trunk.semi_axes[0], 0.0955 * height
     pelvis_height = volume(0.142, 1030.0) / (4.0 / 3.0 * pi * depth * breadth)
-    # From the heel, a quarter of its length behind the ankle, to the toe, and from the sole up.
+    # The foot: from the heel, a quarter of its length behind the ankle, to the toe, and from the sole up.
     length, breadth_foot = 0.5 * 0.152 * height, 0.5 * 0.055 * height
     foot_height = volume(0.0145, 1100.0) / (4.0 / 3.0 * pi * length * breadth_foot)
     return {

@@ -61,26 +61,26 @@ class Walk:
 
 
 class Skeleton(NamedTuple):
-    """Places of the joints, (3,) each [m]; those of limbs on the left side, the right one mirrors them."""
+    """Positions of the joints, (3,) each [m]; limbs are those of the left side, the right ones mirrored."""
 
     waist: Floats
-    """From midway between the hips, in the axes of the pelvis: where the trunk turns."""
+    """Centre of the trunk's turns, from midway between the hips, in the axes of the pelvis."""
     hip: Floats
-    """From the same point, in the same axes."""
+    """Left hip, from midway between the hips, in the axes of the pelvis."""
     knee: Floats
-    """From the hip, in the axes of the thigh."""
+    """Knee, from the hip, in the axes of the thigh."""
     ankle: Floats
-    """From the knee, in the axes of the shank."""
+    """Ankle, from the knee, in the axes of the shank."""
     neck: Floats
-    """From the waist, in the axes of the trunk."""
+    """Neck, from the waist, in the axes of the trunk."""
     head: Floats
-    """From the waist, in the axes of the trunk."""
+    """Head, from the waist, in the axes of the trunk."""
     shoulder: Floats
-    """From the waist, in the axes of the trunk."""
+    """Shoulder, from the waist, in the axes of the trunk."""
     elbow: Floats
-    """From the shoulder, in the axes of the upper arm."""
+    """Elbow, from the shoulder, in the axes of the upper arm."""
     wrist: Floats
-    """From the elbow, in the axes of the forearm."""
+    """Wrist, from the elbow, in the axes of the forearm."""
 
 
 class Figure:

@@ -104,7 +104,7 @@ class Posture(NamedTuple):
 
 
 def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:
-    """Both sides, trunk and root together; with ``orders=2`` their derivatives too."""
+    """Posture: both sides, trunk and root together; with ``orders=2`` their derivatives too."""
     curves = _series(relative_speed).at(phase, orders)
     return Posture(curves[..., : _TRUNK.stop], curves[..., _ROOT])
 
@@ -177,7 +177,7 @@ def _powers(phases: _Floats) -> _Phasors:
 
 @lru_cache(maxsize=64)
 def _series(relative_speed: float) -> _FourierSeries:
-    """All curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
+    """Curves at one speed: joints of the left and of the right limbs, the trunk's angles, the root."""
     RV = relative_speed
     late = 0.625 - stance_fraction(RV)
     angles = {

@@ -117,7 +117,7 @@ class Human:
         name : str
             The bodies are called ``name/segment``, such as ``human/left_foot``.
         subdivisions : int
-            Of every spheroid, as for `shapes.sphere`: ``20 * 4**subdivisions`` triangles.
+            Subdivisions of every spheroid, as for `shapes.sphere`: ``20 * 4**subdivisions`` triangles.
         """
         unit = shapes.sphere(1.0, subdivisions=subdivisions)
         meshes = {

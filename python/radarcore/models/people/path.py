@@ -20,7 +20,7 @@ _Phasors = NDArray[np.complex128]
 
 # Turns below this angle [rad] are left out: the heading jumps by less than any pose can show.
 _NO_TURN = 1e-9
-# From this angle on [rad] no legs are long enough.
+# Largest turn [rad]: beyond it no legs are long enough.
 _TURN_BACK = 0.999 * pi
 
 # Degree of the Chebyshev series of positions along half of a turn: 1e-16 of the length of a turn right back.
@@ -170,7 +170,7 @@ class FloorPath:
 
 @lru_cache(maxsize=256)
 def _bend(turn: float) -> _Phasors:
-    """By how much half of a turn leaves the line it begins on, as a Chebyshev series over its length: a unit length."""
+    """Deviation of half a turn from the line it begins on: a Chebyshev series over its length, a unit length."""
     bend = _interpolated(lambda u: np.exp(1j * turn * chebyshev.chebval(u, _HEADING)) - 1.0, _DEGREE - 1)
     return np.asarray(0.5 * chebyshev.chebint(bend, lbnd=-1.0))
 

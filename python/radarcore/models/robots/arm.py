@@ -1,4 +1,4 @@
-"""Robot arms: joints, the links between them, and where these are while the joints move."""
+"""Robot arms: joints, links, and poses of the links while the joints move."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RobotArm:
     links : mapping of str to Mesh or None
         All links by name, with their shape in their own coordinates.
     name : str
-        For the names of bodies.
+        Prefix of the names of bodies.
 
     Attributes
     ----------
@@ -93,10 +93,10 @@ class RobotArm:
         path : path
             The file. Its root link is the arm's base.
         meshes : "collision", "visual" or None
-            Which of the two geometries to put on the links. Box, cylinder, sphere and OBJ files need nothing else
+            Geometry of the links. Box, cylinder, sphere and OBJ files need nothing else
             installed; other files need trimesh (``pip install radarcore[mesh]``).
         package_directories : mapping, optional
-            Where ``package://name/...`` is, by name; default: the directory `name` that the file is in.
+            Directories of ``package://name/...`` by name; default: the directory `name` that the file is in.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class RobotArm:
         return MovingArm(self, joint_motion, base)
 
     def link_number(self, link: str) -> int:
-        """Place of a link in `links`; a KeyError that names near ones when there is none."""
+        """Index of a link in `links`; a KeyError that names near ones when there is none."""
         try:
             return self._numbers[link]
         except KeyError:
@@ -271,7 +271,7 @@ class MovingArm:
             self._resting = check.frozen(arm.joint_array(joint_motion))
 
     def link_motion(self, link: str) -> Motion:
-        """Motion of a link in the world: that of a body on it, or the parent of what is `Attached` to it."""
+        """Motion of a link in the world, for bodies on it and for `Attached`."""
         number = self.arm.link_number(link)
         if self._resting is None:
             return LinkMotion(self, number)
@@ -284,9 +284,9 @@ class MovingArm:
         Parameters
         ----------
         material : Material, optional
-            Of all links; default: that of `Body`, metal.
+            Material of all links; default: that of `Body`, metal.
         name : str, optional
-            What the names begin with; default: the arm's.
+            Prefix of the names; default: the arm's name.
         """
         prefix = self.arm.name if name is None else name
         return [

@@ -33,7 +33,7 @@ class LinkMesh(NamedTuple):
     triangles: NDArray[np.int64]
     """(m, 3) rows of `vertices`."""
     origin: Pose
-    """In the link's coordinates."""
+    """Pose in the link's coordinates."""
 
 
 def is_available() -> bool:

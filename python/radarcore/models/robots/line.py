@@ -59,7 +59,7 @@ def cartesian_line(
     ramp_time, start_time : float
         Length of each of the two ramps, and when the motion begins [s].
     link : str
-        What moves: its origin stays on the line.
+        Link whose origin stays on the line.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def cartesian_line(
     length = speed * (duration - ramp_time)
 
     def way(times: Matrix) -> Matrix:
-        """Distance travelled [m]; the second half mirrors the first."""
+        """Distance travelled [m], symmetric about the middle of the time."""
         past = np.minimum(times, duration - times)
         u = np.clip(past / ramp_time, 0.0, 1.0)
         first_half = speed * (ramp_time * (u**3 - 0.5 * u**4) + np.maximum(past - ramp_time, 0.0))

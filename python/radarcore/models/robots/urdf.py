@@ -27,7 +27,7 @@ class Part(NamedTuple):
     scale: NDArray[np.float64]
     """(3,) metres per unit of the file."""
     origin: Pose
-    """In the link's coordinates."""
+    """Pose in the link's coordinates."""
 
     def mesh(self) -> Mesh:
         """The shape [m], before it is put at `origin`; a mirrored one keeps its normals outwards."""

@@ -28,7 +28,7 @@ _DYNAMIC_RANGE_DB = 60.0
 """Largest span of the colours [dB]."""
 
 _TEXT_INTERVAL = 0.2
-"""Between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
+"""Time between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
 
 
 class LiveView:
@@ -49,7 +49,7 @@ class LiveView:
     Parameters
     ----------
     radar : Radar
-        Of all frames.
+        Radar of all frames.
     figure : matplotlib Figure, optional
         An empty one to draw in, such as a window's; default: a new one, not known to pyplot.
     title : str
@@ -62,7 +62,7 @@ class LiveView:
     history : float
         Length of the time axis [s].
     threshold_db : float
-        Least level of a detection [dB].
+        Smallest level of a detection [dB].
     max_detections : int
         Show at most as many.
 
@@ -135,7 +135,7 @@ class LiveView:
         self._show()
 
     def draw(self) -> None:
-        """Paint what `update` has changed: axes at once, texts a few times per second; all, where the scale changed."""
+        """Paint the changes of `update`: axes at once, texts a few times per second; all if the scale changed."""
         painting: Any = self.figure.canvas
         if not self._still:
             painting.draw()
@@ -145,7 +145,7 @@ class LiveView:
             self._paint(self._text_axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write what is shown as a PNG picture; missing parents are made."""
+        """Write the figure as a PNG picture; missing parents are made."""
         from matplotlib.image import imsave
 
         painting: Any = self.figure.canvas
@@ -159,7 +159,7 @@ class LiveView:
         imsave(path, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
 
     def _make_axes(self) -> None:
-        """Axes with all that stays, and what changes in them."""
+        """Make the axes, and the artists in them that change."""
         from matplotlib.cm import ScalarMappable
 
         stream = self._stream
@@ -199,7 +199,7 @@ class LiveView:
             left.set_title("Range and velocity")
 
     def _make_texts(self, title: str, number: int) -> None:
-        """Headline and list of detections; drawing letters takes time, so what stays is apart from what changes."""
+        """Make the headline and the list of detections; constant text stands apart, as drawing letters takes time."""
         top, bottom = self._text_axes
         for ax in (top, bottom):
             ax.set_axis_off()
@@ -284,7 +284,7 @@ class LiveView:
         return pixels
 
     def _on_draw(self, _: object) -> None:
-        """After all that stays is drawn, whoever asked for it: keep that, and draw the rest on top."""
+        """Keep the drawn background, after any redraw, and draw the moving parts on top."""
         painting: Any = self.figure.canvas
         self._still = {}
         if painting.supports_blit and not painting.is_saving():
@@ -293,7 +293,7 @@ class LiveView:
             self._paint(self._changing, is_blitted=False)
 
     def _paint(self, axes: Iterable[Axes], *, is_blitted: bool = True) -> None:
-        """Paint what changes in some axes over what stays in them."""
+        """Paint the changing artists of some axes over the constant ones."""
         painting: Any = self.figure.canvas
         for ax in axes:
             painting.restore_region(self._still[ax])

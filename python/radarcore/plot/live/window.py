@@ -55,7 +55,7 @@ def view(
     Parameters
     ----------
     frames : iterable of Frame
-        Of one radar: a sensor's, a recording's, a simulator's.
+        Frames of one radar: a sensor's, a recording's, a simulator's.
     output : path, optional
         Directory for PNG pictures instead of a window; made if missing. Default without a window: ``out/view``.
     every : float
@@ -82,7 +82,7 @@ def view(
     Raises
     ------
     Exception
-        What the source raises, after the last picture is written.
+        Errors of the source, after the last picture is written.
     """
     canvas.require()
     check.positive("every", every, "s")
@@ -142,7 +142,7 @@ def _write(
 
 
 def _new_window(title: str) -> Figure | None:
-    """Empty figure in a window of pyplot's; None where there can be none."""
+    """Empty figure in a window of pyplot's; None if there can be none."""
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not has_display:
         return None
@@ -247,7 +247,7 @@ class _Source:
         self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
-        """Until the frames end or nobody wants them."""
+        """Read frames until they end or the window is closed."""
         began, start = 0.0, None
         try:
             for frame in self._frames:

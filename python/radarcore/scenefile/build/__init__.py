@@ -1,1 +1,1 @@
-"""From the tables of a scene file to radar, bodies and motions."""
+"""Builders of radar, bodies and motions from the tables of a scene file."""

@@ -36,7 +36,7 @@ AnyTable = BodyTable | PointTable | HumanTable | ArmTable
 
 
 class Parts:
-    """Builds bodies, points, people and arms, each after what carries it."""
+    """Builder of bodies, points, people and arms, each after its carrier."""
 
     def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
         self._directory = directory
@@ -44,7 +44,7 @@ class Parts:
         self._carriers: Carriers = {}
 
     def build(self, table: SceneTable) -> tuple[list[Body | PointTarget], Carriers]:
-        """All parts in the order of the tables, and what can carry the sensor."""
+        """Parts in the order of the tables, and motions that can carry the sensor."""
         kinds: dict[str, list[Any]] = {
             "body": table.body,
             "point": table.point,
@@ -77,7 +77,7 @@ class Parts:
         assert entry.attached_to is not None  # or it would not wait
         waiting_names = {other.name for other in waiting.values()}
         if entry.attached_to.partition("/")[0] in waiting_names:
-            return f"attached_to: expected what is not attached to this in turn, got {entry.attached_to!r}"
+            return f"attached_to: expected a carrier that is not attached to this in turn, got {entry.attached_to!r}"
         return f"attached_to: unknown {unknown(entry.attached_to, self._carriers)}"
 
     def _part(self, entry: AnyTable) -> list[Body] | list[PointTarget]:
@@ -88,7 +88,7 @@ class Parts:
         return self._human(entry) if isinstance(entry, HumanTable) else self._arm(entry)
 
     def _bodies(self, table: BodyTable) -> list[Body]:
-        """One body, or one for each material of an OBJ file that is to have several."""
+        """Bodies of a table: one, or one for each material of an OBJ file."""
         motion = motion_of(table, self._carriers)
         if table.name is not None:
             self._carriers[table.name] = motion
@@ -164,7 +164,7 @@ class Parts:
 
 
 def _check_names(tables: dict[str, AnyTable]) -> None:
-    """Refuse a name that two parts have: attachments and truth could not tell them apart."""
+    """Refuse a name that two parts have: it would be ambiguous in attachments and truth."""
     seen: dict[str, str] = {}
     for where, table in tables.items():
         if table.name is not None and table.name in seen:

@@ -1,4 +1,4 @@
-"""From the tables of a scene file to scene, radar and run."""
+"""Builds scene, radar and run from the tables of a scene file."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ MAX_SAMPLES = 4095
 
 
 class LimitError(ValueError):
-    """The chip cannot do what an argument asks; `argument` and `text` apart, as radars have other names for some."""
+    """Error for a value beyond the chip's limits; `argument` and `text` apart, as radars have other names for some."""
 
     def __init__(self, argument: str, text: str) -> None:
         super().__init__(argument, text)

@@ -1,4 +1,4 @@
-"""Registers of the chip BGT60TR13C, the words that set them, and what can be read from it."""
+"""Registers of the chip BGT60TR13C: words that set them, and values read from it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ RESET_VALUES: dict[int, int] = dict.fromkeys(range(FIFO), 0) | {
     STAT0: 0x0000A8,
     FSTAT: 0x100000,
 }
-"""All registers after a reset."""
+"""Registers after a reset."""
 
 CHIP_NAMES: dict[tuple[int, int], str] = {
     (3, 3): "BGT60TR13C",

@@ -76,7 +76,7 @@ from radarcore.sensor.bgt60.timing import (
 )
 
 ADC_DELAY = 249 / CLOCK
-"""From the start of a chirp's band to its first sample [s]: 3.1125 us."""
+"""Time from the start of a chirp's band to its first sample [s]: 3.1125 us."""
 
 NUM_RX = 3
 IF_GAINS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
@@ -133,7 +133,7 @@ class Settings:
         Frequency 3.1125 us before the first sample, and one sample after the last [Hz], from 58 to 63.5 GHz. An end
         below the start is a falling ramp.
     sample_rate : float
-        Of one receiver [Hz].
+        Sample rate of one receiver [Hz].
     num_samples : int
         Samples per chirp.
     num_chirps : int
@@ -151,14 +151,14 @@ class Settings:
     if_gain_db : int
         Gain of the baseband [dB], from 18 to 60.
     highpass_cutoff : float
-        Of the baseband [Hz]; the nearest of `HIGHPASS_CUTOFFS` is taken.
+        Cutoff of the baseband's high-pass [Hz]; the nearest of `HIGHPASS_CUTOFFS` is taken.
     num_frames : int
         Frames until the chip stops; 0: endless.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no number, or not finite.
+        For a value that is no number, or not finite.
     """
 
     start_frequency: float = 58e9
@@ -267,7 +267,7 @@ class Settings:
         Raises
         ------
         ValueError
-            Where start and end are the same, or the sample rate or the receivers are none of the chip.
+            For equal start and end, and for a sample rate or receivers that the chip does not have.
         """
         within("rx_mask", self.rx_mask, 1, 7)
         divider = divider_of(self.sample_rate)
@@ -312,7 +312,7 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     Raises
     ------
     ValueError
-        For what the chip cannot do; the message has the nearest value that it can.
+        For a value beyond the chip's limits; the message has the nearest possible one.
     """
     size = check.count("slice_size", slice_size, -sys.maxsize)
     within("slice_size", size, 2, FIFO_SIZE)
@@ -360,7 +360,7 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
     Parameters
     ----------
     registers : mapping of addresses to values
-        Those that are missing have their values after a reset.
+        Registers by address; missing ones have their values after a reset.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def choose_slice_size(settings: Settings) -> int:
     Raises
     ------
     ValueError
-        For what the chip cannot do, and for odd frames of more than 4096 samples.
+        For settings beyond the chip's limits, and for odd frames of more than 4096 samples.
     """
     registers_of(settings, 2)
     frame = settings.frame_size
@@ -57,7 +57,7 @@ def sdk_slice_size(settings: Settings) -> int:
     Raises
     ------
     ValueError
-        For what the chip cannot do, and where it comes out odd.
+        For settings beyond the chip's limits, and for an odd result.
     """
     registers_of(settings, 2)
     frame = settings.frame_size

@@ -59,7 +59,7 @@ class Delay:
 
     @property
     def cycles(self) -> int:
-        """Waking included."""
+        """Cycles of the delay, waking included."""
         return timer_cycles(self.counter, self.scale) + (0, _INIT, _INIT + _WAKE_UP)[self.mode]
 
 

@@ -45,7 +45,7 @@ from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, Se
 from radarcore.sensor.transport import Stream
 
 _TIMEOUT = 1.0
-"""For the answer to a request [s]."""
+"""Time-out of the answer to a request [s]."""
 
 _BOARD_TIMEOUT = 10.0
 """Silence after which a board that has lost step listens again [s]."""
@@ -83,7 +83,7 @@ class ComLibBoard:
     stream : Stream
         Connection, which `close` gives back.
     timeout : float
-        For the answer to a request [s].
+        Time-out of the answer to a request [s].
     board_timeout : float
         Silence after which a board that has lost step listens again [s].
 
@@ -163,9 +163,9 @@ class ComLibBoard:
         Raises
         ------
         ValueError
-            For what no setting of the board comes near to.
+            For a radar that no setting of the board comes near to.
         RequestError
-            For what the board refuses.
+            For a request that the board refuses.
         """
         wave = radar.waveform
         rx_mask = self._rx_mask(radar, rx_mask)
@@ -256,7 +256,7 @@ class ComLibBoard:
             self._stop()
 
     def details(self) -> dict[str, Any]:
-        """Nothing: the settings that are known are those of the radar."""
+        """Entries of `Recording.source`: none, as all known settings are those of the radar."""
         return {}
 
     def temperature(self) -> float:
@@ -334,7 +334,7 @@ class ComLibBoard:
             raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {answer}")
 
     def _sample_rate(self, wave: Waveform, rx_mask: int) -> float:
-        """Sample rate of the board [Hz]; ValueError where it is another than the waveform's and cannot be set."""
+        """Sample rate of the board [Hz]; ValueError if it is another than the waveform's and cannot be set."""
         if self._adc is not None:
             return float(self._adc_settings(self._adc).sample_rate)
         # Chirps of n and of other samples differ by the time of the samples between them.
@@ -422,7 +422,7 @@ class ComLibBoard:
 
     @contextlib.contextmanager
     def _exclusive(self) -> Iterator[None]:
-        """One conversation at a time; a thread that reads frame after frame lets others in between."""
+        """Lock of the conversation; a thread that reads frame after frame lets others in between."""
         with self._turn:
             self._lock.acquire()
         try:
@@ -453,7 +453,7 @@ class ComLibBoard:
     def _exchange(self, endpoint: int, payload: bytes) -> list[Message]:
         """Messages that answer a request, once its status is OK."""
         if self._is_frame_due:
-            # No request before the answer to the last one. What is wrong with that, the next frame has again.
+            # No request before the answer to the last one; an error in that comes again with the next frame.
             try:
                 self._read_frame(self._interval_us / 1e6 + self._timeout)
             except SensorTimeoutError:
@@ -501,7 +501,7 @@ class ComLibBoard:
         return messages
 
     def _await_silence(self) -> None:
-        """Throw away what comes until the line is silent, and a confused board has had the time to listen again."""
+        """Discard bytes until the line is silent, for as long as a confused board needs to listen again."""
         listens = StatusMessage(0, ProtocolStatus.SILENCE).encode()
         limit = time.monotonic() + self._timeout + (self._board_timeout if self._is_board_confused else 0.0)
         last = b""

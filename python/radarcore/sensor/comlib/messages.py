@@ -33,7 +33,7 @@ class Message:
         return self.payload[0] if self.payload else -1
 
     def encode(self) -> bytes:
-        """Bytes on the wire; ValueError where endpoint or payload do not fit."""
+        """Bytes on the wire; ValueError if endpoint or payload do not fit."""
         if not 0 <= self.endpoint <= 0xFF:
             raise ValueError(f"endpoint: expected 0 to 255, got {self.endpoint}")
         if len(self.payload) > MAX_PAYLOAD:
@@ -49,13 +49,13 @@ class StatusMessage:
     status: int
 
     def encode(self) -> bytes:
-        """Bytes on the wire; ValueError where a number does not fit."""
+        """Bytes on the wire; ValueError if a number does not fit."""
         return pack("status", "<BBH", STATUS_START, self.endpoint, self.status)
 
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes that the host's parser threw away, and why."""
+    """Bytes that the host's parser discarded, with the reason."""
 
     num_bytes: int
     reason: str
@@ -65,7 +65,7 @@ Found = TypeVar("Found")
 
 
 class _Parser(Generic[Found]):
-    """Messages out of a byte stream that comes in pieces; after an error everything is discarded up to a silence."""
+    """Parser of messages in a byte stream; after an error everything is discarded up to a silence."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -105,7 +105,7 @@ class _Parser(Generic[Found]):
         raise NotImplementedError
 
     def _discard(self, num_bytes: int, found: list[Found]) -> None:
-        """Bytes are thrown away."""
+        """Discard bytes."""
 
 
 class HostParser(_Parser[Message | StatusMessage | Damage]):

@@ -32,7 +32,7 @@ def encode_endpoints(endpoints: list[Endpoint]) -> bytes:
 
 
 def decode_endpoints(payload: bytes) -> list[Endpoint]:
-    """Endpoints from 1 on; ProtocolError where the answer is of a wrong size."""
+    """Endpoints from 1 on; ProtocolError if the answer is of a wrong size."""
     if len(payload) < 2 or len(payload) != 2 + 6 * payload[1]:
         raise ProtocolError(f"ComLib endpoints: expected 2 + 6 n bytes, got {payload[:8].hex(' ')}...")
     return [Endpoint(*fields) for fields in struct.iter_unpack("<IH", payload[2:])]
@@ -47,17 +47,17 @@ class Firmware(NamedTuple):
     description: str
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("firmware", "<BHHH", Protocol.FIRMWARE, *self[:3]) + self.description.encode() + b"\0"
 
     @classmethod
     def decode(cls, payload: bytes) -> Firmware:
-        """From a payload; ProtocolError where it is too short."""
+        """Decode a payload; ProtocolError when it is too short."""
         return cls(*_fields("firmware", "<xHHH", payload, has_text=True))
 
 
 class Info(NamedTuple):
-    """Answer to `Base.GET_INFO`: what the board can do."""
+    """Answer to `Base.GET_INFO`: capabilities of the board."""
 
     min_frequency_khz: int
     max_frequency_khz: int
@@ -72,12 +72,12 @@ class Info(NamedTuple):
     description: str
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("device info", "<BII8B", Base.INFO, *self[:10]) + self.description.encode() + b"\0"
 
     @classmethod
     def decode(cls, payload: bytes) -> Info:
-        """From a payload; ProtocolError where it is too short."""
+        """Decode a payload; ProtocolError when it is too short."""
         return cls(*_fields("device info", "<xII8B", payload, has_text=True))
 
 
@@ -90,12 +90,12 @@ class Format(NamedTuple):
     signal_part: int = SignalPart.I
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("frame format", "<BIIBB", Base.FORMAT, *self)
 
     @classmethod
     def decode(cls, payload: bytes) -> Format:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("frame format", "<xIIBB", payload))
 
 
@@ -108,12 +108,12 @@ class FmcwSettings(NamedTuple):
     tx_power: int
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("FMCW settings", "<BIIBB", Fmcw.SETTINGS, *self)
 
     @classmethod
     def decode(cls, payload: bytes) -> FmcwSettings:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("FMCW settings", "<xIIBB", payload))
 
 
@@ -125,12 +125,12 @@ class AdcSettings(NamedTuple):
     post_calibration: int = 0
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         return pack("ADC settings", "<BIBB", Adc.SETTINGS, *self)
 
     @classmethod
     def decode(cls, payload: bytes) -> AdcSettings:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("ADC settings", "<xIBB", payload))
 
 
@@ -146,7 +146,7 @@ class Reading(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Reading:
-        """From a payload; ProtocolError where it is of a wrong size."""
+        """Decode a payload; ProtocolError when its size is wrong."""
         return cls(*_fields("reading", "<xBi", payload))
 
 
@@ -156,7 +156,7 @@ def encode_byte(code: int, number: int) -> bytes:
 
 
 def decode_byte(payload: bytes) -> int:
-    """The 8 bits behind a code; ProtocolError where the payload is of a wrong size."""
+    """The 8 bits behind a code; ProtocolError if the payload is of a wrong size."""
     number: int
     (number,) = _fields("message", "<xB", payload)
     return number
@@ -168,7 +168,7 @@ def encode_number(code: int, number: int) -> bytes:
 
 
 def decode_number(payload: bytes) -> int:
-    """The 32 bits behind a code; ProtocolError where the payload is of a wrong size."""
+    """The 32 bits behind a code; ProtocolError if the payload is of a wrong size."""
     number: int
     (number,) = _fields("message", "<xI", payload)
     return number
@@ -202,7 +202,7 @@ class Frame:
     is_interleaved: bool = False
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError where a number does not fit."""
+        """Payload with its code; ValueError if a number does not fit."""
         num_rx, num_chirps, num_samples, _ = self.codes.shape
         head = pack(
             "frame",
@@ -222,7 +222,7 @@ class Frame:
 
     @classmethod
     def decode(cls, payload: bytes) -> Frame:
-        """From a payload; ProtocolError where its size is not that of its samples."""
+        """Decode a payload; ProtocolError when its size is not that of its samples."""
         head = _fields("frame", "<xIIBIBBBB", payload[:18])
         number, num_chirps, num_rx, num_samples, rx_mask, data_format, resolution, is_interleaved = head
         if data_format > 2 or not 1 <= resolution <= 16 or is_interleaved > 1:
@@ -271,7 +271,7 @@ def unpack_bits(data: bytes, num_codes: int, resolution: int) -> NDArray[np.uint
 
 
 def pack(name: str, layout: str, *numbers: int) -> bytes:
-    """Numbers in a layout of `struct`; a ValueError where one does not fit."""
+    """Numbers in a layout of `struct`; a ValueError if one does not fit."""
     try:
         return struct.pack(layout, *numbers)
     except struct.error as error:

@@ -58,7 +58,7 @@ class Chip:
     Parameters
     ----------
     source : FrameSource
-        What is measured.
+        Measured samples.
     speed : float or None
         Seconds of the sensor per second of the host; None: as fast as samples are taken.
     temperature : float
@@ -66,7 +66,7 @@ class Chip:
     on_samples : callable
         Called with no lock held whenever samples have come or the FIFO has overflown.
     is_full : callable
-        Whether whoever takes the samples has no room: at ``speed=None`` the sequencer then waits.
+        True while the reader of the samples has no room: at ``speed=None`` the sequencer then waits.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Chip:
         """An overflow has not been told yet; whoever tells it clears this."""
         self.failure: Exception | None = None
         self.slowest = np.inf
-        """Least pace of the source so far, 1 where it keeps up."""
+        """Smallest rate of the source so far, relative to real time; 1 when it keeps up."""
         self._began = time.monotonic()
         self._latest = 0.0  # time stamp of the newest samples
         self.registers: dict[int, int] = {}
@@ -195,12 +195,12 @@ class Chip:
         return (pieces[0] if len(pieces) == 1 else np.concatenate(pieces)), when
 
     def wake(self) -> None:
-        """Whoever takes samples has room again."""
+        """Wake the sequencer: the reader of samples has room again."""
         with self._lock:
             self._lock.notify_all()
 
     def overflow(self) -> None:
-        """Lose what is in the FIFO and stop, as when nobody takes it in time."""
+        """Lose the content of the FIFO and stop, as when it is not read in time."""
         with self._lock:
             self.has_overflown = self.complains = True
             self._run += 1
@@ -230,7 +230,7 @@ class Chip:
         self._thread.start()
 
     def _stop(self) -> None:
-        """End what is measured; its thread ends when the source has given the frame it is at, which may take long."""
+        """End the measurement; its thread ends with the frame that the source is at, which may take long."""
         with self._lock:
             self._run += 1
             self._lock.notify_all()

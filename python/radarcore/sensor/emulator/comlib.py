@@ -85,9 +85,9 @@ class ComLibEmulator:
     sample_rate : float
         Sample rate after power-up [Hz].
     has_adc : bool
-        Whether there is the endpoint RADX, which sets the sample rate.
+        Offer the endpoint RADX, which sets the sample rate.
     is_interleaved : bool
-        Whether frames have the receivers in turn, sample by sample.
+        Interleave the receivers, sample by sample.
     temperature : float
         Temperature of the chip [degrees Celsius]; the attribute may change.
     resync_timeout : float
@@ -131,7 +131,7 @@ class ComLibEmulator:
 
     @property
     def radar(self) -> Radar:
-        """The radar as it is set, which the source is asked for frames of."""
+        """Radar of the present settings, whose frames the source gives."""
         ramp, adc, form = self._ramp, self._converter, self._format
         duration = self._chirp_duration / 1e9
         slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
@@ -166,7 +166,7 @@ class ComLibEmulator:
             self._changed.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
-        """Bytes of one transfer to the host: 1 to `size` of them, none if nothing is sent within `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size`, none when nothing is to be sent within `timeout` [s]."""
         deadline = time.monotonic() + timeout
         with self._changed:
             while True:
@@ -258,7 +258,7 @@ class ComLibEmulator:
         """Time until a frame is ready that has not been sent [s]."""
         if self._num_over > self._next_index:
             return 0.0
-        # By a rounding it may be zero too soon: look again then.
+        # Rounding may make it zero too soon: look again then.
         ready = self._begin + (self._next_index + 1) * self._interval / 1e6
         return max(1e-6, (ready - self._now()) / (self._speed or 1.0))
 
@@ -300,7 +300,7 @@ class ComLibEmulator:
 
     @property
     def _chirp_duration(self) -> int:
-        """[ns]."""
+        """Duration of a chirp [ns]."""
         return round(self._format.num_samples / self._converter.sample_rate * 1e9) + _OVERHEAD_NS
 
     @property
@@ -325,7 +325,7 @@ class ComLibEmulator:
         return Message(_BASE, power.encode(Base.TX_POWER))
 
     def _protocol(self, payload: bytes) -> list[Message]:
-        """Endpoint 0."""
+        """Answer a message to endpoint 0."""
         _check_size(payload, dict.fromkeys(ProtocolCode, 1))
         match payload[0]:
             case ProtocolCode.ENDPOINTS:
@@ -336,7 +336,7 @@ class ComLibEmulator:
         return []
 
     def _base(self, payload: bytes) -> list[Message]:
-        """RBAS."""
+        """Answer a message to the endpoint RBAS."""
         _check_size(payload, _BASE_SIZES)
         match payload[0]:
             case Base.GET_FRAME:
@@ -379,7 +379,7 @@ class ComLibEmulator:
         return [*messages, self._tell_slope()]
 
     def _fmcw(self, payload: bytes) -> list[Message]:
-        """RFMC."""
+        """Answer a message to the endpoint RFMC."""
         _check_size(payload, _FMCW_SIZES)
         match payload[0]:
             case Fmcw.SETTINGS:
@@ -397,7 +397,7 @@ class ComLibEmulator:
         return [Message(_FMCW, self._ramp.encode())]
 
     def _adc(self, payload: bytes) -> list[Message]:
-        """RADX."""
+        """Answer a message to the endpoint RADX."""
         _check_size(payload, _ADC_SIZES)
         messages = []
         if payload[0] == Adc.SETTINGS:

@@ -1,4 +1,4 @@
-"""Faults of a link and a board, on demand or at random, and what was done of them."""
+"""Faults of a link and a board, on demand or at random, and counts of them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Faults:
         return True
 
     def jump(self) -> int:
-        """By how much a counter is ahead: at least 1."""
+        """Jump of a counter: at least 1."""
         return int(self._rng.integers(1, 1000)) if self.happens("lost_counter") else 0
 
     def damage(self, packet: bytes) -> bytes:
@@ -93,7 +93,7 @@ class Faults:
         return bytes(sent)
 
     def transfer_size(self, size: int) -> int:
-        """Most bytes of the next transfer."""
+        """Largest size of the next transfer [bytes]."""
         return int(self._rng.integers(1, size + 1)) if self.has_any_transfers else size
 
     def part(self, packet: bytes) -> bytes:

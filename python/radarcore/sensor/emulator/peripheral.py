@@ -20,7 +20,7 @@ class StreamPeripheral(Protocol):
         """Bytes from the host, cut anywhere."""
 
     def send(self, size: int, timeout: float) -> bytes:
-        """Bytes of one transfer to the host: 1 to `size` of them, none if nothing is sent within `timeout` [s]."""
+        """Bytes of one transfer to the host: 1 to `size`, none when nothing is to be sent within `timeout` [s]."""
 
 
 class VendorPeripheral(Protocol):
@@ -33,4 +33,4 @@ class VendorPeripheral(Protocol):
         """A control transfer from the board, at most `length` bytes; `Stall` refuses it."""
 
     def send(self, size: int, timeout: float) -> bytes:
-        """One bulk transfer to the host, at most `size` bytes; none where nothing is to be sent in `timeout` [s]."""
+        """Bulk transfer to the host, at most `size` bytes; none when nothing is to be sent within `timeout` [s]."""

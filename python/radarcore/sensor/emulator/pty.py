@@ -96,7 +96,7 @@ class PtyPort:
         self._link.symlink_to(self.path)
 
     def _run(self, step: Callable[[], None]) -> None:
-        """One direction, until the port is closed or the board is gone; whichever ends last hangs up."""
+        """Carry one direction until the port is closed or the board is gone; the last one to end hangs up."""
         try:
             while not self._closed.is_set():
                 step()

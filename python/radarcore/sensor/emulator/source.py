@@ -17,7 +17,7 @@ MIDDLE = 2047.5
 
 
 class FrameSource(Protocol):
-    """Gives the codes of any frame that an emulated sensor is set to."""
+    """Source of codes for any settings of an emulated sensor."""
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """Codes of the ADC of one frame.
@@ -62,7 +62,7 @@ class Noise:
 
 
 class Playback:
-    """The frames of a recording, over and over; whatever the sensor is set to has to be what was recorded.
+    """Frames of a recording in endless rounds; the settings of the sensor must be the recorded ones.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Playback:
         self.raw = raw
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
-        """The recorded frame; a sensor that is set otherwise is refused."""
+        """Recorded frame; other settings of the sensor are refused."""
         del time, if_gain_db  # as recorded
         if (expected := self.raw.shape[1:]) != (got := shape_of(radar)):
             raise ValueError(f"radar: expected {expected} [rx, chirp, sample] as recorded, got {got}")

@@ -43,7 +43,7 @@ class Identity:
     name, extended_version : str
     vendor_id, product_id : int
     version : Version
-        Of the firmware and the protocol.
+        Versions of the firmware and the protocol.
     uuid : bytes
         16 of them.
     chip_id : int
@@ -65,14 +65,14 @@ class Controller:
     Parameters
     ----------
     source : FrameSource
-        What the chip measures.
+        Samples that the chip measures.
     speed : float, optional
         Seconds of the sensor per second of the host; None: as fast as the host reads, and no FIFO overflows.
     identity : Identity
     temperature : float
         [degrees Celsius]
     has_timestamps : bool
-        Whether slices carry the time.
+        Slices carry the time.
     most_payload : int
         Bytes of samples per packet; slices that are larger come in several packets.
     faults : Faults, optional
@@ -330,7 +330,7 @@ class CdcBoard:
             self._out += faults.damage(encoded)
 
     def unplug(self) -> None:
-        """The board is gone, whatever was under way."""
+        """Take the board off the bus, whatever is under way."""
         self._is_gone = True
         with self.controller.arrived:
             self.controller.arrived.notify_all()
@@ -380,7 +380,7 @@ class VendorBoard:
         return response.payload
 
     def send(self, size: int, timeout: float) -> bytes:
-        """One data packet."""
+        """Data packet."""
         deadline = time.monotonic() + timeout
         arrived = self.controller.arrived
         with arrived:

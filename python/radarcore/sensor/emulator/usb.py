@@ -1,4 +1,4 @@
-"""An emulated USB bus with boards on it, as a backend of pyusb: what runs above it is pyusb's own code.
+"""Emulated USB bus with boards on it, as a backend below pyusb's own code.
 
 It answers as libusb does on Linux: timeouts in milliseconds (0: for ever), `USBTimeoutError`, and `USBError` with
 EPIPE for a stall, ENODEV once the device is gone (also for calls under way), EBUSY for what another has, EACCES for
@@ -173,7 +173,7 @@ class EmulatedBus:
             self.drop(device._connection)
 
     def drop(self, connection: _Connection) -> None:
-        """End a connection, by the hand that pulls the plug or by the board itself."""
+        """End a connection, by unplugging or by the board itself."""
         with self._lock:
             connection.is_gone.set()
             if connection in self._connections:
@@ -188,7 +188,7 @@ class EmulatedBus:
             return list(self._connections)
 
     def get_parent(self, connection: _Connection) -> None:
-        """No hubs are emulated."""
+        """Parent hub of a device: None, as no hubs are emulated."""
 
     def get_device_descriptor(self, connection: _Connection) -> SimpleNamespace:
         """Device descriptor, with the place on the bus."""
@@ -293,7 +293,7 @@ class EmulatedBus:
             connection.driver_is_bound = True
 
     def bulk_read(self, handle: _Handle, endpoint: int, interface: int, buffer: array[int], timeout: int) -> int:
-        """One transfer from a board, into a buffer."""
+        """Transfer from a board into a buffer."""
         handle.check_claimed(interface)
         deadline = _deadline(timeout)
         lock = handle.connection.endpoint_locks[endpoint]
@@ -307,7 +307,7 @@ class EmulatedBus:
         return len(data)
 
     def bulk_write(self, handle: _Handle, endpoint: int, interface: int, data: array[int], timeout: int) -> int:
-        """One transfer to a board, or the part of it that the board takes in time."""
+        """Transfer to a board, or the part of it that the board takes in time."""
         handle.check_claimed(interface)
         connection, device = handle.connection, handle.connection.device
         if device.stream is None or connection.endpoint(endpoint) is None:
@@ -330,7 +330,7 @@ class EmulatedBus:
         )
 
     def intr_write(self, *_arguments: object) -> NoReturn:
-        """No board has such an endpoint; pyusb asks for the method all the same."""
+        """Refused: no board has such an endpoint, but pyusb demands the method."""
         raise NotImplementedError("transfers of this type are not emulated")
 
     iso_read = iso_write = intr_write
@@ -369,7 +369,7 @@ class EmulatedBus:
 
 @dataclass(eq=False)
 class _Connection:
-    """A device from one plugging in to the next unplugging: what libusb calls a device."""
+    """Device from plugging in to unplugging, which libusb calls a device."""
 
     device: EmulatedDevice
     address: int

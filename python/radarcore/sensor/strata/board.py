@@ -78,7 +78,7 @@ class StrataBoard:
         self.info = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
-        """Stop what may be running, ask for versions, reset the chip and look what it is."""
+        """Stop a running measurement, ask for versions, reset the chip and identify it."""
         ask = self._link.ask
         # Any answer will do here, but there has to be one.
         version = Version.decode(ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
@@ -258,7 +258,7 @@ class StrataBoard:
         return Lost(lost, f"{reason}; measuring was started anew")
 
     def stop(self) -> None:
-        """Stop the data, then the chip, and throw away what is still on its way."""
+        """Stop the data, then the chip, and discard packets still on their way."""
         with self._conversation:
             if not self._is_running:
                 return
@@ -342,7 +342,7 @@ class StrataBoard:
         self._on_chip(Request.write(*_EXECUTE, packets.encode_commands(words)))
 
     def _on_chip(self, request: Request) -> bytes:
-        """The answer; asked again where the first one only tells that the FIFO has overflown before."""
+        """Answer of the chip; asked again if the first one only reports an earlier overflow of the FIFO."""
         try:
             return self._link.ask(request)
         except RequestError as error:
@@ -354,7 +354,7 @@ class StrataBoard:
         self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
 
     def _try(self, request: Request) -> bytes | None:
-        """The answer, or None where the board does not know the request."""
+        """The answer, or None if the board does not know the request."""
         try:
             return self._link.ask(request)
         except RequestError as error:
@@ -364,7 +364,7 @@ class StrataBoard:
 
 
 def _elapsed(earlier: Slice, later: Slice) -> int | None:
-    """Time between two slices [us]; None where their time stamps do not tell: none, or a clock that has gone back."""
+    """Time between two slices [us]; None if their time stamps do not tell: none, or a clock that has gone back."""
     if earlier.timestamp is None or later.timestamp is None or later.timestamp < earlier.timestamp:
         return None
     return later.timestamp - earlier.timestamp

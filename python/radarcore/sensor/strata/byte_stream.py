@@ -1,4 +1,4 @@
-"""Strata packets out of a byte stream that comes in pieces, for both ends, and back into step after damage."""
+"""Parsers of Strata packets in a byte stream, for both ends, which resynchronise after damage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Packet = TypeVar("Packet")
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes that a parser threw away.
+    """Bytes that a parser discarded.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class _Parser(Generic[Packet]):
         self._damage = Damage(0, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID)
 
     def feed(self, data: bytes) -> list[Packet | Damage]:
-        """Packets that are whole with these bytes, and what was thrown away, in order."""
+        """Packets that these bytes complete, and damage, in order."""
         self._buffer += data
         found: list[Packet | Damage] = []
         begin = 0
@@ -143,7 +143,7 @@ class _Parser(Generic[Packet]):
         self._search_from = max(0, self._search_from - num_bytes)
 
     def _packet(self, begin: int, size: int) -> Packet | Damage:
-        """Packet at a place of the buffer, or what is wrong with it."""
+        """Packet at an index of the buffer, or its damage."""
         if not self._first_byte.match(self._buffer, begin):
             reason = f"byte 0x{self._buffer[begin]:02x} begins no packet"
             return Damage(0, reason, Status.REQUEST_TYPE_INVALID)

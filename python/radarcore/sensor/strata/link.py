@@ -1,4 +1,4 @@
-"""Strata requests and data packets over a port: one thread reads what the board sends, as fast as it comes."""
+"""Strata requests and data packets over a port, which one thread reads as fast as packets come."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Link(Protocol):
         """Data packets since the last call, and damage among them; waits for the first up to `timeout` [s]."""
 
     def discard(self) -> None:
-        """Throw away data packets until none come any more."""
+        """Discard data packets until none come any more."""
 
     def close(self) -> None:
         """Give the port back."""
@@ -59,12 +59,12 @@ class _Inbox:
         self._failure: SensorError | None = None
 
     def put(self, item: DataPacket | Damage) -> None:
-        """Keep it, as long as there is room; beyond that the counter of the next packet tells what is missing."""
+        """Keep a packet if there is room; otherwise the counter of the next packet shows the loss."""
         if self._queue.qsize() < _MOST_PACKETS:
             self._queue.put(item)
 
     def fail(self, error: SensorError) -> None:
-        """Nothing more will come."""
+        """End of the packets."""
         self._failure = error
         self._queue.put(error)
 
@@ -112,7 +112,7 @@ class _Reading:
         return self._inbox.take(timeout)
 
     def discard(self) -> None:
-        """Throw away data packets until none come any more."""
+        """Discard data packets until none come any more."""
         self._inbox.discard(_POLL)
 
     def close(self) -> None:
@@ -126,7 +126,7 @@ class _Reading:
             self._closing()
 
     def _poll(self) -> None:
-        """Wait a little for something to come, and sort it."""
+        """Wait a little for packets, and sort them."""
         raise NotImplementedError
 
     def _read(self) -> None:
@@ -138,7 +138,7 @@ class _Reading:
 
 
 class StreamLink(_Reading):
-    """Over a byte stream: responses and data packets share the way to the host."""
+    """Link over a byte stream: responses and data packets share it."""
 
     most_payload = strata.MAX_REQUEST_PAYLOAD
 
@@ -207,7 +207,7 @@ class StreamLink(_Reading):
 
 
 class VendorLink(_Reading):
-    """Over vendor requests and a bulk endpoint."""
+    """Link over vendor requests and a bulk endpoint."""
 
     most_payload = strata.MAX_CONTROL_PAYLOAD
 

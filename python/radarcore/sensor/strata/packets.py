@@ -28,7 +28,7 @@ MAX_CONTROL_PAYLOAD = 4088
 """Largest payload of a control transfer of vendor USB."""
 
 MAX_WORDS = 255
-"""Most SPI words in one request: the published firmware counts them in 8 bits."""
+"""Largest number of SPI words in one request: the published firmware counts them in 8 bits."""
 
 _TIMESTAMP = struct.Struct("<Q")
 
@@ -249,7 +249,7 @@ class DataPacket:
         Counts packets, modulo 65536.
     channel : int
     is_first, is_last : bool
-        Whether it begins and ends a slice.
+        True for a packet that begins, or ends, a slice.
     timestamp : int or None
         Time since the board started [us]; only the last packet of a slice has one.
     error : int, str or None
@@ -266,7 +266,7 @@ class DataPacket:
 
 
 def encode_request(request: Request) -> bytes:
-    """Packet of a request on a byte stream; ValueError where a number or the payload does not fit."""
+    """Packet of a request on a byte stream; ValueError if a number or the payload does not fit."""
     if len(request.payload) > MAX_REQUEST_PAYLOAD:
         raise ValueError(f"payload: expected at most {MAX_REQUEST_PAYLOAD} bytes, got {len(request.payload)}")
     wanted = 0 if request.kind in (Kind.READ, Kind.FETCH) else request.length
@@ -284,7 +284,7 @@ def encode_request(request: Request) -> bytes:
 
 
 def encode_response(response: Response) -> bytes:
-    """Packet of a response on a byte stream; ValueError where a number or the payload does not fit."""
+    """Packet of a response on a byte stream; ValueError if a number or the payload does not fit."""
     if len(response.payload) > MAX_RESPONSE_PAYLOAD:
         raise ValueError(f"payload: expected at most {MAX_RESPONSE_PAYLOAD} bytes, got {len(response.payload)}")
     head = _pack("<BBH", kind=response.kind, status=response.status, length=len(response.payload))
@@ -294,7 +294,7 @@ def encode_response(response: Response) -> bytes:
 def encode_data(packet: DataPacket, *, with_crc: bool = True) -> bytes:
     """Data packet: `with_crc` for a byte stream, without for a bulk transfer of vendor USB.
 
-    An error text of 4 bytes reads as a code. ValueError where something does not fit.
+    An error text of 4 bytes reads as a code. ValueError if something does not fit.
     """
     if not packet.is_last and (packet.timestamp is not None or packet.error is not None):
         raise ValueError("is_last: expected True with a time stamp or an error, got False")
@@ -316,7 +316,7 @@ def encode_data(packet: DataPacket, *, with_crc: bool = True) -> bytes:
 
 
 def decode_data(data: bytes) -> DataPacket:
-    """Data packet of a bulk transfer, without a CRC; ProtocolError where it is none."""
+    """Data packet of a bulk transfer, without a CRC; ProtocolError if it is none."""
     if len(data) < 6 or data[0] >> 4 != 0xD:
         raise ProtocolError(
             f"Strata data packet: expected 0xD. and at least 6 bytes, got {len(data)}: {data[:6].hex()}"
@@ -362,7 +362,7 @@ class Version(NamedTuple):
 
     @classmethod
     def decode(cls, payload: bytes) -> Version:
-        """Version from an answer; ProtocolError where it has not 16 bytes."""
+        """Version from an answer; ProtocolError if it has not 16 bytes."""
         if len(payload) != 16:
             raise ProtocolError(f"Strata version: expected 16 bytes, got {len(payload)}")
         return cls(*struct.unpack("<6H4x", payload))
@@ -374,7 +374,7 @@ def encode_board_info(vendor_id: int, product_id: int, name: str) -> bytes:
 
 
 def decode_board_info(payload: bytes) -> tuple[int, int, str]:
-    """Vendor id, product id and name; ProtocolError where the answer is shorter than the ids."""
+    """Vendor id, product id and name; ProtocolError if the answer is shorter than the ids."""
     if len(payload) < 4:
         raise ProtocolError(f"Strata board info: expected at least 4 bytes, got {len(payload)}")
     vendor_id, product_id = struct.unpack_from("<HH", payload)
@@ -387,7 +387,7 @@ def decode_text(payload: bytes) -> str:
 
 
 def uuid_text(payload: bytes) -> str:
-    """UUID as hexadecimal digits 8-4-4-4-12 in the order of the wire; ProtocolError where it has not 16 bytes."""
+    """UUID as hexadecimal digits 8-4-4-4-12 in the order of the wire; ProtocolError if it has not 16 bytes."""
     if len(payload) != 16:
         raise ProtocolError(f"Strata UUID: expected 16 bytes, got {len(payload)}")
     digits = payload.hex()
@@ -395,7 +395,7 @@ def uuid_text(payload: bytes) -> str:
 
 
 def uuid_bytes(text: str) -> bytes:
-    """The 16 bytes of a UUID's text; ValueError where it is none."""
+    """The 16 bytes of a UUID's text; ValueError if it is none."""
     digits = text.replace("-", "")
     if not re.fullmatch("[0-9A-Fa-f]{32}", digits):
         raise ValueError(f"uuid: expected 32 hexadecimal digits, got {text!r}")
@@ -462,7 +462,7 @@ def encode_values(words: Iterable[int]) -> bytes:
 
 
 def decode_values(payload: bytes) -> list[int]:
-    """Words of 32 bit, low byte first; ProtocolError where the last one is cut."""
+    """Words of 32 bit, low byte first; ProtocolError if the last one is cut."""
     if len(payload) % 4:
         raise ProtocolError(f"Strata values: expected a multiple of 4 bytes, got {len(payload)}")
     return list(struct.unpack(f"<{len(payload) // 4}I", payload))

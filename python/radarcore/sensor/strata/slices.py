@@ -1,4 +1,4 @@
-"""Slices of samples out of Strata data packets, and what is missing between them."""
+"""Slices of samples from Strata data packets, and losses between them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SliceLost:
     ----------
     reason : str
     num_packets : int
-        How many; 0 where the counter went back, which says nothing.
+        Number of packets; 0 after a counter that went back, which is no measure.
     """
 
     reason: str
@@ -51,7 +51,7 @@ class StreamError:
 
 
 class SliceAssembler:
-    """Slices out of data packets, and what is missing between them (Strata, receiver rules).
+    """Assembler of slices from data packets, with losses between them (Strata, receiver rules).
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ DIRECTIONS = ("write", "read", "discard")
 
 
 class _Event(NamedTuple):
-    """Bytes that went or came together."""
+    """Bytes sent or received together."""
 
     time: float
     direction: str
@@ -57,7 +57,7 @@ class Capture:
         self._write_line({"format": FORMAT, "version": VERSION, "stream": stream.name, "started": time.time()})
 
     def read(self, size: int, timeout: float) -> bytes:
-        """1 to `size` bytes that have come; none where none came within `timeout` [s]."""
+        """Received bytes, 1 to `size`; none if none came within `timeout` [s]."""
         data = self._stream.read(size, timeout)
         self._note("read", data)
         return data
@@ -69,7 +69,7 @@ class Capture:
         self._stream.write(data, timeout)
 
     def discard(self) -> None:
-        """Throw away what has come, as the stream does; it is written down nevertheless."""
+        """Discard received bytes, as the stream does; it is written down nevertheless."""
         self._note("discard", drained(self._stream))
 
     def close(self) -> None:
@@ -91,7 +91,7 @@ class Capture:
 
 
 class Replay:
-    """A stream that plays a capture: what was read comes once the writes before it have been made.
+    """A stream that replays a capture: recorded reads come once the writes before them have been made.
 
     Times are not kept: what may come comes at once. At the end of the capture the stream is like a board that is
     unplugged.
@@ -123,7 +123,7 @@ class Replay:
         self._advance()
 
     def read(self, size: int, timeout: float) -> bytes:
-        """1 to `size` bytes of one recorded read; none where another write is to be made first."""
+        """1 to `size` bytes of one recorded read; none if another write is to be made first."""
         size = check.count("size", size)
         timeout = check.non_negative("timeout", timeout, "s")
         with self._changed:
@@ -139,7 +139,7 @@ class Replay:
             return event.data[:size]
 
     def write(self, data: bytes, timeout: float) -> None:
-        """Compare with the recorded writes; what was read after them may be read then."""
+        """Compare with the recorded writes; reads recorded after them become available."""
         check.non_negative("timeout", timeout, "s")
         with self._changed:
             self._check_open()
@@ -166,7 +166,7 @@ class Replay:
                     self._advance()
 
     def discard(self) -> None:
-        """Throw away what was thrown away then; where nothing was, all that may be read."""
+        """Discard the bytes discarded in the capture; without such, all that may be read."""
         with self._changed:
             while self._come and self._come.popleft().direction == "read":
                 pass
@@ -184,7 +184,7 @@ class Replay:
         return bool(self._come)
 
     def _advance(self) -> None:
-        """Let come what came before the next write."""
+        """Release the reads that come before the next write."""
         while self._events and self._events[0].direction != "write":
             self._come.append(self._events.popleft())
         with self._changed:  # the lock may be taken again by its own thread

@@ -1,4 +1,4 @@
-"""All descriptors of the boards on the bus, for owners who want to help with a board that is unknown here."""
+"""Descriptors of the boards on the bus, for owners of a board that is unknown here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIELD = re.compile("(b|bcd|bm|i|id|w)[A-Z]")
 
 
 def describe_usb(*, usb_backend: Any = None) -> list[dict[str, Any]]:
-    """All USB descriptors of boards of the vendor; nothing is claimed, sent or changed.
+    """USB descriptors of the vendor's boards; nothing is claimed, sent or changed.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def describe_usb(*, usb_backend: Any = None) -> list[dict[str, Any]]:
         the fields of the device descriptor by their names in the USB specification, ``strings`` by their indices,
         ``configurations`` with ``interfaces`` with ``endpoints``, and ``errors``: what could not be read, and why.
         ``extra`` has further descriptors in hexadecimal, ``kernel_driver`` whether the kernel has a
-        driver on the interface (None where that is unknown).
+        driver on the interface (None if that is unknown).
     """
     devices = usb_devices(usb_backend)
     return [

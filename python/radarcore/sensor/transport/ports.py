@@ -38,11 +38,11 @@ class Port:
     path : str
         Device file or COM port, or ``usb:BUS-ADDRESS``.
     vendor_id, product_id : int or None
-        USB ids; None where the port has none.
+        USB ids; None if the port has none.
     product, serial_number : str
-        As the device calls itself; empty where that is unknown.
+        Name that the device reports; empty if unknown.
     description : str
-        For people: which board it is by its ids, and what hinders reading more.
+        Text for people: the board by its ids, and obstacles to reading more.
     """
 
     kind: Kind
@@ -60,7 +60,7 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
     Parameters
     ----------
     usb_backend : backend of pyusb, optional
-        Where to look for USB devices; libusb where none is given.
+        Backend that finds USB devices; default: libusb.
     with_serial : bool
         List serial ports too: those with the ids of boards, and ttyACM and ttyUSB ports without known ids. A CDC
         board that the kernel has as a tty is listed once, as that.

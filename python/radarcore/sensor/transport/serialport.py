@@ -67,7 +67,7 @@ class SerialStream(ByteStream):
         except BlockingIOError:
             return 0
         except serial.SerialTimeoutException as error:
-            raise SensorTimeoutError(f"{self.name}: the board took not all bytes in time") from error
+            raise SensorTimeoutError(f"{self.name}: the board did not take all bytes in time") from error
         except OSError as error:
             raise SensorDisconnectedError(f"{self.name}: the board is gone ({error})") from error
 
@@ -110,7 +110,7 @@ def _opened(path: str) -> Serial:
 
 
 def _open_error(path: str, error: Exception) -> SensorError | None:
-    """Why a port cannot be opened at all; None where another rate may help."""
+    """Error of a port that cannot be opened; None if another rate may help."""
     number = getattr(error, "errno", None)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR) or "FileNotFoundError" in str(error):
         return SensorNotFoundError(f"{path}: there is no such port; is the board plugged in?")

@@ -34,13 +34,13 @@ class Stream(Protocol):
     name: str
 
     def read(self, size: int, timeout: float) -> bytes:
-        """1 to `size` bytes that have come; none where none came within `timeout` [s]."""
+        """Received bytes, 1 to `size`; none if none came within `timeout` [s]."""
 
     def write(self, data: bytes, timeout: float) -> None:
         """Send all of `data`, or raise `SensorTimeoutError` when `timeout` [s] is over."""
 
     def discard(self) -> None:
-        """Throw away what has come, until the line is silent but for 0.2 s at most."""
+        """Discard received bytes, until the line is silent but for 0.2 s at most."""
 
     def close(self) -> None:
         """Give the port back; may be called twice."""
@@ -67,7 +67,7 @@ class VendorPort(Protocol):
         """A control transfer from the board, at most `length` bytes."""
 
     def read_packet(self, size: int, timeout: float) -> bytes:
-        """One bulk transfer of at most `size` bytes; none where none came within `timeout` [s]."""
+        """Bulk transfer of at most `size` bytes; none when none came within `timeout` [s]."""
 
     def close(self) -> None:
         """Give the device back; may be called twice."""
@@ -92,7 +92,7 @@ class ByteStream(ABC):
         self._writing = threading.Lock()
 
     def read(self, size: int, timeout: float) -> bytes:
-        """1 to `size` bytes that have come; none where none came within `timeout` [s]."""
+        """Received bytes, 1 to `size`; none if none came within `timeout` [s]."""
         size = check.count("size", size)
         deadline = monotonic() + check.non_negative("timeout", timeout, "s")
         with self._reading:
@@ -116,7 +116,7 @@ class ByteStream(ABC):
                     )
 
     def discard(self) -> None:
-        """Throw away what has come, until the line is silent but for 0.2 s at most."""
+        """Discard received bytes, until the line is silent but for 0.2 s at most."""
         drained(self)
 
     def close(self) -> None:

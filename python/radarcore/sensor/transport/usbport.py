@@ -51,7 +51,7 @@ def require_pyusb() -> Any:
 
 
 def usb_devices(usb_backend: Any = None) -> list[Any]:
-    """All devices on the bus as pyusb has them; SensorError where libusb is missing."""
+    """Devices on the bus as pyusb has them; SensorError when libusb is missing."""
     usb = require_pyusb()
     if usb_backend is None and (usb_backend := _libusb()) is None:
         raise SensorError(
@@ -68,7 +68,7 @@ def device_path(device: Any) -> str:
 
 
 def usb_strings(device: Any, indices: set[int]) -> dict[int, str]:
-    """String descriptors by their indices, without those that the device refuses; SensorError where all cannot be read.
+    """String descriptors by their indices, without those that the device refuses; SensorError if all cannot be read.
 
     Closes the device, which must not be in use by its object.
     """
@@ -107,7 +107,7 @@ def find_device(path: str, usb_backend: Any = None) -> Any:
 
 
 def has_driver(device: Any, interface_number: int) -> bool | None:
-    """True when the kernel has a driver on an interface; None where that is unknown."""
+    """True when the kernel has a driver on an interface; None if that is unknown."""
     try:
         return bool(device.is_kernel_driver_active(interface_number))
     except (OSError, NotImplementedError):  # Windows has no such notion
@@ -122,7 +122,7 @@ class UsbStream(ByteStream):
     path : str
         ``usb:BUS-ADDRESS`` or ``usb:VID:PID``.
     usb_backend : backend of pyusb, optional
-        Where the device is; libusb where none is given.
+        Backend of the bus; default: libusb.
 
     Raises
     ------
@@ -173,7 +173,7 @@ class UsbVendorPort:
     name : str
         ``usb:BUS-ADDRESS``.
     product : str
-        As the device calls itself; empty where that cannot be read.
+        Name that the device reports; empty if it cannot be read.
     """
 
     def __init__(self, path: str, *, usb_backend: Any = None) -> None:
@@ -210,7 +210,7 @@ class UsbVendorPort:
         return bytes(self._control(request_type, request, value, index, length, timeout))
 
     def read_packet(self, size: int, timeout: float) -> bytes:
-        """One bulk transfer of at most `size` bytes; none where none came within `timeout` [s]."""
+        """Bulk transfer of at most `size` bytes; none when none came within `timeout` [s]."""
         size = check.count("size", size)
         deadline = monotonic() + check.non_negative("timeout", timeout, "s")
         room = _whole_packets(size, self._in)
@@ -277,7 +277,7 @@ class _Claim:
             raise
 
     def take(self, interfaces: list[Any]) -> None:
-        """Detach the kernel's driver from all of them, then claim them."""
+        """Detach the kernel's driver from all interfaces, then claim them."""
         for interface in interfaces:
             if has_driver(self._device, interface.bInterfaceNumber):
                 self._device.detach_kernel_driver(interface.bInterfaceNumber)
@@ -343,13 +343,13 @@ def _whole_packets(size: int, endpoint: Any) -> int:
 
 
 def _bulk_read(device: Any, endpoint: Any, size: int, timeout: float) -> bytes:
-    """One transfer; none where none came in time, and for one of no bytes."""
+    """Bytes of one transfer; none when none came in time."""
     with errors_as_ours(device_path(device)):
         return bytes(_unless_halted(device, endpoint, lambda: device.read(endpoint, size, _milliseconds(timeout)), b""))
 
 
 def _bulk_write(device: Any, endpoint: Any, data: bytes, timeout: float) -> int:
-    """One transfer; how many bytes of it the board took."""
+    """Number of bytes of one transfer that the board took."""
     with errors_as_ours(device_path(device)):
         return int(_unless_halted(device, endpoint, lambda: device.write(endpoint, data, _milliseconds(timeout)), 0))
 
@@ -369,12 +369,12 @@ def _unless_halted(device: Any, endpoint: Any, transfer: Callable[[], Any], noth
 
 
 def _milliseconds(seconds: float) -> int:
-    """A timeout of libusb [ms], to whom 0 means for ever."""
+    """Timeout for libusb [ms], at least 1, as 0 means for ever."""
     return max(1, min(math.ceil(1000.0 * seconds), 0x7FFFFFFF))
 
 
 def _libusb() -> Any:
-    """The libusb that libusb-package brings, else that of the system; None where there is neither."""
+    """The libusb that libusb-package brings, else that of the system; None if there is neither."""
     try:
         import libusb_package
     except ImportError:
