@@ -170,6 +170,23 @@ def test_twists_give_the_simulators_frame_of_moving_bodies() -> None:
     np.testing.assert_allclose(frame.truth.velocity, reference.truth.velocity, rtol=1e-9, atol=1e-12)
 
 
+def test_fast_twist_gives_the_simulators_frame() -> None:
+    # Two turns in the frame about a line beside the line of sight: 17 times do not do.
+    pivot, spin = np.array([2.0, 0.5, 0.0]), np.array([4.0 * np.pi / WAVEFORM.duration, 0.0, 0.0])
+    motion = rc.Attached(rc.Linear(rc.Pose(pivot), angular_velocity=spin), rc.Pose([0.0, -0.8, 0.0]))
+    sim = simulator([body(rc.shapes.plate(0.3, 0.3), motion)], tolerance=1e-7, retrace_deg=np.inf)
+    image, reference = sim.depth_image(MIDDLE), sim.frame(0.0)
+    frame = frame_of(
+        image.surface_distance,
+        normals=image.normals,
+        body=image.body,
+        twists=[[*np.cross(pivot, spin), *spin]],
+        image_time=MIDDLE,
+        tolerance=1e-7,
+    )
+    assert error(frame, reference) < 1e-6
+
+
 def crossing(speed: float, time: float) -> NDArray[np.float64]:
     """Distance image of a plate at 2 m that crosses to the left before a wall at 3 m: nothing changes its range."""
     motion = rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.0, speed, 0.0])
