@@ -97,18 +97,6 @@ def test_poses_at_many_times_are_those_on_paper() -> None:
     np.testing.assert_allclose(motion.poses_at([0.0, 1.0]), expected, atol=ROUNDING)
 
 
-def test_all_links_and_segments_at_several_times_take_one_evaluation() -> None:
-    calls: list[float] = []
-
-    def angles(time: float) -> NDArray[np.float64]:
-        calls.append(time)
-        return np.full(6, time)
-
-    for body in RobotArm.ur10().moving(angles).bodies():
-        poses_at(body.motion, TIMES)
-    assert calls == TIMES.tolist()
-
-
 class Wheel:
     """A motion that knows all times at once, and counts how often it is asked."""
 
