@@ -5,7 +5,8 @@
 //!          pose     antennas ┘   bounces ─────┘
 //! ```
 //!
-//! Stages in the order of the work, one folder each:
+//! `frame` is the pipeline on a screen: poses in, samples, truth and counts out, one line a stage. The stages, in the order
+//! of the work, have one folder each:
 //!
 //! - `numeric`: vectors for every instruction set, exact phase, Chebyshev series, random numbers, threads.
 //! - `geometry`: poses, boxes, triangles, normals of the smooth surface that a mesh stands for, OBJ files.
