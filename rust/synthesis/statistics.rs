@@ -38,7 +38,7 @@ impl Group {
 
 /// All paths of a series.
 #[derive(Clone, Debug)]
-pub struct Survey {
+pub struct PathStatistics {
     /// Those that never change.
     pub still: Group,
     /// All others.
@@ -76,11 +76,11 @@ const NEIGHBOURS: usize = 32;
 /// Chunks per part of the work: sums do not depend on the number of threads.
 const PART: usize = 64;
 
-impl Survey {
-    /// Look at all paths of a frame, which is one block, about a carrier [Hz].
+impl PathStatistics {
+    /// PartStatistics at all paths of a frame, which is one block, about a carrier [Hz].
     pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
-        let look = |(channel, chunks): (usize, Range<usize>)| {
-            level.run(Look {
+        let of_part = |(channel, chunks): (usize, Range<usize>)| {
+            level.run(PartStatistics {
                 series,
                 frame,
                 carrier,
@@ -88,10 +88,10 @@ impl Survey {
                 chunks,
             })
         };
-        let looks: Vec<Self> = parallel::map(is_parallel, parts(series), look);
+        let partial: Vec<Self> = parallel::map(is_parallel, parts(series), of_part);
         let mut all = Self::empty(series);
-        for look in &looks {
-            all.join(look);
+        for part in &partial {
+            all.join(part);
         }
         sort(&mut all.extremes);
         all
@@ -124,9 +124,9 @@ impl Survey {
 
     /// The number of paths alone.
     pub fn count(series: &PathSeries) -> Self {
-        let mut survey = Self::empty(series);
-        survey.moving.num_paths = series.num_channels * series.num_paths;
-        survey
+        let mut statistics = Self::empty(series);
+        statistics.moving.num_paths = series.num_channels * series.num_paths;
+        statistics
     }
 
     fn empty(series: &PathSeries) -> Self {
@@ -202,9 +202,9 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
 }
 
 /// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
-pub fn extremes(series: &PathSeries, survey: &Survey) -> Vec<Sample> {
+pub fn extremes(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
     let mut chosen: Vec<&Extreme> = Vec::new();
-    for extreme in &survey.extremes {
+    for extreme in &statistics.extremes {
         if chosen.len() == NUM_EXTREMES {
             break;
         }
@@ -263,8 +263,8 @@ pub fn ranges(
     level: Level,
     is_parallel: bool,
 ) -> Vec<Vec<Interval>> {
-    let look = |(channel, chunks): (usize, Range<usize>)| {
-        level.run(LookAtBlocks {
+    let of_part = |(channel, chunks): (usize, Range<usize>)| {
+        level.run(BlockRanges {
             series,
             selection,
             blocks,
@@ -272,10 +272,10 @@ pub fn ranges(
             chunks,
         })
     };
-    let looks: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), look);
+    let partial: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), of_part);
     let mut all = vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()];
-    for look in looks {
-        for (all, ranges) in all.iter_mut().flatten().zip(look.into_iter().flatten()) {
+    for part in partial {
+        for (all, ranges) in all.iter_mut().flatten().zip(part.into_iter().flatten()) {
             *all = all.join(ranges);
         }
     }
@@ -293,7 +293,7 @@ fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
     (0..series.num_channels).flat_map(of_channel).collect()
 }
 
-struct LookAtBlocks<'a> {
+struct BlockRanges<'a> {
     series: &'a PathSeries<'a>,
     selection: Selection<'a>,
     blocks: &'a [Block],
@@ -301,7 +301,7 @@ struct LookAtBlocks<'a> {
     chunks: Range<usize>,
 }
 
-impl Kernel for LookAtBlocks<'_> {
+impl Kernel for BlockRanges<'_> {
     type Output = Vec<Vec<Interval>>;
 
     #[inline(always)]
@@ -327,7 +327,7 @@ impl Kernel for LookAtBlocks<'_> {
     }
 }
 
-struct Look<'a> {
+struct PartStatistics<'a> {
     series: &'a PathSeries<'a>,
     frame: &'a Block,
     carrier: f64,
@@ -335,13 +335,13 @@ struct Look<'a> {
     chunks: Range<usize>,
 }
 
-impl Kernel for Look<'_> {
-    type Output = Survey;
+impl Kernel for PartStatistics<'_> {
+    type Output = PathStatistics;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Survey {
+    fn run<I: Isa>(self) -> PathStatistics {
         let (series, channel, frame) = (self.series, self.channel, self.frame);
-        let mut survey = Survey::empty(series);
+        let mut statistics = PathStatistics::empty(series);
         let mut rows = Rows::new(series);
         let zero = wide::splat::<I, AT_ONCE>(0.0);
         let (mut nothing, mut largest, mut fourth) = (zero, zero, zero);
@@ -354,7 +354,7 @@ impl Kernel for Look<'_> {
         for index in self.chunks {
             rows.gather(series, channel, index * CHUNK, Selection::ALL);
             let mask = rows.moving();
-            survey.masks.push(mask);
+            statistics.masks.push(mask);
             nothing = wide::add(nothing, times_zero::<I>(frame, &rows));
             for j in 0..rows.re.len() {
                 largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
@@ -396,16 +396,16 @@ impl Kernel for Look<'_> {
                     }
                 }
                 if most.change > 0.0 {
-                    survey.extremes.push(most);
+                    statistics.extremes.push(most);
                 }
             }
         }
-        sort(&mut survey.extremes);
-        survey.extremes.truncate(NUM_EXTREMES);
-        survey.is_finite = sum_of::<I>(nothing) == 0.0;
-        survey.largest = -least_of::<I>(wide::sub(zero, largest));
-        survey.fourth[channel] = sum_of::<I>(fourth);
-        for (class, group) in [&mut survey.still, &mut survey.moving].into_iter().enumerate() {
+        sort(&mut statistics.extremes);
+        statistics.extremes.truncate(NUM_EXTREMES);
+        statistics.is_finite = sum_of::<I>(nothing) == 0.0;
+        statistics.largest = -least_of::<I>(wide::sub(zero, largest));
+        statistics.fourth[channel] = sum_of::<I>(fourth);
+        for (class, group) in [&mut statistics.still, &mut statistics.moving].into_iter().enumerate() {
             group.num_paths = counts[class];
             if counts[class] == 0 {
                 continue;
@@ -418,10 +418,10 @@ impl Kernel for Look<'_> {
                 let power = sum_of::<I>(*sums);
                 group.power[degree][channel] = power;
                 // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
-                survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
+                statistics.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
             }
         }
-        survey
+        statistics
     }
 }
 
@@ -637,8 +637,8 @@ mod tests {
         };
         let frame = Block::new(&waveform, &series, 0..10);
         for level in Level::available() {
-            let survey = Survey::new(&series, &frame, 60e9, level, false);
-            let bends: Vec<f64> = extremes(&series, &survey)
+            let statistics = PathStatistics::new(&series, &frame, 60e9, level, false);
+            let bends: Vec<f64> = extremes(&series, &statistics)
                 .iter()
                 .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])
                 .collect();

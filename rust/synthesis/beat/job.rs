@@ -7,7 +7,7 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::low_rank::residual_phase::Sample;
 use crate::synthesis::plan::Method;
-use crate::synthesis::statistics::Survey;
+use crate::synthesis::statistics::PathStatistics;
 
 /// How a sum is to be formed.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,7 @@ pub(super) struct Job<'a> {
     pub(super) options: &'a Options,
     /// Paths that stand still are summed apart from those that move.
     pub(super) is_split: bool,
-    pub(super) survey: Survey,
+    pub(super) statistics: PathStatistics,
     /// Paths that stand for all moving ones.
     pub(super) samples: Vec<Sample>,
     /// Chunks of paths `(channel, chunk)` that they did not stand for.

@@ -11,7 +11,7 @@ use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::direct;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::plan::{self, Method, Plan, Request};
-use crate::synthesis::statistics::{self, Survey};
+use crate::synthesis::statistics::{self, PathStatistics};
 
 /// Smallest tolerance whose samples are in single precision.
 pub const SINGLE_TOLERANCE: f64 = 1e-6;
@@ -58,16 +58,16 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
         fits_memory("grids", &[plan.memory()], 1)?;
         let (samples, outcome) = job.run(&plan, is_single);
         runs += 1;
-        let gain = gain(&samples, &job.survey.power, waveform);
+        let gain = gain(&samples, &job.statistics.power, waveform);
         if !gain.is_finite() {
-            let got = format!("{:.1e} as the largest", job.survey.largest);
+            let got = format!("{:.1e} as the largest", job.statistics.largest);
             return Err(Error::value(
                 "amplitude",
                 "sums that samples can hold, below 3e38 in single precision",
                 got,
             ));
         }
-        let interpolation = outcome.interpolation(&job.survey.power) * plan::fluctuation(waveform);
+        let interpolation = outcome.interpolation(&job.statistics.power) * plan::fluctuation(waveform);
         let error = plan.error_with(interpolation);
         if error * gain.max(1.0) <= options.tolerance {
             let report = Report {
@@ -111,29 +111,29 @@ impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
         // The direct sum takes any motion, and needs to know nothing of it.
         let is_direct = options.method == Method::Direct || !series.can_be_planned(waveform);
-        let survey = if is_direct {
+        let statistics = if is_direct {
             series.check_numbers()?;
             let longest = longest_delay(waveform, series);
             check_turns(waveform, longest)?;
-            Survey::count(series)
+            PathStatistics::count(series)
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
             let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
-            let survey = Survey::new(series, &frame, carrier, options.level, options.is_parallel);
-            if !survey.is_finite {
+            let statistics = PathStatistics::new(series, &frame, carrier, options.level, options.is_parallel);
+            if !statistics.is_finite {
                 series.check_numbers()?;
             }
-            check_phases(waveform, &survey)?;
-            survey
+            check_phases(waveform, &statistics)?;
+            statistics
         };
-        let scale = scale(survey.largest);
+        let scale = scale(statistics.largest);
         let mut job = Self {
             waveform,
             series,
             options,
             // A second pass over all paths is not worth its while for a few that stand still.
-            is_split: options.split_still && 16 * survey.still.num_paths > survey.moving.num_paths,
-            survey,
+            is_split: options.split_still && 16 * statistics.still.num_paths > statistics.moving.num_paths,
+            statistics,
             samples: Vec::new(),
             extra: Vec::new(),
             caution: 1.0,
@@ -143,7 +143,7 @@ impl<'a> Job<'a> {
         };
         if !is_direct {
             if !job.is_split {
-                job.survey.merge();
+                job.statistics.merge();
             }
             job.draw();
         }
@@ -153,7 +153,7 @@ impl<'a> Job<'a> {
     /// The paths of a class; all of them if they are not split.
     pub(super) fn selection(&self, class: Class) -> Selection<'_> {
         let class = if self.is_split { class } else { Class::All };
-        Selection::new(class, &self.survey.masks, self.series.num_channels)
+        Selection::new(class, &self.statistics.masks, self.series.num_channels)
     }
 
     /// Draw the paths that stand for all.
@@ -161,13 +161,18 @@ impl<'a> Job<'a> {
         let selection = self.selection(Class::Moving);
         let mut samples = statistics::samples(self.series, selection, NUM_SAMPLES);
         if samples.len() == NUM_SAMPLES {
-            samples.extend(statistics::extremes(self.series, &self.survey));
+            samples.extend(statistics::extremes(self.series, &self.statistics));
         }
         // One that has much of the power is a sample by itself.
         let share = 1.0 / NUM_SAMPLES as f64;
-        let most = 2.0 * self.survey.largest.powi(2);
-        if self.survey.power.iter().any(|power| most > share * power) {
-            samples.extend(statistics::strongest(self.series, selection, &self.survey.power, share));
+        let most = 2.0 * self.statistics.largest.powi(2);
+        if self.statistics.power.iter().any(|power| most > share * power) {
+            samples.extend(statistics::strongest(
+                self.series,
+                selection,
+                &self.statistics.power,
+                share,
+            ));
         }
         for (channel, chunk) in &self.extra {
             samples.extend(statistics::samples_of(self.series, selection, *channel, *chunk));
@@ -192,7 +197,7 @@ impl<'a> Job<'a> {
     }
 
     /// Ranges of the coefficients of the delays of moving paths in some blocks.
-    fn look(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
+    fn delay_ranges(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
         let selection = self.selection(Class::Moving);
         statistics::ranges(
             self.series,
@@ -234,7 +239,7 @@ impl<'a> Job<'a> {
             num_random: NUM_SAMPLES.min(self.samples.len()),
             level: self.options.level,
         };
-        request.plan(&self.survey, |blocks| self.look(blocks))
+        request.plan(&self.statistics, |blocks| self.delay_ranges(blocks))
     }
 
     /// Names a tolerance that can be reached.
@@ -267,7 +272,7 @@ impl<'a> Job<'a> {
 
     /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
     fn gain_of(&self, plan: &Plan) -> f64 {
-        gain(&self.run(plan, false).0, &self.survey.power, self.waveform)
+        gain(&self.run(plan, false).0, &self.statistics.power, self.waveform)
     }
 }
 
@@ -282,18 +287,18 @@ fn scale(largest: f64) -> f64 {
 }
 
 /// Refuses delays whose phase has no digit left.
-fn check_phases(waveform: &Waveform, survey: &Survey) -> Result<()> {
-    let longest: f64 = [&survey.still, &survey.moving]
+fn check_phases(waveform: &Waveform, statistics: &PathStatistics) -> Result<()> {
+    let longest: f64 = [&statistics.still, &statistics.moving]
         .iter()
         .filter(|group| group.num_paths > 0)
         .map(|group| group.delay.iter().map(|range| range.magnitude()).sum::<f64>())
         .fold(0.0, f64::max);
     check_turns(waveform, longest)?;
-    if survey.power.iter().any(|power| !power.is_finite()) {
+    if statistics.power.iter().any(|power| !power.is_finite()) {
         return Err(Error::value(
             "amplitude",
             "squares that are finite numbers",
-            format!("{:e}", survey.largest),
+            format!("{:e}", statistics.largest),
         ));
     }
     Ok(())

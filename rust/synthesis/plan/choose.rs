@@ -8,7 +8,7 @@ use super::parts::{Method, Part, Plan, Step};
 use crate::synthesis::block::{Block, CHUNK, Class};
 use crate::synthesis::interval::Interval;
 use crate::synthesis::recurrence;
-use crate::synthesis::statistics::Survey;
+use crate::synthesis::statistics::PathStatistics;
 
 /// Errors of the recurrence sums.
 const SINGLE_RECURRENCE: f64 = 6e-6;
@@ -20,8 +20,8 @@ const IN_PHASE: f64 = 64.0;
 impl Request<'_> {
     /// The plan for some paths. None if the allowed steps cannot reach the tolerance.
     ///
-    /// `look` gives the ranges of the coefficients of the delays of moving paths in blocks.
-    pub fn plan(&self, frame: &Survey, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
+    /// `delay_ranges` gives the ranges of the coefficients of the delays of moving paths in blocks.
+    pub fn plan(&self, frame: &PathStatistics, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
         let mut plan = Plan::default();
         if self.method == Method::Direct && self.series.num_paths > 0 {
             plan.parts.push(Part {
@@ -60,7 +60,7 @@ impl Request<'_> {
                 are_alike: OnceCell::new(),
                 room: RefCell::default(),
             };
-            plan.parts.push(goal.part(&look)?);
+            plan.parts.push(goal.part(&delay_ranges)?);
         }
         Some(plan)
     }
@@ -77,7 +77,7 @@ fn share(power: &[f64], total: &[f64]) -> f64 {
 
 impl Goal<'_> {
     /// The cheapest step that reaches the tolerance.
-    fn part(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
+    fn part(&self, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
         let method = self.request.method;
         // Series of more rows are not surveyed.
         let is_planned = self.request.series.can_be_planned(self.request.waveform);
@@ -131,7 +131,7 @@ impl Goal<'_> {
         }
         if allowed(Method::Grid) {
             let limit = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
-            if let Some(part) = self.grid(look, limit)
+            if let Some(part) = self.grid(delay_ranges, limit)
                 && part.cost < limit
             {
                 best = Some(part);

@@ -56,7 +56,7 @@ pub(super) struct Goal<'a> {
     pub(super) own: Vec<f64>,
     pub(super) tolerance: f64,
     pub(super) share: f64,
-    /// See [`Survey::effective_paths`].
+    /// See [`PathStatistics::effective_paths`].
     pub(super) effective_paths: f64,
     /// Whether all paths are like the samples, once that is known.
     pub(super) are_alike: OnceCell<bool>,

@@ -39,7 +39,7 @@ const MAX_GRID: usize = 1 << 23;
 
 impl Goal<'_> {
     /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
-    pub(super) fn grid(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
+    pub(super) fn grid(&self, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
         let request = self.request;
         let (waveform, series) = (request.waveform, request.series);
         // Double precision where single precision is too coarse for the modes.
@@ -63,7 +63,11 @@ impl Goal<'_> {
                     None => self.expand(block, &ranges, kernel),
                 }
             };
-            laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
+            laid = blocks
+                .iter()
+                .zip(delay_ranges(&blocks))
+                .map(expand)
+                .collect::<Option<_>>()?;
         }
         let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
