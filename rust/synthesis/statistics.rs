@@ -54,12 +54,12 @@ pub struct PathStatistics {
     /// A bit per path that moves, (channel, chunk).
     pub masks: Vec<u128>,
     /// Some of the paths whose residuals change most, of every part of the work.
-    pub extremes: Vec<Extreme>,
+    pub bounds: Vec<Bound>,
 }
 
 /// A path whose residual changes more than its neighbours'.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Extreme {
+pub struct Bound {
     /// Estimate of the square of that change.
     pub change: f64,
     /// Number of the path in its channel.
@@ -69,7 +69,7 @@ pub struct Extreme {
 }
 
 /// Most of them.
-const NUM_EXTREMES: usize = 12;
+const NUM_BOUNDS: usize = 12;
 /// So many neighbours have one of them.
 const NEIGHBOURS: usize = 32;
 
@@ -93,7 +93,7 @@ impl PathStatistics {
         for part in &partial {
             all.join(part);
         }
-        sort(&mut all.extremes);
+        sort(&mut all.bounds);
         all
     }
 
@@ -143,7 +143,7 @@ impl PathStatistics {
             largest: 0.0,
             is_finite: true,
             masks: Vec::new(),
-            extremes: Vec::new(),
+            bounds: Vec::new(),
         }
     }
 
@@ -164,7 +164,7 @@ impl PathStatistics {
         self.largest = self.largest.max(other.largest);
         self.is_finite &= other.is_finite;
         self.masks.extend(&other.masks);
-        self.extremes.extend(&other.extremes);
+        self.bounds.extend(&other.bounds);
     }
 }
 
@@ -202,28 +202,28 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
 }
 
 /// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
-pub fn extremes(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
-    let mut chosen: Vec<&Extreme> = Vec::new();
-    for extreme in &statistics.extremes {
-        if chosen.len() == NUM_EXTREMES {
+pub fn bounding_paths(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
+    let mut chosen: Vec<&Bound> = Vec::new();
+    for bound in &statistics.bounds {
+        if chosen.len() == NUM_BOUNDS {
             break;
         }
         if chosen
             .iter()
-            .all(|other| other.path / NEIGHBOURS != extreme.path / NEIGHBOURS)
+            .all(|other| other.path / NEIGHBOURS != bound.path / NEIGHBOURS)
         {
-            chosen.push(extreme);
+            chosen.push(bound);
         }
     }
     chosen
         .iter()
-        .map(|extreme| Sample::new(series, extreme.channel * series.num_paths + extreme.path))
+        .map(|bound| Sample::new(series, bound.channel * series.num_paths + bound.path))
         .collect()
 }
 
 /// The largest changes first.
-fn sort(extremes: &mut [Extreme]) {
-    extremes.sort_by(|a, b| b.change.total_cmp(&a.change));
+fn sort(bounds: &mut [Bound]) {
+    bounds.sort_by(|a, b| b.change.total_cmp(&a.change));
 }
 
 /// All selected paths whose first amplitude has more than a share of the power of their channel.
@@ -383,12 +383,12 @@ impl Kernel for PartStatistics<'_> {
                 }
             }
             for first in (0..rows.len).step_by(NEIGHBOURS) {
-                let mut most = Extreme::default();
+                let mut most = Bound::default();
                 for place in first..rows.len.min(first + NEIGHBOURS) {
                     let (re, im) = (rows.re[0][place], rows.im[0][place]);
                     let change = phase * bends[place] * (re * re + im * im) + changes[place];
                     if change > most.change {
-                        most = Extreme {
+                        most = Bound {
                             change,
                             path: index * CHUNK + place,
                             channel,
@@ -396,12 +396,12 @@ impl Kernel for PartStatistics<'_> {
                     }
                 }
                 if most.change > 0.0 {
-                    statistics.extremes.push(most);
+                    statistics.bounds.push(most);
                 }
             }
         }
-        sort(&mut statistics.extremes);
-        statistics.extremes.truncate(NUM_EXTREMES);
+        sort(&mut statistics.bounds);
+        statistics.bounds.truncate(NUM_BOUNDS);
         statistics.is_finite = sum_of::<I>(nothing) == 0.0;
         statistics.largest = -least_of::<I>(wide::sub(zero, largest));
         statistics.fourth[channel] = sum_of::<I>(fourth);
@@ -611,7 +611,7 @@ mod tests {
     use crate::synthesis::delay::Basis;
 
     #[test]
-    fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
+    fn bounding_paths_are_those_that_bend_most_one_of_neighbours() {
         let waveform = Waveform {
             start_frequency: 60e9,
             slope: 1e13,
@@ -638,7 +638,7 @@ mod tests {
         let frame = Block::new(&waveform, &series, 0..10);
         for level in Level::available() {
             let statistics = PathStatistics::new(&series, &frame, 60e9, level, false);
-            let bends: Vec<f64> = extremes(&series, &statistics)
+            let bends: Vec<f64> = bounding_paths(&series, &statistics)
                 .iter()
                 .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])
                 .collect();

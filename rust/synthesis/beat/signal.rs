@@ -161,7 +161,7 @@ impl<'a> Job<'a> {
         let selection = self.selection(Class::Moving);
         let mut samples = statistics::samples(self.series, selection, NUM_SAMPLES);
         if samples.len() == NUM_SAMPLES {
-            samples.extend(statistics::extremes(self.series, &self.statistics));
+            samples.extend(statistics::bounding_paths(self.series, &self.statistics));
         }
         // One that has much of the power is a sample by itself.
         let share = 1.0 / NUM_SAMPLES as f64;

@@ -228,7 +228,7 @@ impl<T: Precision> ChunkSpread<'_, T> {
             let first = T::narrow::<I>(first);
             let mut firsts = [T::zero(); MAX_LANES];
             first.store(&mut firsts[..lanes]);
-            let (low, high) = extremes(&firsts, lanes);
+            let (low, high) = bounds(&firsts, lanes);
             if low == high {
                 self.add_window::<T::In<I>, W>(grid, low, &taps, q, second);
             } else if high - low == T::one() {
@@ -348,7 +348,7 @@ fn whole_turns(step: f64, delay: &Lane) -> Lane {
 
 /// Smallest and largest of the lanes.
 #[inline(always)]
-fn extremes<T: Precision>(numbers: &[T; MAX_LANES], lanes: usize) -> (T, T) {
+fn bounds<T: Precision>(numbers: &[T; MAX_LANES], lanes: usize) -> (T, T) {
     const FOUR: usize = 4;
     let fours = numbers[..lanes].as_chunks::<FOUR>().0;
     let (mut low, mut high) = (fours[0], fours[0]);
