@@ -2,7 +2,7 @@
 
 use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::low_rank::cross_approximation::Modes;
+use crate::synthesis::low_rank::cross_approximation::CrossApproximation;
 use crate::synthesis::low_rank::residual_phase::Frame;
 
 /// The grid of a class of paths in one block.
@@ -23,7 +23,7 @@ pub struct Expansion {
     /// The same of the amplitude's series.
     pub num_amplitudes: usize,
     /// Sets of strengths, each on its own grid.
-    pub modes: Modes,
+    pub modes: CrossApproximation,
 }
 
 impl Expansion {

@@ -22,19 +22,19 @@ use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path, turns};
 
-/// Most modes of a block.
-pub const MAX_MODES: usize = 48;
+/// Most terms of a block.
+pub const MAX_TERMS: usize = 48;
 
 /// How residuals are interpolated in a block.
 #[derive(Clone, Debug)]
-pub struct Modes {
-    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes with the phase of one path.
+pub struct CrossApproximation {
+    /// Where every term takes its strengths. None: residuals are the paths' mean amplitudes with the phase of one path.
     pub instants: Vec<Instant>,
-    /// The path whose residual phase all others have if there are no modes: a mean one.
+    /// The path whose residual phase all others have if there are no terms: a mean one.
     pub mean: Path,
     /// Values `q_j(x_i)`, (i, j < i).
     pub lower: Vec<Vec<Complex64>>,
-    /// Paths from which modes follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
+    /// Paths from which terms follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
     pub references: Vec<(Path, Complex64, Vec<Complex64>)>,
     /// Where residuals are compared with their interpolation.
     pub checks: Vec<Check>,
@@ -44,16 +44,16 @@ pub struct Modes {
     pub turns: f64,
 }
 
-/// An instant, and the weights of the strengths of all modes in the interpolation there.
+/// An instant, and the weights of the strengths of all terms in the interpolation there.
 #[derive(Clone, Debug)]
 pub struct Check {
     /// The instant.
     pub instant: Instant,
-    /// Per mode.
+    /// Per term.
     pub weights: Vec<Complex64>,
 }
 
-impl Modes {
+impl CrossApproximation {
     /// Residuals that never change.
     pub fn none() -> Self {
         Self {
@@ -93,8 +93,8 @@ const NUM_FAST: usize = 3;
 /// The same where errors are small.
 const MANY_CHIRPS: usize = 28;
 const MANY_FAST: usize = 5;
-/// Most chirps, where residuals turn by much: twice as many as there may be modes.
-const MOST_CHIRPS: usize = 2 * MAX_MODES;
+/// Most chirps, where residuals turn by much: twice as many as there may be terms.
+const MOST_CHIRPS: usize = 2 * MAX_TERMS;
 /// Instants apart from these, for checks.
 const NUM_OTHERS: usize = 8;
 /// How many checks there are.
@@ -103,14 +103,14 @@ const MANY_CHECKS: usize = 4;
 const MOST_CHECKS: usize = 12;
 /// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
 const TIE: f64 = 1.0 + 1e-9;
-/// Share of the allowed error that samples may have with modes that fit them: other paths may have more.
+/// Share of the allowed error that samples may have with terms that fit them: other paths may have more.
 const SHARE: f64 = 0.85;
 
-/// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
+/// The terms of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
 /// they are too many.
 ///
 /// If other paths may not be alike, there are many checks. Nothing below the `rounding` of strengths, relative to the rms
-/// of residuals, makes a mode.
+/// of residuals, makes a term.
 ///
 /// Every second of the first `num_apart` paths is kept apart, to see what error those have that are no samples; if it has
 /// too much of it, none is.
@@ -122,7 +122,7 @@ pub fn find(
     are_alike: bool,
     (budget, rounding): (f64, f64),
     level: Level,
-) -> Option<(Modes, f64)> {
+) -> Option<(CrossApproximation, f64)> {
     let is_fine = budget < FINE;
     let (chirps, fast) = if is_fine {
         (MANY_CHIRPS, MANY_FAST)
@@ -167,7 +167,7 @@ pub fn find(
             place(0.569_840_290_998_053_3, num_samples),
         ));
     }
-    let max_modes = if is_complete { num_trained } else { num_trained * 2 / 5 };
+    let max_terms = if is_complete { num_trained } else { num_trained * 2 / 5 };
     let search = |num_apart| {
         level.run(Search {
             frame,
@@ -177,7 +177,7 @@ pub fn find(
             instants: &instants,
             weights: &weights,
             num_trained,
-            max_modes: max_modes.min(MAX_MODES),
+            max_terms: max_terms.min(MAX_TERMS),
             budget: SHARE * budget,
             rounding,
         })
@@ -221,11 +221,11 @@ struct Search<'a> {
     /// All paths are like the samples.
     are_alike: bool,
     instants: &'a [Instant],
-    /// How much those count that modes may be taken at; the others count one.
+    /// How much those count that terms may be taken at; the others count one.
     weights: &'a [f64],
-    /// Instants that modes may be taken at; the others come after them.
+    /// Instants that terms may be taken at; the others come after them.
     num_trained: usize,
-    max_modes: usize,
+    max_terms: usize,
     budget: f64,
     rounding: f64,
 }
@@ -252,10 +252,10 @@ impl Matrix {
 }
 
 impl Kernel for Search<'_> {
-    type Output = Option<(Modes, f64)>;
+    type Output = Option<(CrossApproximation, f64)>;
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) -> Option<(Modes, f64)> {
+    fn run<I: Isa>(self) -> Option<(CrossApproximation, f64)> {
         let (paths, num_instants) = (self.paths, self.instants.len());
         let (mut matrix, turns) = self.residuals::<I>();
         let counts = self.weights(&matrix);
@@ -268,53 +268,55 @@ impl Kernel for Search<'_> {
         }
         if power == 0.0 {
             // No sample has any amplitude; other paths may.
-            let mut modes = Modes::none();
-            self.add_checks(&matrix, &[], &all, &mut modes);
-            return Some((modes, 0.0));
+            let mut approximation = CrossApproximation::none();
+            self.add_checks(&matrix, &[], &all, &mut approximation);
+            return Some((approximation, 0.0));
         }
         let bound = self.budget * self.budget;
 
-        // Without modes: the mean amplitudes, with one phase.
-        let mut modes = Modes {
+        // Without terms: the mean amplitudes, with one phase.
+        let mut approximation = CrossApproximation {
             turns,
             mean: mean(paths),
-            ..Modes::none()
+            ..CrossApproximation::none()
         };
-        let [common_re, common_im] = self.phasors::<I>(&modes.mean, matrix.stride);
+        let [common_re, common_im] = self.phasors::<I>(&approximation.mean, matrix.stride);
         let mean_re: Vec<f64> = paths.iter().map(|path| path.re()[0]).collect();
         let mean_im: Vec<f64> = paths.iter().map(|path| -path.im()[0]).collect();
         let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
         let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
         if flat.relative(&all) <= bound / (SHARE * SHARE) {
             self.reduce::<I, true>(&mut matrix, &counts, row, multiples);
-            self.add_checks(&matrix, &[], &flat, &mut modes);
-            return Some((modes, flat.relative(&all).sqrt()));
+            self.add_checks(&matrix, &[], &flat, &mut approximation);
+            return Some((approximation, flat.relative(&all).sqrt()));
         }
 
         // Cross approximation with full pivoting.
         let mut rows: Vec<Vec<Complex64>> = Vec::new();
-        // Coefficients of all paths, (mode, path).
+        // Coefficients of all paths, (term, path).
         let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
         let mut left = all;
         while left.relative(&all) > bound {
-            if modes.instants.len() == self.max_modes {
+            if approximation.instants.len() == self.max_terms {
                 return None;
             }
             let path = left.row;
             let column = self.largest_in(&matrix, path);
             let pivot = matrix.at(path, column);
-            // What is left is in paths that are kept apart; a mode of rounding errors would magnify those of its evaluation.
+            // What is left is in paths that are kept apart; a term of rounding errors would magnify those of its evaluation.
             let mean = power / (num_instants * paths.len()) as f64;
             if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
                 return None;
             }
             let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
-            modes.lower.push(rows.iter().map(|row| row[column]).collect());
+            approximation.lower.push(rows.iter().map(|row| row[column]).collect());
             let own = coefficients
                 .iter()
                 .map(|[re, im]| Complex64::new(re[path], im[path]) / pivot);
-            modes.references.push((paths[path].clone(), pivot.inv(), own.collect()));
-            modes.instants.push(self.instants[column]);
+            approximation
+                .references
+                .push((paths[path].clone(), pivot.inv(), own.collect()));
+            approximation.instants.push(self.instants[column]);
             let row_parts = [
                 row.iter().map(|c| c.re).collect::<Vec<f64>>(),
                 row.iter().map(|c| c.im).collect(),
@@ -332,8 +334,8 @@ impl Kernel for Search<'_> {
             coefficients.push(taken);
             rows.push(row);
         }
-        self.add_checks(&matrix, &rows, &left, &mut modes);
-        Some((modes, left.relative(&all).sqrt()))
+        self.add_checks(&matrix, &rows, &left, &mut approximation);
+        Some((approximation, left.relative(&all).sqrt()))
     }
 }
 
@@ -450,8 +452,8 @@ impl Search<'_> {
     }
 
     /// Checks: half of them at the instants where most is left of the samples, the others, for paths unlike them, far from
-    /// where modes are taken.
-    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
+    /// where terms are taken.
+    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, approximation: &mut CrossApproximation) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
         let mut all = vec![0.0; self.instants.len()];
         for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
@@ -474,7 +476,10 @@ impl Search<'_> {
         let mut chosen: Vec<usize> = Vec::new();
         for number in 0..count {
             let distance = |x: usize| {
-                let taken = modes.instants.iter().chain(chosen.iter().map(|x| &self.instants[*x]));
+                let taken = approximation
+                    .instants
+                    .iter()
+                    .chain(chosen.iter().map(|x| &self.instants[*x]));
                 // Residuals are near to even functions of time: what vanishes at x may do so at -x.
                 let distances = taken.map(|other| (other.x.abs() - self.instants[x].x.abs()).abs());
                 distances.fold(2.0, f64::min)
@@ -493,7 +498,7 @@ impl Search<'_> {
         }
         let sums: Vec<(f64, usize)> = chosen.iter().map(|x| (all[*x], *x)).collect();
         let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
-        modes.check_factor = if at_checks > 0.0 && self.are_alike {
+        approximation.check_factor = if at_checks > 0.0 && self.are_alike {
             (left / at_checks).clamp(0.2, 1.0)
         } else {
             1.0
@@ -503,11 +508,11 @@ impl Search<'_> {
             let mut weights: Vec<Complex64> = rows.iter().map(|row| row[x]).collect();
             for i in (0..weights.len()).rev() {
                 let weight = weights[i];
-                for (j, value) in modes.lower[i].iter().enumerate() {
+                for (j, value) in approximation.lower[i].iter().enumerate() {
                     weights[j] -= value * weight;
                 }
             }
-            modes.checks.push(Check {
+            approximation.checks.push(Check {
                 instant: self.instants[x],
                 weights,
             });

@@ -29,7 +29,7 @@ pub struct Map<T> {
     probes: Vec<Probe<T>>,
     /// Where they are checked.
     checks: Vec<(Probe<T>, Vec<[T; 2]>)>,
-    /// Residual phase that paths without modes have there [turns].
+    /// Residual phase that paths without terms have there [turns].
     common: Vec<T>,
 }
 
@@ -70,7 +70,7 @@ impl<T: Precision> Map<T> {
     pub fn new(job: &Job, layout: &Layout) -> Self {
         let (waveform, expansion) = (job.waveform, job.expansion);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
-        let (half, carrier, modes) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
+        let (half, carrier, approximation) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
         let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
@@ -107,12 +107,16 @@ impl<T: Precision> Map<T> {
             bend: T::of(expansion.frame.bend),
             mean: coefficients(0),
             amplitudes: (1..expansion.num_amplitudes).map(coefficients).collect(),
-            probes: modes.instants.iter().map(|instant| Probe::new(job, instant)).collect(),
-            checks: modes.checks.iter().map(check).collect(),
-            common: modes
+            probes: approximation
+                .instants
+                .iter()
+                .map(|instant| Probe::new(job, instant))
+                .collect(),
+            checks: approximation.checks.iter().map(check).collect(),
+            common: approximation
                 .checks
                 .iter()
-                .map(|check| T::of(modes.mean.turns(&expansion.frame, &check.instant)))
+                .map(|check| T::of(approximation.mean.turns(&expansion.frame, &check.instant)))
                 .collect(),
         }
     }
@@ -127,19 +131,19 @@ pub struct Points<T> {
     pub len: usize,
     /// First velocity row of the patch of every path.
     pub row: Vec<u32>,
-    /// First number of the patch in the grid of a mode.
+    /// First number of the patch in the grid of a term.
     pub start: Vec<u32>,
     /// Place between two cells and between two rows, -1 to 1.
     pub zx: Vec<T>,
     /// See `zx`.
     pub zy: Vec<T>,
-    /// Strengths of every mode: real and imaginary part of a path side by side.
+    /// Strengths of every term: real and imaginary part of a path side by side.
     pub strengths: Vec<Vec<T>>,
 }
 
 impl<T: Precision> Points<T> {
     /// Room for some paths.
-    pub fn new(num_modes: usize, num_paths: usize) -> Self {
+    pub fn new(num_terms: usize, num_paths: usize) -> Self {
         // A chunk is written in whole vectors.
         let room = num_paths + PAD;
         let zero = || vec![T::zero(); room];
@@ -149,7 +153,7 @@ impl<T: Precision> Points<T> {
             start: vec![0; room],
             zx: zero(),
             zy: zero(),
-            strengths: vec![vec![T::zero(); 2 * room]; num_modes],
+            strengths: vec![vec![T::zero(); 2 * room]; num_terms],
         }
     }
 }
@@ -166,7 +170,7 @@ pub struct Tracks<T> {
     rows: [Vec<Lane<T>>; 2],
     /// Its coefficients by degree.
     amplitude: [Vec<Lane<T>>; 2],
-    /// Strengths of every mode, real and imaginary parts.
+    /// Strengths of every term, real and imaginary parts.
     strengths: Vec<[Lane<T>; 2]>,
 }
 
@@ -226,19 +230,19 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
         }
         expand::<T, I, P>(map, rows.len, tracks);
         let is_flat = job.expansion.modes.are_flat();
-        for mode in 0..points.strengths.len() {
-            let strengths = &mut points.strengths[mode][2 * to..];
+        for term in 0..points.strengths.len() {
+            let strengths = &mut points.strengths[term][2 * to..];
             for at in (0..rows.len).step_by(8 * P) {
                 let [a, b] = if is_flat {
                     let load = <T::In<I> as Vector>::load;
                     let mean = [load(&tracks.amplitude[0][0][at..]), load(&tracks.amplitude[1][0][at..])];
                     turned::<T, I>(mean, tracks, at)
                 } else {
-                    let probe = &map.probes[mode];
+                    let probe = &map.probes[term];
                     let phase = residual_turns::<T, I>(map, probe, tracks, at);
                     residual::<T, I>(phase, interpolated::<T, I>(probe, tracks, at), tracks, at)
                 };
-                let [re, im] = &mut tracks.strengths[mode];
+                let [re, im] = &mut tracks.strengths[term];
                 a.store(&mut re[at..]);
                 b.store(&mut im[at..]);
                 wide::store(interleave(a, b), &mut strengths[2 * at..]);
@@ -433,10 +437,10 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
                 }
             } else {
                 [re, im] = residual::<T, I>(phase, exact::<T, I>(probe, tracks, at), tracks, at);
-                for mode in 0..weights.len().min(tracks.strengths.len()) {
-                    let [a, b] = &tracks.strengths[mode];
+                for term in 0..weights.len().min(tracks.strengths.len()) {
+                    let [a, b] = &tracks.strengths[term];
                     let (a, b) = (load(&a[at..]), load(&b[at..]));
-                    let (c, d) = (splat(weights[mode][0]), splat(weights[mode][1]));
+                    let (c, d) = (splat(weights[term][0]), splat(weights[term][1]));
                     re = b.mul_add(d, a.neg_mul_add(c, re));
                     im = b.neg_mul_add(c, a.neg_mul_add(d, im));
                 }

@@ -53,8 +53,8 @@ struct SlowTime<T> {
     /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
     groups: Vec<Group>,
     num_rows: usize,
-    /// Strengths of all channels, each with a set per mode.
-    num_terms: usize,
+    /// Strengths of all channels, each with a set per term.
+    num_sums: usize,
     /// Degrees of the series of references.
     num_degrees: usize,
     /// Keeps the amplitudes of references in range.
@@ -103,7 +103,7 @@ impl<T: Scalar> SlowTime<T> {
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
             num_rows: layout.rows,
-            num_terms: channels.len() * job.expansion.modes.num_sets(),
+            num_sums: channels.len() * job.expansion.modes.num_sets(),
             num_degrees: job.expansion.modes.num_degrees(),
             scale: job.scale,
             chirps,
@@ -150,7 +150,7 @@ impl<T: Scalar> Tile<'_, T> {
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
         let (waveform, expansion) = (job.waveform, job.expansion);
-        let num_terms = slow.num_terms;
+        let num_sums = slow.num_sums;
         let mut time = [0.0; 16];
         for i in 0..16 {
             time[i] = ((self.first + i) as f64 - (waveform.num_samples / 2) as f64) / waveform.sample_rate;
@@ -166,7 +166,7 @@ impl<T: Scalar> Tile<'_, T> {
         let zero = <T::In<I>>::splat(T::zero());
         let num_numbers = expansion.block.chirps.len() * 2 * T::LANES;
         let mut out = vec![T::zero(); self.channels.len() * num_numbers];
-        let mut transformed = vec![[zero; 4]; 2 * num_terms];
+        let mut transformed = vec![[zero; 4]; 2 * num_sums];
         let mut room = Room::default();
         let mut number = 0;
         while number < slow.chirps.len() {
@@ -180,15 +180,15 @@ impl<T: Scalar> Tile<'_, T> {
             }
             for i in 0..chirps.len() {
                 let (time, one, other) = chirps[i];
-                let transformed = &transformed[i * num_terms..][..num_terms];
+                let transformed = &transformed[i * num_sums..][..num_sums];
                 for (sign, chirp) in [(1.0, one), (-1.0, other)] {
                     let Some(chirp) = chirp else {
                         continue;
                     };
                     self.weights::<I, P>(sign * time, &fast, &mut room);
                     for channel in 0..self.channels.len() {
-                        let num_modes = room.weights.len();
-                        let sums = &transformed[channel * num_modes..][..num_modes];
+                        let num_terms = room.weights.len();
+                        let sums = &transformed[channel * num_terms..][..num_terms];
                         let samples = &mut out[channel * num_numbers + chirp * 2 * T::LANES..][..2 * T::LANES];
                         let [re, im] = weighted::<T, I>(sums, sign, &room.weights);
                         wide::store(interleave(re, im), samples);
@@ -203,32 +203,32 @@ impl<T: Scalar> Tile<'_, T> {
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
         let (expansion, slow) = (self.job.expansion, self.slow);
-        let (num_terms, num_modes) = (slow.num_terms, expansion.modes.num_sets());
+        let (num_sums, num_terms) = (slow.num_sums, expansion.modes.num_sets());
         let zero = <T::In<I>>::splat(T::zero());
-        let mut sums = vec![[zero; 4]; slow.groups.len() * num_terms * GROUP];
+        let mut sums = vec![[zero; 4]; slow.groups.len() * num_sums * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
         for g in 0..slow.groups.len() {
             let group = &slow.groups[g];
             for p in 0..group.pairs.len() {
                 let rate = expansion.step * ((group.first + p) as f64 + 0.5);
                 let [cos, sin] = wide::cos_sin::<T, I, P>(mul(square, wide::splat::<I, P>(rate)));
-                for term in 0..num_terms {
-                    let spectra = &self.channels[term / num_modes].spectra;
-                    let mode = term % num_modes;
+                for index in 0..num_sums {
+                    let spectra = &self.channels[index / num_terms].spectra;
+                    let term = index % num_terms;
                     let [mut a_re, mut a_im, mut b_re, mut b_im] = [zero; 4];
                     if let Some(row) = group.pairs[p][0] {
-                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
+                        let at = (term * slow.num_rows + row) * spectra.padded + self.first;
                         a_re = <T::In<I>>::load(&spectra.re[at..]);
                         a_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
                     if let Some(row) = group.pairs[p][1] {
-                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
+                        let at = (term * slow.num_rows + row) * spectra.padded + self.first;
                         b_re = <T::In<I>>::load(&spectra.re[at..]);
                         b_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
                     let [a_re, a_im] = product([a_re, a_im], [cos, sin]);
                     let [b_re, b_im] = product([b_re, b_im], [cos, zero.sub(sin)]);
-                    sums[(g * num_terms + term) * GROUP + p] =
+                    sums[(g * num_sums + index) * GROUP + p] =
                         [a_re.add(b_re), a_im.add(b_im), a_re.sub(b_re), a_im.sub(b_im)];
                 }
             }
@@ -246,7 +246,7 @@ impl<T: Scalar> Tile<'_, T> {
         sums: &[[T::In<I>; 4]],
         transformed: &mut [[T::In<I>; 4]],
     ) {
-        let num_terms = self.slow.num_terms;
+        let num_sums = self.slow.num_sums;
         let zero = <T::In<I>>::splat(T::zero());
         transformed.fill([zero; 4]);
         // Phasors (k + 1/2) steps from the middle, as products of two: within a group, and to its first pair.
@@ -267,11 +267,11 @@ impl<T: Scalar> Tile<'_, T> {
                     phasors[p][i] = product(coarse, fine[i][p]);
                 }
             }
-            for term in 0..num_terms {
-                let sums = &sums[(g * num_terms + term) * GROUP..][..GROUP];
+            for index in 0..num_sums {
+                let sums = &sums[(g * num_sums + index) * GROUP..][..GROUP];
                 let mut acc = [[zero; 4]; N];
                 for i in 0..N {
-                    acc[i] = transformed[i * num_terms + term];
+                    acc[i] = transformed[i * num_sums + index];
                 }
                 for p in 0..len {
                     let [e_re, e_im, o_re, o_im] = sums[p];
@@ -286,14 +286,14 @@ impl<T: Scalar> Tile<'_, T> {
                     }
                 }
                 for i in 0..N {
-                    transformed[i * num_terms + term] = acc[i];
+                    transformed[i * num_sums + index] = acc[i];
                 }
             }
         }
     }
 
     /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums of
-    /// all modes are multiplied by, whatever the channel.
+    /// all terms are multiplied by, whatever the channel.
     #[inline(always)]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
         let (waveform, expansion) = (self.job.waveform, self.job.expansion);
@@ -311,15 +311,15 @@ impl<T: Scalar> Tile<'_, T> {
         self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
         let common = [cos.mul(weight), sin.mul(weight)];
-        for mode in 0..room.weights.len() {
-            room.weights[mode] = product(room.weights[mode], common);
+        for term in 0..room.weights.len() {
+            room.weights[term] = product(room.weights[term], common);
         }
     }
 
-    /// Weights of the modes' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
+    /// Weights of the terms' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
-        let modes = &self.job.expansion.modes;
+        let approximation = &self.job.expansion.modes;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.
@@ -331,13 +331,13 @@ impl<T: Scalar> Tile<'_, T> {
             room.polynomials.push(x.add(x).mul(current).sub(before));
         }
         room.weights.clear();
-        if modes.are_flat() {
+        if approximation.are_flat() {
             room.weights
-                .push(self.phasor::<I>(&modes.mean, x, sweep, &room.polynomials));
+                .push(self.phasor::<I>(&approximation.mean, x, sweep, &room.polynomials));
             return;
         }
-        for i in 0..modes.references.len() {
-            let (path, inverse, own) = &modes.references[i];
+        for i in 0..approximation.references.len() {
+            let (path, inverse, own) = &approximation.references[i];
             let (mut re, mut im) = (zero, zero);
             for k in 0..path.num_amplitudes() {
                 re = room.polynomials[k].mul_add(number(path.re()[k] * self.slow.scale), re);
@@ -352,10 +352,10 @@ impl<T: Scalar> Tile<'_, T> {
             }
             room.weights.push(function);
         }
-        for i in (0..modes.lower.len()).rev() {
+        for i in (0..approximation.lower.len()).rev() {
             let weight = room.weights[i];
             for j in 0..i {
-                let value = modes.lower[i][j];
+                let value = approximation.lower[i][j];
                 room.weights[j] = less_product::<T, I>(room.weights[j], weight, value.re, value.im);
             }
         }
@@ -377,7 +377,7 @@ impl<T: Scalar> Tile<'_, T> {
 /// Numbers of one chirp that do not fit into registers.
 struct Room<V> {
     polynomials: Vec<V>,
-    /// Of the modes' sums.
+    /// Of the terms' sums.
     weights: Vec<Phasor<V>>,
 }
 
@@ -390,14 +390,14 @@ impl<V> Default for Room<V> {
     }
 }
 
-/// Weighted sum of one channel's modes at the chirp before or after the middle, by `sign`.
+/// Weighted sum of one channel's terms at the chirp before or after the middle, by `sign`.
 #[inline(always)]
 fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
     let zero = <T::In<I>>::splat(T::zero());
     let sign = <T::In<I>>::splat(T::of(sign));
     let mut total = [zero, zero];
-    for mode in 0..sums.len() {
-        let ([p_re, p_im, q_im, q_re], [a, b]) = (sums[mode], weights[mode]);
+    for term in 0..sums.len() {
+        let ([p_re, p_im, q_im, q_re], [a, b]) = (sums[term], weights[term]);
         let (re, im) = (sign.neg_mul_add(q_im, p_re), sign.mul_add(q_re, p_im));
         total = [
             b.neg_mul_add(im, re.mul_add(a, total[0])),

@@ -73,7 +73,7 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
 /// Grids of this many bytes stay in L1.
 const FAST_MEMORY: usize = 1 << 15;
 
-/// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
+/// Bytes of a column of a path's patches, over all terms, from which on sorting pays.
 const MIN_BYTES: usize = 56;
 
 /// Whether paths are sorted by cell: it pays where a path adds to many of them.
@@ -258,13 +258,13 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
             }
         }
         // One grid after the other: the rows at work stay in L1.
-        for mode in 0..points.strengths.len() {
-            let grid = &mut grid[mode * layout.size()..][..layout.size()];
+        for term in 0..points.strengths.len() {
+            let grid = &mut grid[term * layout.size()..][..layout.size()];
             for first in (0..len).step_by(CHUNK) {
                 let chunk = Chunk {
                     len: CHUNK.min(len - first),
                     stride: layout.stride,
-                    strengths: &points.strengths[mode],
+                    strengths: &points.strengths[term],
                     tables,
                     order: &room.order[first..],
                     start: &room.start[first..],

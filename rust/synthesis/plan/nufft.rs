@@ -1,4 +1,4 @@
-//! How paths are laid out on range-velocity grids: kernel, blocks of chirps, rows, modes.
+//! How paths are laid out on range-velocity grids: kernel, blocks of chirps, rows, terms.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::block_plan::Expansion;
-use crate::synthesis::low_rank::cross_approximation::{self, Modes};
+use crate::synthesis::low_rank::cross_approximation::{self, CrossApproximation};
 use crate::synthesis::low_rank::residual_phase::{Frame, Path};
 use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
@@ -32,9 +32,9 @@ const BATCH: f64 = 2048.0;
 const PLANNING: f64 = 5e-4;
 /// Delays and amplitudes are followed to this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
-/// So many modes are few.
-const FEW_MODES: usize = 3;
-/// Largest grid of one block with all its modes [numbers].
+/// So many terms are few.
+const FEW_TERMS: usize = 3;
+/// Largest grid of one block with all its terms [numbers].
 const MAX_GRID: usize = 1 << 23;
 
 impl Goal<'_> {
@@ -42,7 +42,7 @@ impl Goal<'_> {
     pub(super) fn grid(&self, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
         let request = self.request;
         let (waveform, series) = (request.waveform, request.series);
-        // Double precision where single precision is too coarse for the modes.
+        // Double precision where single precision is too coarse for the terms.
         let single = if request.allows_single {
             self.cheapest(true)
         } else {
@@ -54,7 +54,7 @@ impl Goal<'_> {
             return None;
         }
         if blocks.len() > 1 {
-            // Now with the ranges that the paths have in the blocks; modes of samples do not depend on them.
+            // Now with the ranges that the paths have in the blocks; terms of samples do not depend on them.
             let mut known = laid.into_iter().peekable();
             let expand = |(block, ranges): (&Block, Vec<Interval>)| {
                 let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
@@ -128,9 +128,9 @@ impl Goal<'_> {
             };
             let kernels = self.kernels(num_chirps / count, allows_single);
             let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
-            // One cell more may spare one mode of a few.
+            // One cell more may spare one term of a few.
             let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
-                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
+                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_TERMS)
                     && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
             };
             if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
@@ -216,15 +216,15 @@ impl Goal<'_> {
         1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
     }
 
-    /// Predicted time of one block [s]; or of each of its halves, with about as many modes as they can be hoped to have:
+    /// Predicted time of one block [s]; or of each of its halves, with about as many terms as they can be hoped to have:
     /// delays bend a quarter as much.
     fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
         let divisor = if is_halved { 2 } else { 1 };
-        let mut num_modes = expansion.modes.num_sets();
+        let mut num_terms = expansion.modes.num_sets();
         if is_halved {
-            num_modes = num_modes.div_ceil(2).min(num_modes / 4 + 4);
+            num_terms = num_terms.div_ceil(2).min(num_terms / 4 + 4);
         }
-        let terms = num_modes as f64;
+        let terms = num_terms as f64;
         let channels = self.request.series.num_channels as f64;
         let samples = self.request.waveform.num_samples as f64 / 128.0;
         let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
@@ -248,7 +248,7 @@ impl Goal<'_> {
         .size();
         let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
         let fetching = 0.02 * (bytes - FAST_MEMORY).max(0.0) * self.group.num_paths as f64 / BATCH;
-        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
+        self.spread_cost(kernel, num_terms) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
     }
 
     /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
@@ -322,7 +322,7 @@ impl Goal<'_> {
                 rows: 1,
                 num_degrees: 1,
                 num_amplitudes: 1,
-                modes: Modes::none(),
+                modes: CrossApproximation::none(),
             };
             return Some(Laid {
                 expansion,
@@ -368,9 +368,9 @@ impl Goal<'_> {
         );
         let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
         self.room.replace(paths);
-        let (modes, left) = found?;
+        let (approximation, left) = found?;
         let rounding = if kernel.is_single {
-            SINGLE_TURN * modes.turns
+            SINGLE_TURN * approximation.turns
         } else {
             0.0
         };
@@ -388,7 +388,7 @@ impl Goal<'_> {
             rows: 1,
             num_degrees: 2,
             num_amplitudes,
-            modes,
+            modes: approximation,
         };
         let laid = Laid {
             expansion,
