@@ -7,7 +7,7 @@ use crate::numeric::parallel;
 use crate::numeric::simd::Real;
 use crate::synthesis::block::{CHUNK, Selection};
 use crate::synthesis::direct;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::nufft::{self, Widths};
 use crate::synthesis::plan::{Part, Plan, Step};
 use crate::synthesis::recurrence::{self, LaneGrid};
@@ -155,42 +155,42 @@ impl Job<'_> {
         &self,
         selection: Selection,
         width: usize,
-        expansions: &[Expansion],
+        block_plans: &[BlockPlan],
         out: &mut [Complex<T>],
     ) -> Outcome {
         let num_samples = self.waveform.num_samples;
         // Samples by block and channel; one task per block and some channels.
-        let mut samples: Vec<Vec<&mut [Complex<T>]>> = expansions.iter().map(|_| Vec::new()).collect();
+        let mut samples: Vec<Vec<&mut [Complex<T>]>> = block_plans.iter().map(|_| Vec::new()).collect();
         let mut rest = out;
         for _ in 0..self.series.num_channels {
-            for (expansion, samples) in expansions.iter().zip(&mut samples) {
-                let (own, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
+            for (block_plan, samples) in block_plans.iter().zip(&mut samples) {
+                let (own, behind) = rest.split_at_mut(block_plan.block.chirps.len() * num_samples);
                 samples.push(own);
                 rest = behind;
             }
         }
         let mut tasks = Vec::new();
-        for (expansion, samples) in expansions.iter().zip(samples) {
+        for (block_plan, samples) in block_plans.iter().zip(samples) {
             let mut samples = samples.into_iter();
             for first in (0..self.series.num_channels).step_by(nufft::MAX_CHANNELS) {
                 let some: Vec<_> = samples.by_ref().take(nufft::MAX_CHANNELS).collect();
-                tasks.push((first, expansion, some));
+                tasks.push((first, block_plan, some));
             }
         }
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
-        let num_parts = if self.series.num_channels * expansions.len() >= 4 {
+        let num_parts = if self.series.num_channels * block_plans.len() >= 4 {
             1
         } else {
             (num_chunks / 256).clamp(1, nufft::MAX_PARTS)
         };
-        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, expansion, samples)| {
+        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, block_plan, samples)| {
             let job = |channel: usize| nufft::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
                 selection,
                 scale: self.scale,
-                expansion,
+                block_plan,
                 width,
                 level: self.options.level,
                 num_parts,
@@ -198,14 +198,14 @@ impl Job<'_> {
                 keep_empty_rows: !self.options.skip_rows,
             };
             let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
-            let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
+            let share = block_plan.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
             let mut outcome = Outcome {
                 rest: vec![0.0; self.series.num_channels],
                 ..Outcome::default()
             };
             for (job, (used, checked)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
                 outcome.rows += used;
-                outcome.rows_skipped += expansion.rows - used;
+                outcome.rows_skipped += block_plan.rows - used;
                 outcome.rest[job.channel] = share * checked.sum;
                 outcome.worst.push((job.channel, checked.worst.0));
             }

@@ -7,7 +7,7 @@ use crate::synthesis::low_rank::residual_phase::Frame;
 
 /// The grid of a class of paths in one block.
 #[derive(Clone, Debug)]
-pub struct Expansion {
+pub struct BlockPlan {
     /// The chirps.
     pub block: Block,
     /// Constants of the plane waves.
@@ -26,7 +26,7 @@ pub struct Expansion {
     pub modes: CrossApproximation,
 }
 
-impl Expansion {
+impl BlockPlan {
     /// Largest keystone frequency in the block [Hz s].
     pub fn max_keystone(waveform: &Waveform, block: &Block, carrier: f64) -> f64 {
         let slow = (0..block.chirps.len())

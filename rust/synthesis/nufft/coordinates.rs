@@ -47,20 +47,20 @@ struct Probe<T> {
 
 impl<T: Precision> Probe<T> {
     fn new(job: &Job, instant: &Instant) -> Self {
-        let matrix = &job.expansion.block.amplitude;
+        let matrix = &job.block_plan.block.amplitude;
         let mut polynomials = vec![1.0, instant.x];
-        for k in 2..job.expansion.num_degrees.max(matrix.len()) {
+        for k in 2..job.block_plan.num_degrees.max(matrix.len()) {
             polynomials.push(2.0 * instant.x * polynomials[k - 1] - polynomials[k - 2]);
         }
         let weight = |row: usize| matrix.iter().zip(&polynomials).map(|(m, t)| m[row] * t).sum();
         Self {
             x: T::of(instant.x),
             sweep: T::of(instant.sweep),
-            amplitude: (1..job.expansion.num_amplitudes)
+            amplitude: (1..job.block_plan.num_amplitudes)
                 .map(|k| T::of(polynomials[k]))
                 .collect(),
             rows: (1..matrix.len()).map(weight).map(T::of).collect(),
-            polynomials: (2..job.expansion.num_degrees).map(|k| T::of(polynomials[k])).collect(),
+            polynomials: (2..job.block_plan.num_degrees).map(|k| T::of(polynomials[k])).collect(),
         }
     }
 }
@@ -68,16 +68,16 @@ impl<T: Precision> Probe<T> {
 impl<T: Precision> Map<T> {
     /// The numbers of a job.
     pub fn new(job: &Job, layout: &Layout) -> Self {
-        let (waveform, expansion) = (job.waveform, job.expansion);
+        let (waveform, block_plan) = (job.waveform, job.block_plan);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
-        let (half, carrier, approximation) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
+        let (half, carrier, approximation) = (block_plan.block.half, block_plan.frame.carrier, &block_plan.modes);
         let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
         };
         // Paths that never change have no further rows.
         let coefficients = |k: usize| {
-            let factors = &expansion.block.amplitude[k];
+            let factors = &block_plan.block.amplitude[k];
             let num_rows = if job.selection.class == Class::Still {
                 1
             } else {
@@ -96,17 +96,17 @@ impl<T: Precision> Map<T> {
             ],
             cells: [cells, 0.5 * (cells - width) + origin(job.width) as f64 + 0.5],
             velocity: [
-                (expansion.step * half).recip(),
-                expansion.middle_rate * half,
+                (block_plan.step * half).recip(),
+                block_plan.middle_rate * half,
                 0.5 * ((layout.rows - 1) as f64 - width) + 0.5,
             ],
             last_row: layout.rows.saturating_sub(job.width) as f64,
             stride: layout.stride as f64,
             is_moving: layout.rows > 1,
             swept: [waveform.slope * waveform.middle_time(), 0.5 * waveform.slope],
-            bend: T::of(expansion.frame.bend),
+            bend: T::of(block_plan.frame.bend),
             mean: coefficients(0),
-            amplitudes: (1..expansion.num_amplitudes).map(coefficients).collect(),
+            amplitudes: (1..block_plan.num_amplitudes).map(coefficients).collect(),
             probes: approximation
                 .instants
                 .iter()
@@ -116,7 +116,7 @@ impl<T: Precision> Map<T> {
             common: approximation
                 .checks
                 .iter()
-                .map(|check| T::of(approximation.mean.turns(&expansion.frame, &check.instant)))
+                .map(|check| T::of(approximation.mean.turns(&block_plan.frame, &check.instant)))
                 .collect(),
         }
     }
@@ -188,13 +188,13 @@ impl<T: Precision> Tracks<T> {
             phasor: (zero, zero),
             offset: zero,
             rate: zero,
-            bends: vec![zero; job.expansion.num_degrees.saturating_sub(2)],
+            bends: vec![zero; job.block_plan.num_degrees.saturating_sub(2)],
             rows: [vec![zero; num_amplitudes], vec![zero; num_amplitudes]],
             amplitude: [
-                vec![zero; job.expansion.num_amplitudes],
-                vec![zero; job.expansion.num_amplitudes],
+                vec![zero; job.block_plan.num_amplitudes],
+                vec![zero; job.block_plan.num_amplitudes],
             ],
-            strengths: vec![[zero; 2]; job.expansion.modes.num_sets()],
+            strengths: vec![[zero; 2]; job.block_plan.modes.num_sets()],
         }
     }
 }
@@ -229,7 +229,7 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
             place::<T, I, P>(job, map, rows, at, tracks, points, to + at);
         }
         expand::<T, I, P>(map, rows.len, tracks);
-        let is_flat = job.expansion.modes.are_flat();
+        let is_flat = job.block_plan.modes.are_flat();
         for term in 0..points.strengths.len() {
             let strengths = &mut points.strengths[term][2 * to..];
             for at in (0..rows.len).step_by(8 * P) {
@@ -264,8 +264,8 @@ fn place<T: Precision, I: Isa, const P: usize>(
     points: &mut Points<T>,
     to: usize,
 ) {
-    let (waveform, expansion) = (job.waveform, job.expansion);
-    let (delay, frame) = (&expansion.block.delay, &expansion.frame);
+    let (waveform, block_plan) = (job.waveform, job.block_plan);
+    let (delay, frame) = (&block_plan.block.delay, &block_plan.frame);
     let splat = wide::splat::<I, P>;
 
     // Row, cell and the places between them.

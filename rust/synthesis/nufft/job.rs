@@ -4,7 +4,7 @@ use crate::numeric::simd::Level;
 use crate::synthesis::block::Selection;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 
 /// Most parts of the paths of a job.
 pub const MAX_PARTS: usize = 8;
@@ -22,7 +22,7 @@ pub struct Job<'a> {
     /// Amplitudes are multiplied by this power of two.
     pub scale: f64,
     /// How they are expanded.
-    pub expansion: &'a Expansion,
+    pub block_plan: &'a BlockPlan,
     /// Width of the kernel.
     pub width: usize,
     /// Instruction set.

@@ -12,7 +12,7 @@ use crate::numeric::wide::{self, Wide, add, mul, mul_add};
 use crate::synthesis::low_rank::residual_phase::{Path, turns};
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
-/// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
+/// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's block plan.
 pub fn add_chirps<T: Scalar>(
     job: &Job,
     layout: &Layout,
@@ -32,7 +32,7 @@ pub fn add_chirps<T: Scalar>(
     };
     let num_tiles = num_samples.div_ceil(T::LANES);
     let tiles: Vec<Vec<T>> = parallel::map(job.is_parallel, (0..num_tiles).collect(), tile);
-    let num_chirps = job.expansion.block.chirps.len();
+    let num_chirps = job.block_plan.block.chirps.len();
     for (i, tile) in tiles.iter().enumerate() {
         let first = i * T::LANES;
         let len = T::LANES.min(num_samples - first);
@@ -86,7 +86,7 @@ impl<T: Scalar> SlowTime<T> {
         let groups = groups.filter(|group| !group.pairs.is_empty()).collect();
 
         // Chirps by distance from the centre; equal distances on both sides share their cosines and sines.
-        let block = &job.expansion.block;
+        let block = &job.block_plan.block;
         let mut offsets: Vec<(f64, usize)> = (0..block.chirps.len())
             .map(|c| (block.offset(job.waveform, c), c))
             .collect();
@@ -103,8 +103,8 @@ impl<T: Scalar> SlowTime<T> {
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
             num_rows: layout.rows,
-            num_sums: channels.len() * job.expansion.modes.num_sets(),
-            num_degrees: job.expansion.modes.num_degrees(),
+            num_sums: channels.len() * job.block_plan.modes.num_sets(),
+            num_degrees: job.block_plan.modes.num_degrees(),
             scale: job.scale,
             chirps,
         }
@@ -149,7 +149,7 @@ impl<T: Scalar> Tile<'_, T> {
     #[inline(always)]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
-        let (waveform, expansion) = (job.waveform, job.expansion);
+        let (waveform, block_plan) = (job.waveform, job.block_plan);
         let num_sums = slow.num_sums;
         let mut time = [0.0; 16];
         for i in 0..16 {
@@ -159,12 +159,12 @@ impl<T: Scalar> Tile<'_, T> {
         let splat = wide::splat::<I, P>;
         let fast = Fast::<I, P> {
             time,
-            frequency: mul_add(time, splat(waveform.slope), splat(expansion.frame.carrier)),
+            frequency: mul_add(time, splat(waveform.slope), splat(block_plan.frame.carrier)),
         };
 
         let sums = self.even_and_odd::<I, P>(&fast);
         let zero = <T::In<I>>::splat(T::zero());
-        let num_numbers = expansion.block.chirps.len() * 2 * T::LANES;
+        let num_numbers = block_plan.block.chirps.len() * 2 * T::LANES;
         let mut out = vec![T::zero(); self.channels.len() * num_numbers];
         let mut transformed = vec![[zero; 4]; 2 * num_sums];
         let mut room = Room::default();
@@ -172,7 +172,7 @@ impl<T: Scalar> Tile<'_, T> {
         while number < slow.chirps.len() {
             let chirps = &slow.chirps[number..slow.chirps.len().min(number + 2)];
             number += 2;
-            let turns = |i: usize| expansion.step * chirps[i].0;
+            let turns = |i: usize| block_plan.step * chirps[i].0;
             if chirps.len() == 2 {
                 self.transform::<I, P, 2>(&fast, [turns(0), turns(1)], &sums, &mut transformed);
             } else {
@@ -202,15 +202,15 @@ impl<T: Scalar> Tile<'_, T> {
     /// Sums and differences of the rows of every pair, (group, term, pair, [sum re, im, difference re, im]).
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
-        let (expansion, slow) = (self.job.expansion, self.slow);
-        let (num_sums, num_terms) = (slow.num_sums, expansion.modes.num_sets());
+        let (block_plan, slow) = (self.job.block_plan, self.slow);
+        let (num_sums, num_terms) = (slow.num_sums, block_plan.modes.num_sets());
         let zero = <T::In<I>>::splat(T::zero());
         let mut sums = vec![[zero; 4]; slow.groups.len() * num_sums * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
         for g in 0..slow.groups.len() {
             let group = &slow.groups[g];
             for p in 0..group.pairs.len() {
-                let rate = expansion.step * ((group.first + p) as f64 + 0.5);
+                let rate = block_plan.step * ((group.first + p) as f64 + 0.5);
                 let [cos, sin] = wide::cos_sin::<T, I, P>(mul(square, wide::splat::<I, P>(rate)));
                 for index in 0..num_sums {
                     let spectra = &self.channels[index / num_terms].spectra;
@@ -296,18 +296,18 @@ impl<T: Scalar> Tile<'_, T> {
     /// all terms are multiplied by, whatever the channel.
     #[inline(always)]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
-        let (waveform, expansion) = (self.job.waveform, self.job.expansion);
+        let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);
         let splat = wide::splat::<I, P>;
         let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
         let keystone = mul_add(fast.frequency, splat(time), square);
-        let phase = mul(keystone, splat(expansion.middle_rate));
-        let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * expansion.step)));
+        let phase = mul(keystone, splat(block_plan.middle_rate));
+        let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * block_plan.step)));
         let root = polynomial(&self.slow.inverse_root, angle.mul(angle));
         let weight = root.mul(root);
 
-        let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
+        let x = mul(add(fast.time, splat(time)), splat(block_plan.block.half.recip()));
         let x = wide::narrow::<T, I, P>(x);
-        let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(expansion.frame.stretch)));
+        let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(block_plan.frame.stretch)));
         self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
         let common = [cos.mul(weight), sin.mul(weight)];
@@ -319,7 +319,7 @@ impl<T: Scalar> Tile<'_, T> {
     /// Weights of the terms' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
-        let approximation = &self.job.expansion.modes;
+        let approximation = &self.job.block_plan.modes;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.
@@ -369,7 +369,7 @@ impl<T: Scalar> Tile<'_, T> {
         for k in 0..path.bends().len() {
             delta = polynomials[k + 2].mul_add(number(path.bends()[k]), delta);
         }
-        let (offset, rate, bend) = (path.offset, path.rate, self.job.expansion.frame.bend);
+        let (offset, rate, bend) = (path.offset, path.rate, self.job.block_plan.frame.bend);
         wide::cos_sin_of::<T, I>(turns(delta, number(offset), number(rate), x, sweep, number(bend)))
     }
 }

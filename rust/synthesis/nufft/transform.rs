@@ -13,18 +13,18 @@ use crate::numeric::simd::{Isa, Kernel, Real};
 use crate::synthesis::block::CHUNK;
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
-/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share an expansion. Returns for each the number
+/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share an block plan. Returns for each the number
 /// of rows that were transformed, and how far residuals are from their interpolation.
 pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Checked)> {
     let Some(job) = jobs.first() else {
         return Vec::new();
     };
-    let layout = Layout::new(job.waveform.num_samples, job.width, job.expansion.rows);
+    let layout = Layout::new(job.waveform.num_samples, job.width, job.block_plan.rows);
     let kernel = KaiserBessel::new(job.width);
     let channels = parallel::map(job.is_parallel, jobs.iter().collect(), |job| {
         job.spectra::<T>(&layout, &kernel)
     });
-    if job.expansion.rows == 1 {
+    if job.block_plan.rows == 1 {
         for (out, channel) in out.iter_mut().zip(&channels) {
             let (re, im) = (&channel.spectra.re, &channel.spectra.im);
             for chirp in out.chunks_exact_mut(job.waveform.num_samples) {
@@ -68,7 +68,7 @@ impl Job<'_> {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
-            let mut grid = T::take_zeros(self.expansion.modes.num_sets() * layout.size());
+            let mut grid = T::take_zeros(self.block_plan.modes.num_sets() * layout.size());
             let checked = spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
             (grid, checked)
         };
@@ -85,7 +85,7 @@ impl Job<'_> {
             checked = checked.join(others);
         }
         // In units of the amplitudes.
-        checked.sum *= self.expansion.modes.check_factor / self.scale / self.scale;
+        checked.sum *= self.block_plan.modes.check_factor / self.scale / self.scale;
         (sum, checked)
     }
 
@@ -110,7 +110,7 @@ impl Job<'_> {
             })
             .collect();
         let first = (m_index(0, middle, n), num_samples.min(middle));
-        let size = self.expansion.modes.num_sets() * layout.rows * padded;
+        let size = self.block_plan.modes.num_sets() * layout.rows * padded;
         let mut spectra = Spectra {
             re: vec![T::zero(); size],
             im: vec![T::zero(); size],

@@ -6,7 +6,7 @@ use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
 use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::interval::Interval;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::low_rank::cross_approximation::{self, CrossApproximation};
 use crate::synthesis::low_rank::residual_phase::{Frame, Path};
 use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
@@ -57,7 +57,7 @@ impl Goal<'_> {
             // Now with the ranges that the paths have in the blocks; terms of samples do not depend on them.
             let mut known = laid.into_iter().peekable();
             let expand = |(block, ranges): (&Block, Vec<Interval>)| {
-                let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
+                let is_known = |laid: &Laid| laid.block_plan.block.chirps == block.chirps;
                 match known.next_if(is_known) {
                     Some(laid) => self.fit(laid, &ranges, kernel),
                     None => self.expand(block, &ranges, kernel),
@@ -69,11 +69,11 @@ impl Goal<'_> {
                 .map(expand)
                 .collect::<Option<_>>()?;
         }
-        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
+        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, false)).sum();
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
         let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
         let count = blocks.len();
-        let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
+        let expansions: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
         // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
         let num_grids = series.num_channels * count;
         // Spectra are half as large, and wait for those of other channels.
@@ -123,15 +123,15 @@ impl Goal<'_> {
                 Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
             };
             let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
-                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, is_halved));
                 share * costs.sum::<f64>()
             };
             let kernels = self.kernels(num_chirps / count, allows_single);
             let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
             // One cell more may spare one term of a few.
             let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
-                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_TERMS)
-                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
+                laid.iter().all(|laid| laid.block_plan.modes.num_sets() <= FEW_TERMS)
+                    && laid.iter().any(|laid| laid.block_plan.modes.num_sets() > 1)
             };
             if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
                 && is_few(narrow)
@@ -218,21 +218,21 @@ impl Goal<'_> {
 
     /// Predicted time of one block [s]; or of each of its halves, with about as many terms as they can be hoped to have:
     /// delays bend a quarter as much.
-    fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
+    fn cost(&self, kernel: Kernel, block_plan: &BlockPlan, is_halved: bool) -> f64 {
         let divisor = if is_halved { 2 } else { 1 };
-        let mut num_terms = expansion.modes.num_sets();
+        let mut num_terms = block_plan.modes.num_sets();
         if is_halved {
             num_terms = num_terms.div_ceil(2).min(num_terms / 4 + 4);
         }
         let terms = num_terms as f64;
         let channels = self.request.series.num_channels as f64;
         let samples = self.request.waveform.num_samples as f64 / 128.0;
-        let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
+        let slow = 0.6 + 0.01 * (block_plan.block.chirps.len() / divisor) as f64;
         let scale = if kernel.is_single { 1.0 } else { 2.0 };
-        let transform = if expansion.rows == 1 {
+        let transform = if block_plan.rows == 1 {
             1e3
         } else {
-            1e3 * (expansion.rows / divisor) as f64 * terms * slow * samples * scale
+            1e3 * (block_plan.rows / divisor) as f64 * terms * slow * samples * scale
         };
         // Every block reads all rows of the series: those of amplitudes are twice as long.
         let series = self.request.series;
@@ -243,7 +243,7 @@ impl Goal<'_> {
         let size = Layout::new(
             self.request.waveform.num_samples,
             kernel.width,
-            expansion.rows / divisor,
+            block_plan.rows / divisor,
         )
         .size();
         let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
@@ -314,7 +314,7 @@ impl Goal<'_> {
         let carrier = waveform.start_frequency + waveform.slope * (waveform.middle_time() - middle_delay);
         let frame = Frame::new(carrier, middle_delay, waveform.slope);
         if self.class == Class::Still {
-            let expansion = Expansion {
+            let block_plan = BlockPlan {
                 block: block.clone(),
                 frame,
                 middle_rate: 0.0,
@@ -325,7 +325,7 @@ impl Goal<'_> {
                 modes: CrossApproximation::none(),
             };
             return Some(Laid {
-                expansion,
+                block_plan,
                 error: kernel.error,
                 interpolation: 0.0,
             });
@@ -380,7 +380,7 @@ impl Goal<'_> {
         if error > self.tolerance {
             return None;
         }
-        let expansion = Expansion {
+        let block_plan = BlockPlan {
             block: block.clone(),
             frame,
             middle_rate: 0.0,
@@ -391,7 +391,7 @@ impl Goal<'_> {
             modes: approximation,
         };
         let laid = Laid {
-            expansion,
+            block_plan,
             error,
             interpolation,
         };
@@ -400,17 +400,17 @@ impl Goal<'_> {
 
     /// The same with the velocity axis and the degrees of delays in some ranges.
     fn fit(&self, mut laid: Laid, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
-        let (waveform, expansion) = (self.request.waveform, &mut laid.expansion);
-        let axis = self.velocity_axis(&expansion.block, delay, &expansion.frame, kernel)?;
+        let (waveform, block_plan) = (self.request.waveform, &mut laid.block_plan);
+        let axis = self.velocity_axis(&block_plan.block, delay, &block_plan.frame, kernel)?;
         let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
-        if expansion.modes.num_sets().saturating_mul(size) > MAX_GRID {
+        if block_plan.modes.num_sets().saturating_mul(size) > MAX_GRID {
             return None;
         }
-        (expansion.middle_rate, expansion.step, expansion.rows) = (axis.middle_rate, axis.step, axis.rows);
+        (block_plan.middle_rate, block_plan.step, block_plan.rows) = (axis.middle_rate, axis.step, axis.rows);
         // Degrees that count: no path turns by more than a share of the budget in the others.
-        let top = (expansion.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        let top = (block_plan.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
         let counts = |k: &usize| top * delay[*k].magnitude() > LEAST_SHARE * self.budget(kernel);
-        expansion.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        block_plan.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
         Some(laid)
     }
 
@@ -430,7 +430,7 @@ impl Goal<'_> {
         };
         let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
         let rate = rate.scaled(block.half.recip());
-        let keystone = Expansion::max_keystone(self.request.waveform, block, frame.carrier);
+        let keystone = BlockPlan::max_keystone(self.request.waveform, block, frame.carrier);
         let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
         // One part in 10^9 for rounding.
         let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
@@ -472,7 +472,7 @@ type Estimate = (f64, Vec<Block>, Kernel, Vec<Laid>);
 
 /// How the paths are laid out in a block.
 struct Laid {
-    expansion: Expansion,
+    block_plan: BlockPlan,
     /// Predicted error.
     error: f64,
     /// What the interpolation of residuals and their rounding have in it.

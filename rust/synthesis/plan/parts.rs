@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::synthesis::block::Class;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 
 /// What is done with a class of paths.
 #[derive(Clone, Debug)]
@@ -28,8 +28,8 @@ pub enum Step {
         is_single: bool,
         /// Width of the kernel.
         width: usize,
-        /// One expansion per block of chirps.
-        expansions: Vec<Expansion>,
+        /// One plan per block of chirps.
+        expansions: Vec<BlockPlan>,
     },
 }
 
