@@ -59,8 +59,8 @@ pub(super) struct Job<'a> {
     pub(super) samples: Vec<Sample>,
     /// Chunks of paths `(channel, chunk)` that they did not stand for.
     pub(super) extra: Vec<(usize, usize)>,
-    /// See [`Request::caution`].
-    pub(super) caution: f64,
+    /// See [`Request::safety_factor`].
+    pub(super) safety_factor: f64,
     /// See [`Request::allows_single`].
     pub(super) allows_single: bool,
     /// No plan kept what it had promised.

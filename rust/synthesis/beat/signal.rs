@@ -96,10 +96,10 @@ pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Resu
     Job::new(waveform, series, options)?.plan(1.0)
 }
 
-/// Largest caution in single precision.
-const MOST_CAUTION: f64 = 10.0;
+/// Largest safety factor in single precision.
+const MAX_SAFETY_FACTOR: f64 = 10.0;
 /// And in double precision: beyond it delays are not what their series says.
-const MOST_DOUBLE_CAUTION: f64 = 1e4;
+const MAX_DOUBLE_SAFETY_FACTOR: f64 = 1e4;
 /// Paths that stand for all moving ones.
 const NUM_SAMPLES: usize = 256;
 /// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
@@ -136,7 +136,7 @@ impl<'a> Job<'a> {
             statistics,
             samples: Vec::new(),
             extra: Vec::new(),
-            caution: 1.0,
+            safety_factor: 1.0,
             allows_single: true,
             is_lost: false,
             scale,
@@ -187,12 +187,12 @@ impl<'a> Job<'a> {
                 self.extra.push(*chunk);
             }
         }
-        self.caution *= (1.2 * factor).clamp(1.2, 3.0);
-        if self.caution > MOST_CAUTION && self.allows_single {
+        self.safety_factor *= (1.2 * factor).clamp(1.2, 3.0);
+        if self.safety_factor > MAX_SAFETY_FACTOR && self.allows_single {
             // What is left may be rounding.
-            (self.caution, self.allows_single) = (1.0, false);
+            (self.safety_factor, self.allows_single) = (1.0, false);
         }
-        self.is_lost |= self.caution > MOST_DOUBLE_CAUTION;
+        self.is_lost |= self.safety_factor > MAX_DOUBLE_SAFETY_FACTOR;
         self.draw();
     }
 
@@ -233,7 +233,7 @@ impl<'a> Job<'a> {
             tolerance: tolerance / gain,
             method,
             gain,
-            caution: self.caution,
+            safety_factor: self.safety_factor,
             allows_single: self.allows_single,
             samples: &self.samples,
             num_random: NUM_SAMPLES.min(self.samples.len()),

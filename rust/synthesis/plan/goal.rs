@@ -36,7 +36,7 @@ pub struct Request<'a> {
     /// Largest rms of the samples of a channel relative to its l2(amplitudes), as far as it is known; at least 1.
     pub gain: f64,
     /// Divides the error that the samples may have: more than 1 where other paths turned out to have more.
-    pub caution: f64,
+    pub safety_factor: f64,
     /// Grids may be in single precision.
     pub allows_single: bool,
     /// Paths that stand for all moving ones.

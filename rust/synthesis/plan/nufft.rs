@@ -343,7 +343,7 @@ impl Goal<'_> {
             sample.set_in_block(block, &frame, path);
         }
         let fluctuation = fluctuation(waveform);
-        let allowed = budget / self.request.caution / fluctuation;
+        let allowed = budget / self.request.safety_factor / fluctuation;
         let num_apart = if paths.len() < self.group.num_paths {
             self.request.num_random
         } else {
