@@ -201,7 +201,7 @@ impl<T: Precision> Tracks<T> {
 
 /// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64 hold.
 /// Returns the squared distance of their residuals from the interpolation, the mean over the checks.
-pub struct Place<'a, T, const P: usize> {
+pub struct Coordinates<'a, T, const P: usize> {
     pub job: &'a Job<'a>,
     pub map: &'a Map<T>,
     pub first: usize,
@@ -210,7 +210,7 @@ pub struct Place<'a, T, const P: usize> {
     pub points: &'a mut Points<T>,
 }
 
-impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
+impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
     type Output = f64;
 
     #[inline(always)] // see `Kernel`
@@ -226,7 +226,7 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
         rows.gather(job.series, job.channel, first, job.selection);
         let to = points.len;
         for at in (0..rows.len).step_by(8 * P) {
-            place::<T, I, P>(job, map, rows, at, tracks, points, to + at);
+            coordinates::<T, I, P>(job, map, rows, at, tracks, points, to + at);
         }
         expand::<T, I, P>(map, rows.len, tracks);
         let is_flat = job.block_plan.modes.are_flat();
@@ -255,7 +255,7 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
 
 /// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
 #[inline(always)]
-fn place<T: Precision, I: Isa, const P: usize>(
+fn coordinates<T: Precision, I: Isa, const P: usize>(
     job: &Job,
     map: &Map<T>,
     rows: &Rows,

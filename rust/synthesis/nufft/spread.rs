@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::coordinates::{Map, Place, Points, Tracks};
+use super::coordinates::{Coordinates, Map, Points, Tracks};
 use super::job::Job;
 use super::layout::Layout;
 use super::scalar::Scalar;
@@ -465,7 +465,7 @@ fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
 
 /// Kernel widths that are compiled for a precision.
 pub trait Widths: Scalar {
-    /// Gather a chunk of paths and put them in their places, see [`Place`].
+    /// Gather a chunk of paths and put them in their places, see [`Coordinates`].
     fn place(
         job: &Job,
         map: &Map<Self>,
@@ -489,7 +489,7 @@ macro_rules! alike {
             tracks: &mut Tracks<Self>,
             points: &mut Points<Self>,
         ) -> f64 {
-            job.level.run(Place::<Self, $vectors> {
+            job.level.run(Coordinates::<Self, $vectors> {
                 job,
                 map,
                 first,
