@@ -1,4 +1,4 @@
-//! What a plan has to know of all paths: how many there are of each class, the ranges of their series, their power.
+//! Statistics of the paths that a plan is made from: number of paths, ranges of delays and power of amplitudes, by class.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -12,10 +12,10 @@ use crate::synthesis::delay::PathSeries;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::residual_phase::Sample;
 
-/// The paths of one class.
+/// Statistics of the paths of one class.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// Paths, over all channels.
+    /// Number of paths, over all channels.
     pub num_paths: usize,
     /// Range of the coefficients of the delay over the frame [s], by degree.
     pub delay: Vec<Interval>,
@@ -24,7 +24,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
     pub fn own_power(&self) -> Vec<f64> {
         let mut own = self.power[0].clone();
         for change in &self.power[1..] {
@@ -36,31 +36,31 @@ impl Group {
     }
 }
 
-/// All paths of a series.
+/// Statistics of all paths of a series.
 #[derive(Clone, Debug)]
 pub struct PathStatistics {
-    /// Those that never change.
+    /// Paths whose delay and amplitude never change.
     pub still: Group,
-    /// All others.
+    /// All other paths.
     pub moving: Group,
-    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
     pub power: Vec<f64>,
-    /// Sum of the fourth powers of the first amplitudes, per channel.
+    /// Sum of the fourth powers of the first amplitudes [W^2], per channel.
     pub fourth: Vec<f64>,
-    /// Largest real or imaginary part of the first amplitude of any path, and of the others' differences from it.
+    /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from it.
     pub largest: f64,
-    /// False if any number may not be finite.
+    /// True if all numbers are certainly finite.
     pub is_finite: bool,
-    /// A bit per path that moves, (channel, chunk).
+    /// Bit masks of the moving paths, (channel, chunk).
     pub masks: Vec<u128>,
-    /// Some of the paths whose residuals change most, of every part of the work.
+    /// Largest bounds of the change of residuals, of every part of the work, in decreasing order.
     pub bounds: Vec<Bound>,
 }
 
-/// A path whose residual changes more than its neighbours'.
+/// Upper bound of the change of residuals in a group of neighbouring paths, and the path that attains it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bound {
-    /// Estimate of the square of that change.
+    /// Estimate of the squared change of the residual over the frame [W].
     pub change: f64,
     /// Number of the path in its channel.
     pub path: usize,
@@ -68,12 +68,12 @@ pub struct Bound {
     pub channel: usize,
 }
 
-/// Most of them.
+/// Largest number of bounds that are kept.
 const NUM_BOUNDS: usize = 12;
-/// So many neighbours have one of them.
+/// Paths that share one bound.
 const NEIGHBOURS: usize = 32;
 
-/// Chunks per part of the work: sums do not depend on the number of threads.
+/// Chunks per part of the work, a constant: sums do not depend on the number of threads.
 const PART: usize = 64;
 
 impl PathStatistics {
@@ -97,8 +97,8 @@ impl PathStatistics {
         all
     }
 
-    /// Number of paths of equal strength that would have the same ratio of fourth to second moments, the least of all
-    /// channels; 1 if that cannot be said.
+    /// Effective number of paths: as many of equal strength have the same ratio of fourth to squared second moments.
+    /// The least of all channels; 1 if moments are not finite.
     pub fn effective_paths(&self) -> f64 {
         let channels = self.power.iter().zip(&self.fourth).filter(|(power, _)| **power > 0.0);
         let ratios = channels.map(|(power, fourth)| {
@@ -108,7 +108,7 @@ impl PathStatistics {
         ratios.fold(1e9, f64::min).max(1.0)
     }
 
-    /// All paths as moving ones.
+    /// Count all paths as moving.
     pub fn merge(&mut self) {
         let still = std::mem::replace(&mut self.still, self.moving.clone());
         let moving = &mut self.moving;
@@ -122,7 +122,7 @@ impl PathStatistics {
         self.still.num_paths = 0;
     }
 
-    /// The number of paths alone.
+    /// Statistics of the number of paths alone.
     pub fn count(series: &PathSeries) -> Self {
         let mut statistics = Self::empty(series);
         statistics.moving.num_paths = series.num_channels * series.num_paths;
@@ -168,14 +168,14 @@ impl PathStatistics {
     }
 }
 
-/// At most `most` of the selected paths, spread evenly over them.
+/// Sample of at most `most` of the selected paths, spread evenly over them.
 pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sample> {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
     let all = (0..series.num_channels).flat_map(|channel| (0..num_chunks).map(move |chunk| (channel, chunk)));
     let count = |(channel, chunk)| selection.count(series, channel, chunk);
     let total: usize = all.clone().map(count).sum();
     let num_samples = most.min(total);
-    // One path in every `total / num_samples` of them, at a place that is as good as random.
+    // One path in every `total / num_samples` of them, at a pseudo-random rank.
     let mut ranks = (0..num_samples).map(|i| {
         let (low, high) = (i * total / num_samples, (i + 1) * total / num_samples);
         low + (mix(i as u64) % (high - low).max(1) as u64) as usize
@@ -201,7 +201,7 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
         .collect()
 }
 
-/// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
+/// Paths that attain the largest bounds, at most one of each group of neighbours over all channels.
 pub fn bounding_paths(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
     let mut chosen: Vec<&Bound> = Vec::new();
     for bound in &statistics.bounds {
@@ -221,7 +221,7 @@ pub fn bounding_paths(series: &PathSeries, statistics: &PathStatistics) -> Vec<S
         .collect()
 }
 
-/// The largest changes first.
+/// Sort bounds, the largest change first.
 fn sort(bounds: &mut [Bound]) {
     bounds.sort_by(|a, b| b.change.total_cmp(&a.change));
 }
@@ -282,7 +282,7 @@ pub fn ranges(
     all
 }
 
-/// Channels and chunks of the parts of the work.
+/// Channel and chunks of every part of the work.
 fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
     let of_channel = |channel| {
@@ -371,7 +371,7 @@ impl Kernel for PartStatistics<'_> {
                 counts[class] += numbers[class];
                 let members = is_mixed.then(|| lanes_of(bits, [0.0, 1.0]));
                 let far = is_mixed.then(|| lanes_of(bits, [FAR, 0.0]));
-                // Those that stand still have one coefficient.
+                // Still paths have one coefficient.
                 let most = if class == 0 { 1 } else { usize::MAX };
                 for k in 0..ranges[class].len().min(most) {
                     let squares = (k >= 2).then_some(&mut bends);
@@ -425,7 +425,7 @@ impl Kernel for PartStatistics<'_> {
     }
 }
 
-/// One number where the bit is not set, another where it is.
+/// Lane of `numbers[bit]`, by the bits of a mask.
 #[inline(always)]
 fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
     let halves = [bits as u64, (bits >> 64) as u64];
@@ -437,7 +437,7 @@ fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
     lanes
 }
 
-/// Vectors at once: what a loop over rows costs is shared by all of them.
+/// Vectors at once, which share the cost of a loop over rows.
 const AT_ONCE: usize = 4;
 type Wide<I> = wide::Wide<I, AT_ONCE>;
 
@@ -449,7 +449,7 @@ fn sum_of<I: Isa>(vectors: Wide<I>) -> f64 {
     numbers.iter().sum()
 }
 
-/// The least number.
+/// Least of all numbers.
 #[inline(always)]
 fn least_of<I: Isa>(vectors: Wide<I>) -> f64 {
     let mut numbers = [0.0; 8 * AT_ONCE];
@@ -467,8 +467,7 @@ fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wid
     value
 }
 
-/// Zero if no number is infinite or NaN: then means over the frame are numbers; not so as well where these are beyond the
-/// largest.
+/// Zero if the means over the frame of all series are finite; NaN if any number or any mean is not.
 #[inline(always)]
 fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
     let zero = wide::splat::<I, AT_ONCE>(0.0);
@@ -479,14 +478,14 @@ fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
         (&frame.amplitude, &rows.im),
     ] {
         for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-            // No number times zero is zero, if it is none.
+            // Zero times infinity or NaN is NaN.
             sum = wide::mul_add(whole::<I>(matrix, lanes, 0, at), zero, sum);
         }
     }
     sum
 }
 
-/// The larger absolute values.
+/// Running maximum of absolute values.
 #[inline(always)]
 fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
     let zero = wide::splat::<I, AT_ONCE>(0.0);
@@ -497,7 +496,7 @@ fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
     largest
 }
 
-/// Add the fourth powers of the magnitudes.
+/// Add the fourth powers of the magnitudes of the amplitudes.
 #[inline(always)]
 fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
     for at in (0..CHUNK).step_by(8 * AT_ONCE) {
@@ -508,8 +507,8 @@ fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
     sum
 }
 
-/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last path
-/// has none. Adds them to `squares` as well, path by path.
+/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path by
+/// path, to `squares`. Lanes after the last path have no amplitude.
 #[inline(always)]
 fn add_power<I: Isa>(
     block: &Block,
@@ -534,17 +533,17 @@ fn add_power<I: Isa>(
     power
 }
 
-/// Add squares to the numbers from `at` on.
+/// Add squares of values to the numbers from `at` on.
 #[inline(always)]
 fn add_squares<I: Isa>(value: Wide<I>, squares: &mut Lane, at: usize) {
     let sum = wide::load::<I, AT_ONCE>(&squares[at..]);
     wide::store(wide::mul_add(value, value, sum), &mut squares[at..]);
 }
 
-/// Beyond every delay.
+/// Number beyond every delay [s].
 const FAR: f64 = 1e300;
 
-/// Ranges in the making, one per number of the vectors.
+/// Running lower and upper ends of ranges, one per number of the vectors.
 #[derive(Clone, Copy)]
 struct Ends<V> {
     low: [V; AT_ONCE],
@@ -552,7 +551,7 @@ struct Ends<V> {
 }
 
 impl<V: Vector<Scalar = f64>> Ends<V> {
-    /// No number.
+    /// Ends of the empty range.
     #[inline(always)]
     fn empty() -> Self {
         Self {
@@ -561,8 +560,8 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
         }
     }
 
-    /// Coefficient k of the delay of all paths, or of those that are not `far`. What follows the last path of a chunk is a copy
-    /// of it. Adds its squares to `squares`, path by path.
+    /// Widen the range by coefficient k of the delay of all paths, or of those that are not `far`, and add its square to
+    /// `squares`, path by path. Lanes after the last path of a chunk are copies of that path.
     #[inline(always)]
     fn take_in<I: Isa<F64 = V>>(
         &mut self,
