@@ -54,8 +54,8 @@ impl PathSeries<'_> {
         self.num_delay_terms().max(self.num_amplitude_terms())
     }
 
-    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks, which
-    /// are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
+    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks,
+    /// which are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
     pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
         let degree = self.num_terms().max(1) - 1;
         let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);

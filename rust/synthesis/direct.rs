@@ -1,10 +1,10 @@
 //! The direct sum: eq. (1) of README evaluated at every sample of every path, in f64.
 //!
-//! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its
-//! own, so there is no recurrence whose error could grow with the number of samples: what is left is the
-//! rounding of the phase, about `2 pi B tau` eps. The work is split by channel, chirp and block of samples;
-//! every block adds its paths in a fixed order, so the result does not depend on the number of threads. Paths that do not
-//! change during the frame are added once, for all chirps.
+//! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its own, so
+//! there is no recurrence whose error could grow with the number of samples: what is left is the rounding of the phase,
+//! about `2 pi B tau` eps. The work is split by channel, chirp and block of samples; every block adds its paths in a
+//! fixed order, so the result does not depend on the number of threads. Paths that do not change during the frame are
+//! added once, for all chirps.
 
 use num_complex::Complex64;
 

@@ -1,4 +1,5 @@
-//! Statistics of the paths that a plan is made from: number of paths, ranges of delays and power of amplitudes, by class.
+//! Statistics of the paths that a plan is made from: number of paths, ranges of delays and power of amplitudes, by
+//! class.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -47,7 +48,8 @@ pub struct PathStatistics {
     pub power: Vec<f64>,
     /// Sum of the fourth powers of the first amplitudes [W^2], per channel.
     pub fourth: Vec<f64>,
-    /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from it.
+    /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from
+    /// it.
     pub largest: f64,
     /// True if all numbers are certainly finite.
     pub is_finite: bool,
@@ -77,7 +79,7 @@ const NEIGHBOURS: usize = 32;
 const PART: usize = 64;
 
 impl PathStatistics {
-    /// PartStatistics at all paths of a frame, which is one block, about a carrier [Hz].
+    /// Statistics of all paths over a frame, as one block, for phases at a carrier [Hz].
     pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
         let of_part = |(channel, chunks): (usize, Range<usize>)| {
             level.run(PartStatistics {
@@ -507,8 +509,8 @@ fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
     sum
 }
 
-/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path by
-/// path, to `squares`. Lanes after the last path have no amplitude.
+/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path
+/// by path, to `squares`. Lanes after the last path have no amplitude.
 #[inline(always)]
 fn add_power<I: Isa>(
     block: &Block,
@@ -560,8 +562,8 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
         }
     }
 
-    /// Widen the range by coefficient k of the delay of all paths, or of those that are not `far`, and add its square to
-    /// `squares`, path by path. Lanes after the last path of a chunk are copies of that path.
+    /// Widen the range by coefficient k of the delay of all paths, or of those that are not `far`, and add its square
+    /// to `squares`, path by path. Lanes after the last path of a chunk are copies of that path.
     #[inline(always)]
     fn take_in<I: Isa<F64 = V>>(
         &mut self,

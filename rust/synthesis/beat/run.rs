@@ -1,4 +1,4 @@
-//! Plans are run: the parts one after the other, channels, blocks and groups of chirps at the same time.
+//! Execution of plans: the parts one after the other; channels, blocks and groups of chirps in parallel.
 
 use num_complex::{Complex, Complex32, Complex64};
 
@@ -12,16 +12,16 @@ use crate::synthesis::nufft::{self, Widths};
 use crate::synthesis::plan::{Part, Plan, Step};
 use crate::synthesis::recurrence::{self, LaneGrid};
 
-/// What a run was like.
+/// Outcome of a run: rows and measured errors.
 #[derive(Default)]
 pub(super) struct Outcome {
-    /// Velocity rows that were transformed, and that no path had touched.
+    /// Number of velocity rows that were transformed.
     pub rows: usize,
-    /// See `rows`.
+    /// Number of velocity rows that were skipped, as no path touched them.
     pub rows_skipped: usize,
-    /// Mean square over the frame of what the interpolation of residuals leaves, summed over paths, per channel.
+    /// Mean square error over the frame of the interpolation of residuals, summed over paths, per channel [W].
     pub rest: Vec<f64>,
-    /// Chunks `(channel, chunk)` with the largest shares of it.
+    /// Chunks `(channel, chunk)` with the largest shares of that error.
     pub worst: Vec<(usize, usize)>,
 }
 
@@ -75,7 +75,7 @@ impl Job<'_> {
                 add(self.single(part, selection(part), &mut sum));
             }
             if self.scale != 1.0 {
-                // In double: the scale may be beyond single precision where the samples are not.
+                // In double precision: the scale may be out of the range of single precision where the samples are not.
                 let back = self.scale.recip();
                 for sample in &mut sum {
                     *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
@@ -107,7 +107,7 @@ impl Job<'_> {
         }
     }
 
-    /// Add the paths of one part whose sums are in single precision.
+    /// Add the paths of one part in single precision.
     fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
         if let Step::Lanes { width, follows_sweep } = part.step {
             let grid = LaneGrid::new(self.waveform, width, follows_sweep);
@@ -119,7 +119,7 @@ impl Job<'_> {
         self.part(part, selection, out)
     }
 
-    /// Every channel in groups of chirps.
+    /// Run `add` for every channel and group of chirps.
     fn lanes<T: Widths>(
         &self,
         selection: Selection,
@@ -150,7 +150,7 @@ impl Job<'_> {
         });
     }
 
-    /// Every channel and block of chirps on its grid.
+    /// Add the samples of every channel and block of chirps by NUFFT.
     fn grid<T: Widths>(
         &self,
         selection: Selection,
@@ -218,7 +218,7 @@ impl Job<'_> {
     }
 }
 
-/// Samples in the precision that is asked for.
+/// Samples in the precision of the result.
 fn narrow(samples: Vec<Complex64>, is_single: bool) -> Samples {
     if is_single {
         Samples::Single(

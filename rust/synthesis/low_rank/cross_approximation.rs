@@ -1,8 +1,8 @@
-//! Adaptive cross approximation of the residuals of all paths (Bebendorf, Numer. Math. 86, 2000), also known as empirical
-//! interpolation.
+//! Adaptive cross approximation of the residuals of all paths (Bebendorf, Numer. Math. 86, 2000), also known as
+//! empirical interpolation.
 //!
-//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to path.
-//! A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
+//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to
+//! path. A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
 //!
 //! ```text
 //! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j        q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
@@ -28,8 +28,8 @@ pub const MAX_TERMS: usize = 48;
 /// Adaptive cross approximation of the residuals in a block: instants, references and triangular factors.
 #[derive(Clone, Debug)]
 pub struct CrossApproximation {
-    /// Instant of every term, whose residuals are its strengths. Empty: residuals are the mean amplitudes of the paths with
-    /// the phase of one path.
+    /// Instant of every term, whose residuals are its strengths. Empty: residuals are the mean amplitudes of the paths
+    /// with the phase of one path.
     pub instants: Vec<Instant>,
     /// Mean path, whose residual phase stands for that of all paths if there are no terms.
     pub mean: Path,
@@ -107,14 +107,14 @@ const TIE: f64 = 1.0 + 1e-9;
 /// Share of the allowed error for the samples, which the terms fit; other paths may have more.
 const SHARE: f64 = 0.85;
 
-/// Cross approximation of some paths and its rms error relative to the l2 norm of the amplitudes, at most `budget`. None if
-/// it takes too many terms.
+/// Cross approximation of some paths and its rms error relative to the l2 norm of the amplitudes, at most `budget`.
+/// None if it takes too many terms.
 ///
 /// Samples that do not represent all paths (`are_alike` false) get many checks. No pivot is below the `rounding` of
 /// strengths, relative to the rms of residuals.
 ///
-/// Every second of the first `num_apart` paths is held out, to measure the error of paths that are no samples; if that is
-/// too large, none is held out.
+/// Every second of the first `num_apart` paths is held out, to measure the error of paths that are no samples; if that
+/// is too large, none is held out.
 pub fn find(
     waveform: &Waveform,
     block: &Block,
@@ -190,7 +190,8 @@ pub fn find(
     search(0)
 }
 
-/// Up to `most` numbers below `count`, ends included and denser towards them, each with the number of integers it represents.
+/// Up to `most` numbers below `count`, ends included and denser towards them, each with the number of integers it
+/// represents.
 fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
     if count <= most {
         return (0..count).map(|place| (place, 1.0)).collect();
@@ -304,7 +305,8 @@ impl Kernel for Search<'_> {
             let path = left.row;
             let column = self.largest_in(&matrix, path);
             let pivot = matrix.at(path, column);
-            // The remainder is in paths that are held out; a pivot of rounding errors would magnify those of its evaluation.
+            // The remainder is in paths that are held out; a pivot of rounding errors would magnify those of its
+            // evaluation.
             let mean = power / (num_instants * paths.len()) as f64;
             if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
                 return None;
@@ -452,8 +454,8 @@ impl Search<'_> {
         [counted, trained]
     }
 
-    /// Add the checks: half of them at the instants of the largest remainder, the others far from the instants of the terms, for
-    /// paths unlike the samples.
+    /// Add the checks: half of them at the instants of the largest remainder, the others far from the instants of the
+    /// terms, for paths unlike the samples.
     fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, approximation: &mut CrossApproximation) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
         let mut all = vec![0.0; self.instants.len()];

@@ -1,6 +1,7 @@
 //! Residual phase of a moving path: its phase less that of its plane wave on the range-velocity grid.
 //!
-//! With the delay `tau = c_0 + c_1 x + D(x)`, `D = sum_(k>=2) c_k T_k(x)`, the phase of docs/theory.md eq. (1) is exactly
+//! With the delay `tau = c_0 + c_1 x + D(x)`, `D = sum_(k>=2) c_k T_k(x)`, the phase of docs/theory.md eq. (1) is
+//! exactly
 //!
 //! ```text
 //! A + X t' + b xi(c, m) + R        t' = t - t_0,  xi = (f_c + S t') T'_c + S t'^2,  x = (T'_c + t') / half
@@ -9,8 +10,9 @@
 //! ```
 //!
 //! in turns: a constant A, a beat frequency X and a rate b whose "keystone" frequency xi is the same for every path. X
-//! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is all
-//! else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2 pi j R)`.
+//! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is
+//! all else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2
+//! pi j R)`.
 
 use crate::numeric::simd::Vector;
 use crate::synthesis::block::Block;
@@ -120,12 +122,13 @@ impl Path {
     }
 }
 
-/// Sampled path: its numbers in the rows of a series; where rows are values, rows after the first are differences from it.
+/// Sampled path: its numbers in the rows of a series; where rows are values, rows after the first are differences from
+/// it.
 #[derive(Clone, Debug)]
 pub struct Sample {
     num_delays: usize,
-    /// Rows of the delay, of the real and of the imaginary part of the amplitude: one allocation for each of hundreds of
-    /// samples is faster than three.
+    /// Rows of the delay, of the real and of the imaginary part of the amplitude: one allocation for each of hundreds
+    /// of samples is faster than three.
     numbers: Vec<f64>,
 }
 

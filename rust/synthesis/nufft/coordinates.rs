@@ -199,8 +199,8 @@ impl<T: Precision> Tracks<T> {
     }
 }
 
-/// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64 hold.
-/// Returns the squared distance of their residuals from the interpolation, the mean over the checks.
+/// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64
+/// hold. Returns the squared distance of their residuals from the interpolation, the mean over the checks.
 pub struct Coordinates<'a, T, const P: usize> {
     pub job: &'a Job<'a>,
     pub map: &'a Map<T>,

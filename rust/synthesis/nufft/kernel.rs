@@ -50,11 +50,11 @@ impl KaiserBessel {
         }
     }
 
-    /// rms error of a sum over points on a grid of two axes, relative to the l2 norm of their strengths, if as many points
-    /// as `num_points` of equal strength take part.
+    /// rms error of a sum over points on a grid of two axes, relative to the l2 norm of their strengths, if as many
+    /// points as `num_points` of equal strength take part.
     ///
-    /// Measured: up to 7 cells 6.5 units of the last digit on average over the places of points, 12 at the worst place; wider
-    /// kernels differ less.
+    /// Measured: up to 7 cells 6.5 units of the last digit on average over the places of points, 12 at the worst place;
+    /// wider kernels differ less.
     pub fn error(width: usize, num_points: f64) -> f64 {
         let units = match width {
             ..=7 => 7.0 + 6.5 / num_points.max(1.0).sqrt(),
@@ -94,8 +94,8 @@ impl KaiserBessel {
 
     /// Coefficients of the polynomials in `z` of every cell, `[power][cell]`.
     ///
-    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, says where
-    /// between two cells it lies.
+    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, says
+    /// where between two cells it lies.
     pub fn polynomials(&self) -> Vec<Vec<f64>> {
         let half = 0.5 * self.width as f64;
         let per_cell: Vec<Vec<f64>> = (0..self.width)
@@ -106,7 +106,8 @@ impl KaiserBessel {
             .collect()
     }
 
-    /// Coefficients of the powers of `(4 xi)^2` of the square root of 1 / transform, for |xi| <= 1/4; the root keeps digits where it is small.
+    /// Coefficients of the powers of `(4 xi)^2` of the square root of 1 / transform, for |xi| <= 1/4; the root keeps
+    /// digits where it is small.
     pub fn inverse_root(&self) -> Vec<f64> {
         // The nearest pole lies at (4 xi)^2 > 8: every power adds 1.5 digits.
         let in_z = monomials(11, |z| self.transform(0.25 * (0.5 * (z + 1.0)).sqrt()).recip().sqrt());

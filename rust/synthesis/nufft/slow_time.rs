@@ -236,8 +236,8 @@ impl<T: Scalar> Tile<'_, T> {
         sums
     }
 
-    /// Sums over all pairs of rows for `N` chirps, (chirp, term): real and imaginary part of the even sum, and of the odd
-    /// one turned by a quarter, imaginary first. The rows' step is so many turns per hertz.
+    /// Sums over all pairs of rows for `N` chirps, (chirp, term): real and imaginary part of the even sum, and of the
+    /// odd one turned by a quarter, imaginary first. The rows' step is so many turns per hertz.
     #[inline(always)]
     fn transform<I: Isa, const P: usize, const N: usize>(
         &self,
@@ -292,8 +292,8 @@ impl<T: Scalar> Tile<'_, T> {
         }
     }
 
-    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums of
-    /// all terms are multiplied by, whatever the channel.
+    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums
+    /// of all terms are multiplied by, whatever the channel.
     #[inline(always)]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
         let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);

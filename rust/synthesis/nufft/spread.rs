@@ -149,8 +149,8 @@ impl<T: Widths> Room<T> {
         }
     }
 
-    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and brings paths of one cell together, or
-    /// as they are if they are so by themselves.
+    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and brings paths of one cell
+    /// together, or as they are if they are so by themselves.
     fn order(&mut self, points: &Points<T>, layout: &Layout, is_sorted: bool) {
         let len = points.len;
         let (row, start) = (&points.row[..len], &points.start[..len]);
@@ -210,8 +210,8 @@ pub struct Patches<'a, T> {
 }
 
 impl<T: Widths> Patches<'_, T> {
-    /// Add them, with a kernel of `W` cells, `N` vectors per row. Paths that follow each other in one cell are merged in
-    /// registers if `MERGES`.
+    /// Add them, with a kernel of `W` cells, `N` vectors per row. Paths that follow each other in one cell are merged
+    /// in registers if `MERGES`.
     pub fn add<const W: usize, const N: usize, const MERGES: bool>(self) {
         if self.layout.rows > 1 {
             self.level.run(Spread::<T, W, W, N, MERGES>(self));
@@ -302,8 +302,8 @@ struct Chunk<'a, T> {
 }
 
 impl<T: Widths> Chunk<'_, T> {
-    /// Add the patch of every path to the grid. `SINGLE`: taps along range are not known yet, nor those along velocity if both
-    /// fit into a vector.
+    /// Add the patch of every path to the grid. `SINGLE`: taps along range are not known yet, nor those along velocity
+    /// if both fit into a vector.
     #[inline(always)]
     fn add<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         // Shuffles are free here, loads and stores are not.
@@ -345,7 +345,8 @@ impl<T: Widths> Chunk<'_, T> {
         }
     }
 
-    /// The same; patches of paths that follow each other in one cell are added up in registers. Taps along velocity are known.
+    /// The same; patches of paths that follow each other in one cell are added up in registers. Taps along velocity are
+    /// known.
     #[inline(always)]
     fn merge<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         let table = &self.tables.range;

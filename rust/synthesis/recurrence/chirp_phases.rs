@@ -158,7 +158,8 @@ impl<'a> Phases<'a> {
         }
     }
 
-    /// Taylor coefficients of the phase of a path in every chirp [cycles], the first not reduced, from `N` of the delay.
+    /// Taylor coefficients of the phase of a path in every chirp [cycles], the first not reduced, from `N` of the
+    /// delay.
     #[inline(always)]
     pub(crate) fn of<I: Isa, const N: usize>(&self, path: usize) -> [Wide<I>; TERMS] {
         // Delay, less the constant part.
@@ -454,7 +455,8 @@ pub(crate) mod tests {
         paths
     }
 
-    /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the truth.
+    /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the
+    /// truth.
     pub fn error<T: Precision>(waveform: &Waveform, paths: &Paths, add: impl Fn(&Job, &mut [Complex<T>])) -> f64 {
         paths.with_series(|series| {
             let truth = direct::beat_signal(

@@ -1,8 +1,8 @@
 //! The fast direct sum: phasors that turn from sample to sample, in every chirp of a group at once.
 //!
 //! A chirp is cut into segments. About the middle sample of one, a path is `g(j) w^j`: a phasor `w`, and an envelope
-//! `g(j) = sum_n g_n j^n` that holds the amplitude, its change, and the phase beyond its slope. With `c + i s = w^j`, and
-//! `p` and `q` the even and odd parts of the envelope, the samples to either side share their recurrence:
+//! `g(j) = sum_n g_n j^n` that holds the amplitude, its change, and the phase beyond its slope. With `c + i s = w^j`,
+//! and `p` and `q` the even and odd parts of the envelope, the samples to either side share their recurrence:
 //!
 //! ```text
 //! g(+-j) w^(+-j) = (p c + i q s) +- (q c + i p s)
@@ -22,8 +22,8 @@ use crate::synthesis::block::{CHUNK, Chunk};
 
 /// Adds `scale conj(a) exp(2 pi j phi)` of every path to samples `(chirp, sample)`, row-major, of the chirps of a job.
 ///
-/// Error relative to the l2 norm of the amplitudes: below 5e-6 (f32) and 2e-12 (f64) for paths at a few metres. Within a
-/// chirp delays are followed to fourth order in time, and amplitudes to second: of what turns or fades in a few
+/// Error relative to the l2 norm of the amplitudes: below 5e-6 (f32) and 2e-12 (f64) for paths at a few metres. Within
+/// a chirp delays are followed to fourth order in time, and amplitudes to second: of what turns or fades in a few
 /// milliseconds, f64 leaves out 1e-9 (chirps of 60 us) to 2e-8 (250 us).
 pub fn add_recurrence<T: Precision>(level: Level, job: &Job, out: &mut [Complex<T>]) {
     job.check(out.len());
@@ -249,8 +249,8 @@ impl ChunkSum<'_> {
         let chunk = &mut chunk[..num_segments * stride];
         let (numbers, squares) = (&numbers[..=self.half], &squares[..=self.half]);
 
-        // Two paths at a time share the loads and stores of the sums, where there are registers for them. After the last
-        // path of a chunk comes one without amplitude.
+        // Two paths at a time share the loads and stores of the sums, where there are registers for them. After the
+        // last path of a chunk comes one without amplitude.
         chunk.fill(T::zero());
         for path in (0..self.phases.chunk.len).step_by(PATHS) {
             let mut phi = [[splat::<I>(0.0); TERMS]; PATHS];
