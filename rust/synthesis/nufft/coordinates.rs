@@ -1,4 +1,4 @@
-//! Where paths lie on the grid, with which strengths, and how far their residuals are from their interpolation.
+//! Coordinates and strengths of paths on the range-velocity grid, and the interpolation errors of their residuals.
 
 use super::job::Job;
 use super::layout::{Layout, PAD, origin};
@@ -7,39 +7,40 @@ use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add,
 use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
 use crate::synthesis::low_rank::residual_phase::{Instant, turns};
 
-/// Numbers from which places, phases and strengths follow, the same for all paths of a job.
+/// Constants of the map from paths to coordinates, phases and strengths, the same for all paths of a job.
 pub struct Map<T> {
-    /// Turns per sample: of a second of delay, and of a unit of the first degree.
+    /// Turns per sample of a second of delay, and of a unit of the coefficient of degree 1.
     turns: [f64; 2],
-    /// Cells of the range axis; half a cell past the first one of a patch around zero.
+    /// Cells of the range axis, and offset of the first cell of a patch around zero, plus one half.
     cells: [f64; 2],
-    /// The same for the velocity axis: rows per unit of the first degree, its middle.
+    /// Velocity axis: rows per unit of the coefficient of degree 1, middle coefficient, offset of the first row of a
+    /// patch.
     velocity: [f64; 3],
     last_row: f64,
     stride: f64,
     is_moving: bool,
-    /// Turns of a second of delay, and of its square, less what the start frequency gives.
+    /// Turns of a second of delay, and of a squared second, beside those of the start frequency.
     swept: [f64; 2],
-    /// Share of the squared delay in a residual.
+    /// Factor of the squared delay in a residual phase.
     bend: T,
     /// Weights of the rows of the amplitude after the first in its mean, and in its further coefficients.
     mean: Vec<T>,
     amplitudes: Vec<Vec<T>>,
-    /// Where strengths are taken; none: they are those of the mean amplitude.
+    /// Probes of the strengths, one per term; none if strengths are the mean amplitudes.
     probes: Vec<Probe<T>>,
-    /// Where they are checked.
+    /// Probes of the checks, with the weights of the strengths.
     checks: Vec<(Probe<T>, Vec<[T; 2]>)>,
-    /// Residual phase that paths without terms have there [turns].
+    /// Residual phase of the mean path at the checks [turns].
     common: Vec<T>,
 }
 
-/// An instant at which residuals are evaluated.
+/// Probe of residuals at an instant.
 struct Probe<T> {
     x: T,
     sweep: T,
     /// Chebyshev polynomials from degree 2 on.
     polynomials: Vec<T>,
-    /// The same from degree 1 on, for amplitudes.
+    /// Chebyshev polynomials from degree 1 on, for amplitudes.
     amplitude: Vec<T>,
     /// Weights of the rows of the amplitude after the first.
     rows: Vec<T>,
@@ -66,7 +67,7 @@ impl<T: Precision> Probe<T> {
 }
 
 impl<T: Precision> Map<T> {
-    /// The numbers of a job.
+    /// Constants of a job.
     pub fn new(job: &Job, layout: &Layout) -> Self {
         let (waveform, block_plan) = (job.waveform, job.block_plan);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
@@ -75,7 +76,7 @@ impl<T: Precision> Map<T> {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
         };
-        // Paths that never change have no further rows.
+        // Still paths have one row.
         let coefficients = |k: usize| {
             let factors = &block_plan.block.amplitude[k];
             let num_rows = if job.selection.class == Class::Still {
@@ -125,24 +126,24 @@ impl<T: Precision> Map<T> {
 /// One number per path of a chunk.
 type Lane<T> = [T; CHUNK];
 
-/// What a batch of paths is on the grid.
+/// Points of a batch of paths on the grid: coordinates and strengths.
 pub struct Points<T> {
-    /// Paths that are there.
+    /// Number of paths.
     pub len: usize,
     /// First velocity row of the patch of every path.
     pub row: Vec<u32>,
-    /// First number of the patch in the grid of a term.
+    /// Index of the first number of the patch in the grid of a term.
     pub start: Vec<u32>,
-    /// Place between two cells and between two rows, -1 to 1.
+    /// Offset between two cells, -1 to 1.
     pub zx: Vec<T>,
-    /// See `zx`.
+    /// Offset between two rows, -1 to 1.
     pub zy: Vec<T>,
     /// Strengths of every term: real and imaginary part of a path side by side.
     pub strengths: Vec<Vec<T>>,
 }
 
 impl<T: Precision> Points<T> {
-    /// Room for some paths.
+    /// Memory for some paths.
     pub fn new(num_terms: usize, num_paths: usize) -> Self {
         // A chunk is written in whole vectors.
         let room = num_paths + PAD;
@@ -158,27 +159,27 @@ impl<T: Precision> Points<T> {
     }
 }
 
-/// What is known of a chunk of paths, whatever the instant.
+/// Phases and amplitudes of a chunk of paths, independent of the instant.
 pub struct Tracks<T> {
     /// Cosine and sine of the constant phase.
     phasor: (Lane<T>, Lane<T>),
-    /// As in `residual::Path`.
+    /// Offset, rate and bends, as in `residual_phase::Path`.
     offset: Lane<T>,
     rate: Lane<T>,
     bends: Vec<Lane<T>>,
     /// Rows of the amplitude, real and imaginary parts: the first, and the others' differences from it.
     rows: [Vec<Lane<T>>; 2],
-    /// Its coefficients by degree.
+    /// Coefficients of the amplitude by degree, real and imaginary parts.
     amplitude: [Vec<Lane<T>>; 2],
     /// Strengths of every term, real and imaginary parts.
     strengths: Vec<[Lane<T>; 2]>,
 }
 
 impl<T: Precision> Tracks<T> {
-    /// Room for the series of a job.
+    /// Memory for the series of a job.
     pub fn new(job: &Job) -> Self {
         let zero = [T::zero(); CHUNK];
-        // Paths that never change have no further rows.
+        // Still paths have one row.
         let num_amplitudes = if job.selection.class == Class::Still {
             1
         } else {
@@ -253,7 +254,7 @@ impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
     }
 }
 
-/// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
+/// Coordinates of the paths of the chunk from `at` on, into the points from `to` on; symbols as in `residual_phase`.
 #[inline(always)]
 fn coordinates<T: Precision, I: Isa, const P: usize>(
     job: &Job,
@@ -268,7 +269,7 @@ fn coordinates<T: Precision, I: Isa, const P: usize>(
     let (delay, frame) = (&block_plan.block.delay, &block_plan.frame);
     let splat = wide::splat::<I, P>;
 
-    // Row, cell and the places between them.
+    // Row, cell and the offsets between them.
     let base = wide::load::<I, P>(&rows.delay[0][at..]);
     let shift = coefficient::<I, P>(delay, &rows.delay, 0, at);
     let tau = add(base, shift);
@@ -356,7 +357,7 @@ fn exact<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) 
     weighted::<T, I>(&probe.rows, &tracks.rows, at)
 }
 
-/// The first lane and weighted others, of both parts.
+/// First lane plus weighted others, of both parts.
 #[inline(always)]
 fn weighted<T: Precision, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
@@ -400,7 +401,7 @@ fn residual_turns<T: Precision, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: 
     )
 }
 
-/// Residuals with some phases [turns] and amplitudes, times the phasor of the constant phase.
+/// Residuals of phases [turns] and amplitudes, times the phasor of the constant phase.
 #[inline(always)]
 fn residual<T: Precision, I: Isa>(
     phase: T::In<I>,
@@ -413,7 +414,7 @@ fn residual<T: Precision, I: Isa>(
     [im.neg_mul_add(sin, re.mul(cos)), im.mul_add(cos, re.mul(sin))]
 }
 
-/// Squared distance of the residuals from their interpolation, the mean over the checks.
+/// Squared interpolation error of the residuals, summed over paths, the mean over the checks.
 #[inline(always)]
 fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
@@ -424,7 +425,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
             let (mut re, mut im);
             let phase = residual_turns::<T, I>(map, probe, tracks, at);
             if is_flat {
-                // To first order in what changes.
+                // Error to first order in the phase.
                 let phase = phase
                     .sub(splat(map.common[number]))
                     .mul(splat(T::of(std::f64::consts::TAU)));
@@ -457,7 +458,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
     total / map.checks.len().max(1) as f64
 }
 
-/// Whole numbers below 2^32; unlike a conversion this vectorises everywhere.
+/// Store whole numbers below 2^32; unlike a conversion this vectorises everywhere.
 #[inline(always)]
 fn store_small<I: Isa, const P: usize>(x: Wide<I, P>, to: &mut [u32]) {
     let shifted = add(x, wide::splat::<I, P>(4_503_599_627_370_496.0)); // 2^52

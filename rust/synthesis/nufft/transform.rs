@@ -1,4 +1,4 @@
-//! From paths to samples: paths are spread, rows are transformed over range, chirps are summed over rows.
+//! Transform of paths to samples: spreading, FFT of the rows over range, sum over rows for every chirp.
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) ->
 }
 
 impl Job<'_> {
-    /// Spread the paths and transform the rows that they touch.
+    /// Spread the paths and transform the rows that are not zero.
     fn spectra<T: Widths>(&self, layout: &Layout, kernel: &KaiserBessel) -> Channel<T> {
         let (grid, checked) = self.fill::<T>(layout);
         let is_touched = |row: usize| {
@@ -84,7 +84,7 @@ impl Job<'_> {
             T::give_back(other);
             checked = checked.join(others);
         }
-        // In units of the amplitudes.
+        // In units of the unscaled power [W].
         checked.sum *= self.block_plan.modes.check_factor / self.scale / self.scale;
         (sum, checked)
     }
@@ -158,7 +158,7 @@ impl Job<'_> {
     }
 }
 
-/// Real and imaginary parts of some numbers, times others.
+/// Kernel that scales numbers and separates real and imaginary parts.
 struct Scaled<'a, T> {
     from: &'a [Complex<T>],
     scale: &'a [T],
@@ -185,7 +185,7 @@ fn m_index(m: usize, middle: usize, n: usize) -> usize {
     (m + n - middle) % n
 }
 
-/// Cells of a row, the pads put back to the other end of the period.
+/// Fold the padding of a row onto the other end of the period.
 fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     let n = buffer.len();
     let cells = cells.as_chunks::<2>().0;
@@ -201,7 +201,7 @@ fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     }
 }
 
-/// Whether any number is not zero. Runs of zeros are passed without a branch per number.
+/// True if any number is not zero; runs of zeros take no branch per number.
 fn is_any<T: Real>(numbers: &[T]) -> bool {
     let mut runs = numbers.chunks(64);
     runs.any(|run| run.iter().fold(false, |any, x| any | !x.is_zero()))
