@@ -293,7 +293,7 @@ fn add_changes(lanes: &[Lane], change: &mut Lane) {
     }
 }
 
-/// Mask of the numbers that are not zero.
+/// Number of lanes that are not zero.
 #[inline(always)]
 fn count_changed(change: &Lane) -> usize {
     let mut count: u64 = 0;

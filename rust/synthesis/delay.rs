@@ -54,8 +54,8 @@ impl PathSeries<'_> {
         self.num_delay_terms().max(self.num_amplitude_terms())
     }
 
-    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks,
-    /// which are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
+    /// True if sums can be planned, and are not left to the direct sum: there are few terms, and none grows outside the
+    /// frame, where blocks, which are symmetric about middle samples, may end.
     pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
         let degree = self.num_terms().max(1) - 1;
         let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);

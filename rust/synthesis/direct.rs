@@ -1,10 +1,9 @@
 //! Direct sum: docs/theory.md eq. (1) evaluated at every sample of every path, in f64.
 //!
-//! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its own, so
-//! there is no recurrence whose error could grow with the number of samples: what is left is the rounding of the phase,
-//! about `2 pi B tau` eps. The work is split by channel, chirp and block of samples; every block adds its paths in a
-//! fixed order, so the result does not depend on the number of threads. Paths that do not change during the frame are
-//! added once, for all chirps.
+//! The reference for all faster sums. The phase of every sample is evaluated on its own, so no error grows with the
+//! number of samples: the error is the rounding of the phase, about `2 pi B tau` eps. The work is split by channel,
+//! chirp and block of samples; every block adds its paths in a fixed order, so the result does not depend on the number
+//! of threads. Still paths are added once, for all chirps.
 
 use num_complex::Complex64;
 

@@ -200,8 +200,8 @@ impl<T: Precision> Tracks<T> {
     }
 }
 
-/// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64
-/// hold. Returns the squared distance of their residuals from the interpolation, the mean over the checks.
+/// Kernel that computes the coordinates and strengths of the chunk of paths from `first` on, `P` vectors of f64 at
+/// once. Returns the squared interpolation error of the residuals, summed over paths, the mean over the checks.
 pub struct Coordinates<'a, T, const P: usize> {
     pub job: &'a Job<'a>,
     pub map: &'a Map<T>,

@@ -50,10 +50,10 @@ impl KaiserBessel {
         }
     }
 
-    /// rms error of a sum over points on a grid of two axes, relative to the l2 norm of their strengths, if as many
-    /// points as `num_points` of equal strength take part.
+    /// rms error of a sum over `num_points` points of equal strength on a grid of two axes, relative to the l2 norm of
+    /// their strengths.
     ///
-    /// Measured: up to 7 cells 6.5 units of the last digit on average over the places of points, 12 at the worst place;
+    /// Measured: up to 7 cells 6.5 units of the last digit on average over the coordinates of points, 12 at the worst;
     /// wider kernels differ less.
     pub fn error(width: usize, num_points: f64) -> f64 {
         let units = match width {
@@ -94,8 +94,8 @@ impl KaiserBessel {
 
     /// Coefficients of the polynomials in `z` of every cell, `[power][cell]`.
     ///
-    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, says
-    /// where between two cells it lies.
+    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, is the
+    /// offset between two cells.
     pub fn polynomials(&self) -> Vec<Vec<f64>> {
         let half = 0.5 * self.width as f64;
         let per_cell: Vec<Vec<f64>> = (0..self.width)

@@ -1,4 +1,4 @@
-//! From velocity rows to chirps: a dense transform whose pairs of rows and of chirps share cosines and sines.
+//! Dense transform from velocity rows to chirps: pairs of rows and of chirps share cosines and sines.
 
 use num_complex::Complex;
 
@@ -46,28 +46,28 @@ pub fn add_chirps<T: Scalar>(
     }
 }
 
-/// What all tiles of samples share in slow time.
+/// Constants of slow time, the same for all tiles of samples.
 struct SlowTime<T> {
-    /// Coefficients of the root of 1 / transform of the kernel in powers of (4 xi h)^2.
+    /// Coefficients of the square root of 1 / transform of the kernel in powers of (4 xi h)^2.
     inverse_root: Vec<T>,
     /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
     groups: Vec<Group>,
     num_rows: usize,
-    /// Strengths of all channels, each with a set per term.
+    /// Number of sums per chirp: channels times terms.
     num_sums: usize,
-    /// Degrees of the series of references.
+    /// Number of terms of the longest series of a reference path.
     num_degrees: usize,
-    /// Keeps the amplitudes of references in range.
+    /// Power of two that keeps the amplitudes of references in range.
     scale: f64,
     /// Pairs of chirps at equal times before and after the block's centre [s]; a chirp without partner stands alone.
     chirps: Vec<(f64, Option<usize>, Option<usize>)>,
 }
 
-/// Pairs of rows that follow each other.
+/// Group of consecutive pairs of rows.
 struct Group {
     /// Steps from the middle of the axis to the first pair, less one half.
     first: usize,
-    /// The row above the middle and the one below, if they are used. Pairs at the end that are not are left out.
+    /// Row above the middle and row below, if in use. Unused pairs at the end are left out.
     pairs: Vec<[Option<usize>; 2]>,
 }
 
@@ -94,7 +94,7 @@ impl<T: Scalar> SlowTime<T> {
         let mut chirps: Vec<(f64, Option<usize>, Option<usize>)> = Vec::new();
         for (time, c) in offsets {
             match chirps.last_mut() {
-                // Rounding of absolute times is no difference.
+                // Differences by rounding of absolute times do not count.
                 Some((at, Some(_), after @ None)) if (time + *at).abs() <= 1e-12 * block.half => *after = Some(c),
                 _ => chirps.push((time, Some(c), None)),
             }
@@ -236,8 +236,8 @@ impl<T: Scalar> Tile<'_, T> {
         sums
     }
 
-    /// Sums over all pairs of rows for `N` chirps, (chirp, term): real and imaginary part of the even sum, and of the
-    /// odd one turned by a quarter, imaginary first. The rows' step is so many turns per hertz.
+    /// Sums over all pairs of rows for `N` chirps, (chirp, sum): real and imaginary part of the even sum, and of the
+    /// odd sum turned by a quarter, imaginary first. `step` is the distance of the rows [turns per Hz].
     #[inline(always)]
     fn transform<I: Isa, const P: usize, const N: usize>(
         &self,
@@ -292,8 +292,8 @@ impl<T: Scalar> Tile<'_, T> {
         }
     }
 
-    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums
-    /// of all terms are multiplied by, whatever the channel.
+    /// Factors of the sums of all terms for one chirp: interpolation of the residuals, phase of the middle rate,
+    /// transform of the kernel. The same for all channels.
     #[inline(always)]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
         let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);
@@ -316,7 +316,7 @@ impl<T: Scalar> Tile<'_, T> {
         }
     }
 
-    /// Weights of the terms' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
+    /// Weights of the sums of the terms in the interpolation; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
         let approximation = &self.job.block_plan.modes;
@@ -374,10 +374,10 @@ impl<T: Scalar> Tile<'_, T> {
     }
 }
 
-/// Numbers of one chirp that do not fit into registers.
+/// Scratch memory of one chirp, beyond the registers.
 struct Room<V> {
     polynomials: Vec<V>,
-    /// Of the terms' sums.
+    /// Weights of the sums of the terms.
     weights: Vec<Phasor<V>>,
 }
 
@@ -417,7 +417,7 @@ fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re:
     ]
 }
 
-/// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
+/// Phasors of 0, 1, 2, ... times some turns, as products of directly computed phasors.
 #[inline(always)]
 fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
@@ -432,7 +432,7 @@ fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In
     powers
 }
 
-/// A polynomial of every number.
+/// Polynomial of every number.
 #[inline(always)]
 fn polynomial<V: Vector>(coefficients: &[V::Scalar], x: V) -> V {
     let mut value = V::splat(V::Scalar::default());
