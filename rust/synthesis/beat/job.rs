@@ -59,9 +59,9 @@ pub(super) struct Job<'a> {
     pub(super) samples: Vec<Sample>,
     /// Chunks of paths `(channel, chunk)` that the samples failed to represent.
     pub(super) extra: Vec<(usize, usize)>,
-    /// See [`Request::safety_factor`].
+    /// Safety factor of the error that the samples may have, as in `Request`.
     pub(super) safety_factor: f64,
-    /// See [`Request::allows_single`].
+    /// True if grids may be in single precision, as in `Request`.
     pub(super) allows_single: bool,
     /// True if no plan kept its predicted error.
     pub(super) is_lost: bool,

@@ -13,8 +13,8 @@ use crate::numeric::simd::{Isa, Kernel, Real};
 use crate::synthesis::block::CHUNK;
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
-/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share an block plan. Returns for each the
-/// number of rows that were transformed, and how far residuals are from their interpolation.
+/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share a block plan. Returns for each the
+/// number of rows that were transformed, and the interpolation error of the residuals.
 pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Checked)> {
     let Some(job) = jobs.first() else {
         return Vec::new();

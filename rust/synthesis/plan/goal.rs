@@ -57,7 +57,7 @@ pub(super) struct Goal<'a> {
     pub(super) own: Vec<f64>,
     pub(super) tolerance: f64,
     pub(super) share: f64,
-    /// See [`PathStatistics::effective_paths`].
+    /// Effective number of paths, from `PathStatistics::effective_paths`; 1 for paths in phase.
     pub(super) effective_paths: f64,
     /// True if the samples represent all paths; set when first needed.
     pub(super) are_alike: OnceCell<bool>,

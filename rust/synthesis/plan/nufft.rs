@@ -332,7 +332,7 @@ impl Goal<'_> {
         }
 
         if frame.bend.is_nan() || frame.bend.abs() > 1.0 {
-            // The carrier is too low for the expansion of the phase.
+            // The carrier is too low to follow the phase by a plane wave and its residual.
             return None;
         }
 
