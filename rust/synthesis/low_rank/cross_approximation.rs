@@ -5,7 +5,7 @@
 //! path. A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
 //!
 //! ```text
-//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j        q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
+//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j       q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
 //! ```
 //!
 //! with `g_i` the residual of a reference path. Instants and references are the pivots of a matrix of samples (paths,
