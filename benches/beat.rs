@@ -1,8 +1,8 @@
-//! The sum over paths: the range-velocity grid, chirp lanes and the direct sums.
+//! Sum over paths: NUFFT on the range-velocity grid, chirp grid, recurrence sum and direct sum.
 //!
 //! Paths lie between 0.5 and 8 m at up to 3 m/s, in random order or in the order of an image. Names of benches are
-//! `beat/<what varies>/<method>/<value>`; everything else is 65 536 paths, 64 chirps of 128 samples over 1 GHz, one thread
-//! and the best instruction set.
+//! `beat/<what varies>/<method>/<value>`; everything else is 65 536 paths, 64 chirps of 128 samples over 1 GHz, one
+//! thread and the best instruction set.
 
 mod common;
 
@@ -13,13 +13,13 @@ use radarcore::{Basis, Level, Method, Options, PathSeries, Waveform, beat_signal
 
 const C: f64 = 299_792_458.0;
 
-/// One job and how it is done.
+/// Case of a bench: waveform, paths and method.
 #[derive(Clone, Copy)]
 struct Case {
     num_paths: usize,
     num_chirps: usize,
     num_samples: usize,
-    /// [GHz]
+    /// Swept bandwidth [GHz].
     bandwidth: usize,
     is_image: bool,
     method: Method,
@@ -96,7 +96,7 @@ impl Case {
     }
 }
 
-/// The methods that are compared everywhere: the grid at a tolerance, and the direct sums in f32 and f64.
+/// Methods that every group compares: the NUFFT at a tolerance, and the direct sums in f32 and f64.
 fn methods() -> [(&'static str, Case); 4] {
     [
         ("grid_1e-5", Case::new(Method::Grid, 1e-5)),
@@ -127,7 +127,7 @@ fn main() {
         for value in values {
             for (name, mut case) in methods() {
                 change(&mut case, value);
-                // A direct sum of a second and more says nothing new.
+                // Direct sums of more than a second add no information.
                 if case.num_paths * case.num_chirps * case.num_samples < 1 << 31 || name.starts_with("grid") {
                     case.run(&mut group, BenchmarkId::new(name, value));
                 }

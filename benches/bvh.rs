@@ -1,4 +1,4 @@
-//! From triangles to something rays can be cast at: triangles per second.
+//! Construction of bounding-volume trees and surfaces from triangles: triangles per second.
 //!
 //! `tree`: the bounding-volume tree over the boxes alone; `surface_flat`, `surface_smooth`: with the checks of the
 //! mesh, and with the normals of curved surfaces, as a body is built. `deform`: the same for vertices that have moved.
@@ -39,7 +39,7 @@ fn build(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// New places for all vertices, against building anew.
+/// Deformation: new positions for all vertices, against a new construction.
 fn deform(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/deform");
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {

@@ -1,8 +1,8 @@
-//! Rays of an image against a room: rays per second.
+//! Ray casting of images of a room: rays per second.
 //!
-//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
-//! cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
+//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
+//! as one; `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what
+//! new poses cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn plane() -> ImagePlane {
     square(common::sizes([256], 8)[0])
 }
 
-/// The same of other sizes.
+/// Square image of 60 degrees with `side` pixels per side.
 fn square(side: usize) -> ImagePlane {
     let half = 30_f64.to_radians().tan();
     ImagePlane::centered(side, side, half, half)
@@ -60,7 +60,7 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
     group.finish();
 }
 
-/// One body of more and more triangles.
+/// Rooms of one body with an increasing number of triangles.
 fn rooms(criterion: &mut Criterion) {
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {
         let snapshot = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
@@ -84,7 +84,8 @@ fn furnished(room: Arc<Surface>, sphere: &Arc<Surface>, num_bodies: usize) -> (V
     (surfaces, poses)
 }
 
-/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles, every one a body; and all of them as one.
+/// Scenes of an increasing number of bodies: a room of 5 k triangles and spheres of 1 k triangles, as separate bodies
+/// and as one.
 fn two_levels(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
@@ -142,7 +143,7 @@ fn walks(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What moving 50 bodies of 10 k triangles costs before they are cast.
+/// Cost of moving 50 bodies of 10 k triangles before rays are cast.
 fn motion(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([10_000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([10_000], 100)[0]));
@@ -172,7 +173,7 @@ fn twisted(criterion: &mut Criterion) {
     cast(criterion, "twisted/rebuilt", &Snapshot::new(vec![rebuilt], vec![ahead]));
 }
 
-/// Points amid spheres: whether one hides, by the first triangle in the way and by the nearest.
+/// Occlusion of points amid spheres, by any triangle in the way and by the nearest.
 fn hidden(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));

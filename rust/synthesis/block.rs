@@ -14,7 +14,7 @@ use crate::numeric::wide::{self, Wide};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries, basis_values};
 
-/// Paths that go through all steps together: their numbers stay in L1.
+/// Paths per chunk, processed together: their numbers stay in the L1 cache.
 pub const CHUNK: usize = 128;
 
 /// One number per path of a chunk.
@@ -23,20 +23,20 @@ pub type Lane = [f64; CHUNK];
 /// Consecutive chirps, and the interval of time about its centre in which their samples lie.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Numbers of the chirps.
+    /// Indices of the chirps.
     pub chirps: Range<usize>,
     /// Centre of the interval, after the start of the frame [s].
     pub center: f64,
-    /// Half of its length [s], positive.
+    /// Half of the length of the interval [s], positive.
     pub half: f64,
-    /// From the rows of a series to coefficients of the delay, (degree, row), see [`coefficient`].
+    /// Matrix (degree, row) from the rows of a series to the coefficients of the delay, see [`coefficient`].
     pub delay: Vec<Vec<f64>>,
-    /// The same for the amplitude.
+    /// Matrix (degree, row) of the amplitude.
     pub amplitude: Vec<Vec<f64>>,
 }
 
 impl Block {
-    /// The block of some chirps for series of this form.
+    /// Block of some chirps for series of the form of `series`.
     pub fn new(waveform: &Waveform, series: &PathSeries, chirps: Range<usize>) -> Self {
         let times = &waveform.chirp_times[chirps.clone()];
         let first = times.iter().copied().fold(f64::INFINITY, f64::min);
@@ -53,7 +53,7 @@ impl Block {
         }
     }
 
-    /// The frame in `count` blocks of nearly equal numbers of chirps.
+    /// Split of the frame into `count` blocks of nearly equal numbers of chirps.
     pub fn split(waveform: &Waveform, series: &PathSeries, count: usize) -> Vec<Self> {
         let num_chirps = waveform.chirp_times.len();
         let bound = |i: usize| i * num_chirps / count;
@@ -67,7 +67,7 @@ impl Block {
         (time - self.center) / self.half
     }
 
-    /// Start of a chirp of the block, from the block's centre to the chirp's middle sample [s].
+    /// Time of the middle sample of a chirp of the block after the block's centre [s].
     pub fn offset(&self, waveform: &Waveform, chirp: usize) -> f64 {
         waveform.chirp_times[self.chirps.start + chirp] + waveform.middle_time() - self.center
     }
@@ -100,19 +100,19 @@ fn block_matrix(waveform: &Waveform, basis: Basis, terms: usize, center: f64, ha
         .collect()
 }
 
-/// Which paths of a chunk are wanted.
+/// Class of paths, by their motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// Delay and amplitude never change.
+    /// Still paths: delay and amplitude never change.
     Still,
-    /// All others.
+    /// Moving paths: all others.
     Moving,
-    /// Both.
+    /// Selection of all paths.
     All,
 }
 
 impl Class {
-    /// `still`, `moving` or `all`.
+    /// Name of the class: `still`, `moving` or `all`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Still => "still",
@@ -122,25 +122,25 @@ impl Class {
     }
 }
 
-/// The paths of a class.
+/// Selection of the paths of a class.
 #[derive(Clone, Copy, Debug)]
 pub struct Selection<'a> {
     /// The class.
     pub class: Class,
-    /// A bit per path that moves, (channel, chunk).
+    /// Bit masks of the moving paths, (channel, chunk).
     moving: &'a [u128],
     chunks_per_channel: usize,
 }
 
 impl<'a> Selection<'a> {
-    /// All paths.
+    /// Selection of all paths.
     pub const ALL: Selection<'static> = Selection {
         class: Class::All,
         moving: &[],
         chunks_per_channel: 0,
     };
 
-    /// Those of a class, with a bit per path that moves, (channel, chunk).
+    /// Selection of a class, by bit masks of the moving paths, (channel, chunk).
     pub fn new(class: Class, moving: &'a [u128], num_channels: usize) -> Self {
         Self {
             class,
@@ -149,13 +149,13 @@ impl<'a> Selection<'a> {
         }
     }
 
-    /// How many paths of a chunk are wanted.
+    /// Number of selected paths of a chunk.
     pub fn count(&self, series: &PathSeries, channel: usize, chunk: usize) -> usize {
         let len = CHUNK.min(series.num_paths - chunk * CHUNK);
         self.wanted(channel, chunk, len).count_ones() as usize
     }
 
-    /// Place in a chunk of a wanted path.
+    /// Index within a chunk of the selected path of some rank.
     pub fn place(&self, series: &PathSeries, channel: usize, chunk: usize, rank: usize) -> usize {
         let len = CHUNK.min(series.num_paths - chunk * CHUNK);
         let mut bits = self.wanted(channel, chunk, len);
@@ -165,7 +165,7 @@ impl<'a> Selection<'a> {
         bits.trailing_zeros() as usize
     }
 
-    /// A bit per wanted path among the `len` of a chunk.
+    /// Bit mask of the selected paths among the `len` of a chunk.
     fn wanted(&self, channel: usize, chunk: usize, len: usize) -> u128 {
         let all = first_bits(len);
         let moving = || self.moving[channel * self.chunks_per_channel + chunk];
@@ -177,30 +177,30 @@ impl<'a> Selection<'a> {
     }
 }
 
-/// So many ones.
+/// Mask of the first `len` bits.
 fn first_bits(len: usize) -> u128 {
     u128::MAX.checked_shr((CHUNK - len) as u32).unwrap_or(0)
 }
 
-/// Up to [`CHUNK`] paths of one channel as the series has them.
+/// Rows of the series of up to [`CHUNK`] paths of one channel.
 pub struct Rows {
-    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    /// Number of paths; lanes after the last path hold copies of it without amplitude.
     pub len: usize,
-    /// Delays: the first row, and the others; where rows are values, their differences from the first.
+    /// Rows of the delays [s]; where rows are values, those after the first are differences from it.
     pub delay: Vec<Lane>,
-    /// Real part of the amplitudes, in the same way.
+    /// Real parts of the rows of the amplitudes, likewise [sqrt(W)].
     pub re: Vec<Lane>,
-    /// Imaginary part.
+    /// Imaginary parts, as `re`.
     pub im: Vec<Lane>,
 }
 
 impl Rows {
-    /// Room for the rows of a series.
+    /// Memory for the rows of a series.
     pub fn new(series: &PathSeries) -> Self {
         Self::with(series.num_delay_terms(), series.num_amplitude_terms())
     }
 
-    /// Room for what a class needs: paths that never change have no further rows.
+    /// Memory for the rows that a class needs: one per quantity for still paths.
     pub fn of_class(series: &PathSeries, class: Class) -> Self {
         if class == Class::Still {
             Self::with(1, 1)
@@ -209,7 +209,7 @@ impl Rows {
         }
     }
 
-    /// Room for delays alone.
+    /// Memory for delays alone.
     pub fn of_delays(series: &PathSeries) -> Self {
         Self::with(series.num_delay_terms(), 0)
     }
@@ -224,7 +224,7 @@ impl Rows {
         }
     }
 
-    /// The selected paths among the [`CHUNK`] from `first` on, in their order: as many rows as there is room for.
+    /// Load the selected paths among the [`CHUNK`] from `first` on, in their order, into the rows that were allocated.
     #[inline(always)] // part of kernels, see simd.rs
     pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, selection: Selection) {
         let len = CHUNK.min(series.num_paths - first);
@@ -260,7 +260,7 @@ impl Rows {
         }
     }
 
-    /// A bit per path that changes.
+    /// Bit mask of the paths that change.
     #[inline(always)]
     pub fn moving(&self) -> u128 {
         let all = first_bits(self.len);
@@ -293,7 +293,7 @@ fn add_changes(lanes: &[Lane], change: &mut Lane) {
     }
 }
 
-/// How many numbers are not zero.
+/// Number of lanes that are not zero.
 #[inline(always)]
 fn count_changed(change: &Lane) -> usize {
     let mut count: u64 = 0;
@@ -303,7 +303,7 @@ fn count_changed(change: &Lane) -> usize {
     count as usize
 }
 
-/// Coefficient k of the paths from `at` on, the first row of the constant one left out.
+/// Coefficient k of the paths from `at` on; coefficient 0 without the first row.
 #[inline(always)]
 pub fn coefficient<I: Isa, const P: usize>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I, P> {
     let mut sum = wide::splat::<I, P>(0.0);
@@ -316,21 +316,21 @@ pub fn coefficient<I: Isa, const P: usize>(matrix: &[Vec<f64>], rows: &[Lane], k
     sum
 }
 
-/// Up to [`CHUNK`] paths of one channel: coefficients of delay and amplitude in a block.
+/// Coefficients of delay and amplitude in a block, for up to [`CHUNK`] paths of one channel.
 pub struct Chunk {
-    /// Paths that are there; what follows them in every lane is a copy of the last with no amplitude.
+    /// Number of paths; lanes after the last path hold copies of it without amplitude.
     pub len: usize,
     /// Coefficients of the delay by degree [s].
     pub delay: Vec<Lane>,
-    /// Real part of the coefficients of the amplitude by degree [sqrt(W)].
+    /// Real parts of the coefficients of the amplitude by degree [sqrt(W)].
     pub re: Vec<Lane>,
-    /// Imaginary part.
+    /// Imaginary parts, as `re`.
     pub im: Vec<Lane>,
     rows: Rows,
 }
 
 impl Chunk {
-    /// Room for all degrees of a series.
+    /// Memory for all degrees of a series.
     pub fn new(series: &PathSeries) -> Self {
         let rows = Rows::new(series);
         Self {
@@ -342,10 +342,10 @@ impl Chunk {
         }
     }
 
-    /// The selected paths among the [`CHUNK`] from `first` on, in their order.
+    /// Load the selected paths among the [`CHUNK`] from `first` on, in their order.
     ///
-    /// Coefficients are formed from differences to the first row, which keeps what is small and vanishes where nothing
-    /// changes.
+    /// Coefficients are formed from differences to the first row, which keeps small changes exact and constants
+    /// constant.
     #[inline(always)] // part of kernels, see simd.rs
     pub fn load<I: Isa>(
         &mut self,
@@ -377,7 +377,7 @@ fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane])
     }
 }
 
-/// Places of the ones.
+/// Indices of the bits that are set.
 #[inline(always)]
 fn places(mut bits: u128) -> [u8; CHUNK] {
     let mut places = [0; CHUNK];
@@ -397,7 +397,7 @@ fn lane_and_first(lanes: &mut [Lane], j: usize) -> (&mut Lane, Option<&Lane>) {
     (&mut from[0], before.first())
 }
 
-/// Some numbers of a row into lane j; after them, the last. Less the first lane if it `is_difference`.
+/// Copy some numbers of a row into lane j, less the first lane if it `is_difference`; repeat the last number.
 #[inline(always)]
 fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference: bool) {
     let (lane, first) = lane_and_first(lanes, j);
@@ -410,7 +410,7 @@ fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference:
     lane[places.len()..].fill(last);
 }
 
-/// Real and imaginary parts of some numbers of a row, less the first lane; zero after them.
+/// Copy the real and imaginary parts of some numbers of a row, less the first lane; zeros after them.
 #[inline(always)]
 fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane], j: usize) {
     let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
@@ -422,7 +422,7 @@ fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane]
     }
 }
 
-/// A row into lane j; after its end, its last number. Less the first lane if it `is_difference`.
+/// Copy a row into lane j, less the first lane if it `is_difference`; repeat the last number.
 #[inline(always)]
 fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
     let (lane, first) = lane_and_first(lanes, j);
@@ -447,7 +447,7 @@ fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
     }
 }
 
-/// Real and imaginary parts of a row, less the first lane; zero after its end.
+/// Copy the real and imaginary parts of a row, less the first lane; zeros after its end.
 #[inline(always)]
 fn copy_parts(row: &[Complex64], re: &mut [Lane], im: &mut [Lane], j: usize) {
     let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));

@@ -1,4 +1,4 @@
-//! Time and frequency of the waveform: when each sample is taken and where the ramp is then.
+//! Waveform: times of the samples and frequencies of the ramps.
 
 use crate::error::{Error, Result};
 
@@ -11,7 +11,7 @@ pub struct Waveform {
     pub slope: f64,
     /// Samples per second [Hz].
     pub sample_rate: f64,
-    /// From the start of the ramp to its first sample [s].
+    /// Time from the start of the ramp to its first sample [s].
     pub adc_delay: f64,
     /// Samples per chirp.
     pub num_samples: usize,
@@ -20,7 +20,7 @@ pub struct Waveform {
 }
 
 impl Waveform {
-    /// Refuses what the sums cannot be formed for; Python checks the rest.
+    /// Refuse waveforms that cannot be summed for; Python checks the rest.
     pub fn check(&self) -> Result<()> {
         let numbers = [self.start_frequency, self.slope, self.sample_rate, self.adc_delay];
         if numbers.iter().chain(&self.chirp_times).any(|x| !x.is_finite()) {
@@ -41,7 +41,7 @@ impl Waveform {
         self.adc_delay + sample as f64 / self.sample_rate
     }
 
-    /// From the start of the first ramp to the last sample of the last chirp [s].
+    /// Duration of the frame, from the start of the first ramp to the last sample of the last chirp [s].
     pub fn duration(&self) -> f64 {
         self.chirp_times.last().copied().unwrap_or(0.0) + self.sample_time(self.num_samples - 1)
     }
@@ -56,7 +56,7 @@ impl Waveform {
         self.sample_time(self.num_samples / 2)
     }
 
-    /// From the middle sample to the farthest one [s]; half a sampling interval if there is only one sample.
+    /// Time from the middle sample to the farthest one [s]; half a sampling interval if there is only one sample.
     pub fn half_sweep(&self) -> f64 {
         (self.num_samples as f64 / 2.0).floor().max(0.5) / self.sample_rate
     }

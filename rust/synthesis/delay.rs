@@ -11,10 +11,10 @@ const MAX_NODES: usize = 4096;
 /// Most rows of a series that sums are planned for.
 const MAX_PLANNED_TERMS: usize = 64;
 
-/// How much larger a term of a series may be beside the frame than within: rounding grows as much.
+/// Largest growth of a term of a series outside the frame, by which rounding grows as well.
 const MOST_GROWTH: f64 = 1e3;
 
-/// How the numbers of [`PathSeries`] follow each other along their first axis.
+/// Basis of a series: the meaning of the first axis of [`PathSeries`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
     /// Value, rate [1/s] and acceleration [1/s^2] at the start of the frame: `1, T, T^2/2`.
@@ -39,23 +39,23 @@ pub struct PathSeries<'a> {
 }
 
 impl PathSeries<'_> {
-    /// Rows of `delay`.
+    /// Number of rows of `delay`.
     pub fn num_delay_terms(&self) -> usize {
         self.delay.len()
     }
 
-    /// Rows of `amplitude`.
+    /// Number of rows of `amplitude`.
     pub fn num_amplitude_terms(&self) -> usize {
         self.amplitude.len()
     }
 
-    /// Rows of both, the larger number.
+    /// Larger number of rows of `delay` and of `amplitude`.
     pub fn num_terms(&self) -> usize {
         self.num_delay_terms().max(self.num_amplitude_terms())
     }
 
-    /// Whether sums of it can be planned, and not only be done directly: it has few terms, and none grows where blocks, which
-    /// are as long on both sides of the middle samples, end behind the last sample of a frame of few samples.
+    /// True if sums can be planned, and are not left to the direct sum: there are few terms, and none grows outside the
+    /// frame, where blocks, which are symmetric about middle samples, may end.
     pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
         let degree = self.num_terms().max(1) - 1;
         let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);
@@ -63,7 +63,7 @@ impl PathSeries<'_> {
         degree < MAX_PLANNED_TERMS && (degree == 0 || self.basis != Basis::Chebyshev || growth() <= MOST_GROWTH)
     }
 
-    /// Refuses shapes that do not fit together.
+    /// Refuse shapes that do not agree.
     pub fn check_shapes(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;
         let lengths = self.delay.iter().map(|row| ("delay", row.len()));
@@ -91,7 +91,7 @@ impl PathSeries<'_> {
         Ok(())
     }
 
-    /// Refuses numbers that are not finite.
+    /// Refuse numbers that are not finite.
     pub fn check_numbers(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;
         for (j, row) in self.delay.iter().enumerate() {
@@ -114,7 +114,7 @@ impl PathSeries<'_> {
     }
 }
 
-/// Index of the first bad number. Good ones are passed at the speed of memory: no branch per number.
+/// Index of the first bad number, found at the speed of memory: no branch per number.
 fn first_bad<T>(numbers: &[T], is_bad: impl Fn(&T) -> bool) -> Option<usize> {
     const RUN: usize = 256;
     let run = numbers

@@ -1,10 +1,9 @@
-//! The direct sum: eq. (1) of README evaluated at every sample of every path, in f64.
+//! Direct sum: docs/theory.md eq. (1) evaluated at every sample of every path, in f64.
 //!
-//! This is the truth that everything faster is measured against. The phase of every sample is evaluated on its
-//! own, so there is no recurrence whose error could grow with the number of samples: what is left is the
-//! rounding of the phase, about `2 pi B tau` eps. The work is split by channel, chirp and block of samples;
-//! every block adds its paths in a fixed order, so the result does not depend on the number of threads. Paths that do not
-//! change during the frame are added once, for all chirps.
+//! The reference for all faster sums. The phase of every sample is evaluated on its own, so no error grows with the
+//! number of samples: the error is the rounding of the phase, about `2 pi B tau` eps. The work is split by channel,
+//! chirp and block of samples; every block adds its paths in a fixed order, so the result does not depend on the number
+//! of threads. Still paths are added once, for all chirps.
 
 use num_complex::Complex64;
 
@@ -30,7 +29,7 @@ pub fn beat_signal(
     level: Level,
     is_parallel: bool,
 ) -> Vec<Complex64> {
-    // Per channel: constants of every path, one record after the other. What stands still is the same in every chirp.
+    // Per channel: constants of every path, one record after the other. Still paths are the same in every chirp.
     let channels: Vec<[Records; 2]> = parallel::map(is_parallel, (0..series.num_channels).collect(), |channel| {
         Records::still_and_moving(waveform, series, channel)
     });
@@ -48,7 +47,7 @@ pub fn beat_signal(
         im: [0.0; BLOCK],
     };
 
-    // Per channel and block of samples: add all paths that stand still.
+    // Per channel and block of samples: add all still paths.
     let blocks_per_chirp = waveform.num_samples.div_ceil(BLOCK);
     let still: Vec<Sums> = parallel::map(
         is_parallel,
@@ -62,7 +61,7 @@ pub fn beat_signal(
         },
     );
 
-    // Per channel, chirp and block of samples: add all paths that move.
+    // Per channel, chirp and block of samples: add all moving paths.
     let rows: Vec<Vec<Complex64>> =
         parallel::map(is_parallel, (0..series.num_channels * num_chirps).collect(), |row| {
             let (channel, chirp) = (row / num_chirps, row % num_chirps);
@@ -90,7 +89,7 @@ struct Records {
 }
 
 impl Records {
-    /// The paths of a channel whose delay and amplitude never change, and the others.
+    /// Records of the still paths of a channel, and of the moving ones.
     fn still_and_moving(waveform: &Waveform, series: &PathSeries, channel: usize) -> [Self; 2] {
         let at = |path: usize| channel * series.num_paths + path;
         let (num_delays, num_amplitudes) = (series.num_delay_terms(), series.num_amplitude_terms());
@@ -171,9 +170,9 @@ fn used<T>(terms: &[T], is_used: impl Fn(&T) -> bool) -> usize {
     terms.iter().rposition(is_used).map_or(1, |k| k + 1)
 }
 
-/// What all paths share at the samples of one block.
+/// Times and basis functions at the samples of one block, the same for all paths.
 struct Times {
-    /// After the start of the chirp's ramp [s].
+    /// Fast time, after the start of the chirp's ramp [s].
     fast: Lanes,
     /// Basis functions 1, 2, ... of the delays and amplitudes; function 0 is one.
     basis: Vec<Lanes>,

@@ -10,15 +10,15 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// No number.
+    /// Empty interval.
     pub const EMPTY: Self = Self {
         low: f64::INFINITY,
         high: f64::NEG_INFINITY,
     };
-    /// The number zero.
+    /// Interval of zero alone.
     pub const ZERO: Self = Self { low: 0.0, high: 0.0 };
 
-    /// The smallest range that holds both.
+    /// Smallest interval that contains both.
     pub fn join(self, other: Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -26,7 +26,7 @@ impl Interval {
         }
     }
 
-    /// All products.
+    /// Interval of all products.
     pub fn times(self, other: Self) -> Self {
         let ends = [
             self.low * other.low,
@@ -40,7 +40,7 @@ impl Interval {
         }
     }
 
-    /// Multiplied by a number.
+    /// Interval multiplied by a number.
     pub fn scaled(self, factor: f64) -> Self {
         self.times(Self {
             low: factor,
@@ -48,12 +48,12 @@ impl Interval {
         })
     }
 
-    /// Half way between the ends.
+    /// Middle of the interval.
     pub fn middle(self) -> f64 {
         0.5 * (self.low + self.high)
     }
 
-    /// Half of the distance of the ends.
+    /// Half of the length.
     pub fn half(self) -> f64 {
         0.5 * (self.high - self.low)
     }

@@ -1,4 +1,5 @@
-//! What a plan has to know of all paths: how many there are of each class, the ranges of their series, their power.
+//! Statistics of the paths that a plan is made from: number of paths, ranges of delays and power of amplitudes, by
+//! class.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -12,10 +13,10 @@ use crate::synthesis::delay::PathSeries;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::residual_phase::Sample;
 
-/// The paths of one class.
+/// Statistics of the paths of one class.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// Paths, over all channels.
+    /// Number of paths, over all channels.
     pub num_paths: usize,
     /// Range of the coefficients of the delay over the frame [s], by degree.
     pub delay: Vec<Interval>,
@@ -24,7 +25,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
     pub fn own_power(&self) -> Vec<f64> {
         let mut own = self.power[0].clone();
         for change in &self.power[1..] {
@@ -36,31 +37,32 @@ impl Group {
     }
 }
 
-/// All paths of a series.
+/// Statistics of all paths of a series.
 #[derive(Clone, Debug)]
-pub struct Survey {
-    /// Those that never change.
+pub struct PathStatistics {
+    /// Paths whose delay and amplitude never change.
     pub still: Group,
-    /// All others.
+    /// All other paths.
     pub moving: Group,
-    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel.
+    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
     pub power: Vec<f64>,
-    /// Sum of the fourth powers of the first amplitudes, per channel.
+    /// Sum of the fourth powers of the first amplitudes [W^2], per channel.
     pub fourth: Vec<f64>,
-    /// Largest real or imaginary part of the first amplitude of any path, and of the others' differences from it.
+    /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from
+    /// it.
     pub largest: f64,
-    /// False if any number may not be finite.
+    /// True if all numbers are certainly finite.
     pub is_finite: bool,
-    /// A bit per path that moves, (channel, chunk).
+    /// Bit masks of the moving paths, (channel, chunk).
     pub masks: Vec<u128>,
-    /// Some of the paths whose residuals change most, of every part of the work.
-    pub extremes: Vec<Extreme>,
+    /// Largest bounds of the change of residuals, of every part of the work, in decreasing order.
+    pub bounds: Vec<Bound>,
 }
 
-/// A path whose residual changes more than its neighbours'.
+/// Upper bound of the change of residuals in a group of neighbouring paths, and the path that attains it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Extreme {
-    /// Estimate of the square of that change.
+pub struct Bound {
+    /// Estimate of the squared change of the residual over the frame [W].
     pub change: f64,
     /// Number of the path in its channel.
     pub path: usize,
@@ -68,19 +70,19 @@ pub struct Extreme {
     pub channel: usize,
 }
 
-/// Most of them.
-const NUM_EXTREMES: usize = 12;
-/// So many neighbours have one of them.
+/// Largest number of bounds that are kept.
+const NUM_BOUNDS: usize = 12;
+/// Paths that share one bound.
 const NEIGHBOURS: usize = 32;
 
-/// Chunks per part of the work: sums do not depend on the number of threads.
+/// Chunks per part of the work, a constant: sums do not depend on the number of threads.
 const PART: usize = 64;
 
-impl Survey {
-    /// Look at all paths of a frame, which is one block, about a carrier [Hz].
+impl PathStatistics {
+    /// Statistics of all paths over a frame, as one block, for phases at a carrier [Hz].
     pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
-        let look = |(channel, chunks): (usize, Range<usize>)| {
-            level.run(Look {
+        let of_part = |(channel, chunks): (usize, Range<usize>)| {
+            level.run(PartStatistics {
                 series,
                 frame,
                 carrier,
@@ -88,17 +90,17 @@ impl Survey {
                 chunks,
             })
         };
-        let looks: Vec<Self> = parallel::map(is_parallel, parts(series), look);
+        let partial: Vec<Self> = parallel::map(is_parallel, parts(series), of_part);
         let mut all = Self::empty(series);
-        for look in &looks {
-            all.join(look);
+        for part in &partial {
+            all.join(part);
         }
-        sort(&mut all.extremes);
+        sort(&mut all.bounds);
         all
     }
 
-    /// Number of paths of equal strength that would have the same ratio of fourth to second moments, the least of all
-    /// channels; 1 if that cannot be said.
+    /// Effective number of paths: as many of equal strength have the same ratio of fourth to squared second moments.
+    /// The least of all channels; 1 if moments are not finite.
     pub fn effective_paths(&self) -> f64 {
         let channels = self.power.iter().zip(&self.fourth).filter(|(power, _)| **power > 0.0);
         let ratios = channels.map(|(power, fourth)| {
@@ -108,7 +110,7 @@ impl Survey {
         ratios.fold(1e9, f64::min).max(1.0)
     }
 
-    /// All paths as moving ones.
+    /// Count all paths as moving.
     pub fn merge(&mut self) {
         let still = std::mem::replace(&mut self.still, self.moving.clone());
         let moving = &mut self.moving;
@@ -122,11 +124,11 @@ impl Survey {
         self.still.num_paths = 0;
     }
 
-    /// The number of paths alone.
+    /// Statistics of the number of paths alone.
     pub fn count(series: &PathSeries) -> Self {
-        let mut survey = Self::empty(series);
-        survey.moving.num_paths = series.num_channels * series.num_paths;
-        survey
+        let mut statistics = Self::empty(series);
+        statistics.moving.num_paths = series.num_channels * series.num_paths;
+        statistics
     }
 
     fn empty(series: &PathSeries) -> Self {
@@ -143,7 +145,7 @@ impl Survey {
             largest: 0.0,
             is_finite: true,
             masks: Vec::new(),
-            extremes: Vec::new(),
+            bounds: Vec::new(),
         }
     }
 
@@ -164,18 +166,18 @@ impl Survey {
         self.largest = self.largest.max(other.largest);
         self.is_finite &= other.is_finite;
         self.masks.extend(&other.masks);
-        self.extremes.extend(&other.extremes);
+        self.bounds.extend(&other.bounds);
     }
 }
 
-/// At most `most` of the selected paths, spread evenly over them.
+/// Sample of at most `most` of the selected paths, spread evenly over them.
 pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sample> {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
     let all = (0..series.num_channels).flat_map(|channel| (0..num_chunks).map(move |chunk| (channel, chunk)));
     let count = |(channel, chunk)| selection.count(series, channel, chunk);
     let total: usize = all.clone().map(count).sum();
     let num_samples = most.min(total);
-    // One path in every `total / num_samples` of them, at a place that is as good as random.
+    // One path in every `total / num_samples` of them, at a pseudo-random rank.
     let mut ranks = (0..num_samples).map(|i| {
         let (low, high) = (i * total / num_samples, (i + 1) * total / num_samples);
         low + (mix(i as u64) % (high - low).max(1) as u64) as usize
@@ -201,29 +203,29 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
         .collect()
 }
 
-/// The paths whose residuals change most, at most one of some neighbours, whatever the channel.
-pub fn extremes(series: &PathSeries, survey: &Survey) -> Vec<Sample> {
-    let mut chosen: Vec<&Extreme> = Vec::new();
-    for extreme in &survey.extremes {
-        if chosen.len() == NUM_EXTREMES {
+/// Paths that attain the largest bounds, at most one of each group of neighbours over all channels.
+pub fn bounding_paths(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
+    let mut chosen: Vec<&Bound> = Vec::new();
+    for bound in &statistics.bounds {
+        if chosen.len() == NUM_BOUNDS {
             break;
         }
         if chosen
             .iter()
-            .all(|other| other.path / NEIGHBOURS != extreme.path / NEIGHBOURS)
+            .all(|other| other.path / NEIGHBOURS != bound.path / NEIGHBOURS)
         {
-            chosen.push(extreme);
+            chosen.push(bound);
         }
     }
     chosen
         .iter()
-        .map(|extreme| Sample::new(series, extreme.channel * series.num_paths + extreme.path))
+        .map(|bound| Sample::new(series, bound.channel * series.num_paths + bound.path))
         .collect()
 }
 
-/// The largest changes first.
-fn sort(extremes: &mut [Extreme]) {
-    extremes.sort_by(|a, b| b.change.total_cmp(&a.change));
+/// Sort bounds, the largest change first.
+fn sort(bounds: &mut [Bound]) {
+    bounds.sort_by(|a, b| b.change.total_cmp(&a.change));
 }
 
 /// All selected paths whose first amplitude has more than a share of the power of their channel.
@@ -263,8 +265,8 @@ pub fn ranges(
     level: Level,
     is_parallel: bool,
 ) -> Vec<Vec<Interval>> {
-    let look = |(channel, chunks): (usize, Range<usize>)| {
-        level.run(LookAtBlocks {
+    let of_part = |(channel, chunks): (usize, Range<usize>)| {
+        level.run(BlockRanges {
             series,
             selection,
             blocks,
@@ -272,17 +274,17 @@ pub fn ranges(
             chunks,
         })
     };
-    let looks: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), look);
+    let partial: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), of_part);
     let mut all = vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()];
-    for look in looks {
-        for (all, ranges) in all.iter_mut().flatten().zip(look.into_iter().flatten()) {
+    for part in partial {
+        for (all, ranges) in all.iter_mut().flatten().zip(part.into_iter().flatten()) {
             *all = all.join(ranges);
         }
     }
     all
 }
 
-/// Channels and chunks of the parts of the work.
+/// Channel and chunks of every part of the work.
 fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
     let of_channel = |channel| {
@@ -293,7 +295,7 @@ fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
     (0..series.num_channels).flat_map(of_channel).collect()
 }
 
-struct LookAtBlocks<'a> {
+struct BlockRanges<'a> {
     series: &'a PathSeries<'a>,
     selection: Selection<'a>,
     blocks: &'a [Block],
@@ -301,7 +303,7 @@ struct LookAtBlocks<'a> {
     chunks: Range<usize>,
 }
 
-impl Kernel for LookAtBlocks<'_> {
+impl Kernel for BlockRanges<'_> {
     type Output = Vec<Vec<Interval>>;
 
     #[inline(always)]
@@ -327,7 +329,7 @@ impl Kernel for LookAtBlocks<'_> {
     }
 }
 
-struct Look<'a> {
+struct PartStatistics<'a> {
     series: &'a PathSeries<'a>,
     frame: &'a Block,
     carrier: f64,
@@ -335,13 +337,13 @@ struct Look<'a> {
     chunks: Range<usize>,
 }
 
-impl Kernel for Look<'_> {
-    type Output = Survey;
+impl Kernel for PartStatistics<'_> {
+    type Output = PathStatistics;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Survey {
+    fn run<I: Isa>(self) -> PathStatistics {
         let (series, channel, frame) = (self.series, self.channel, self.frame);
-        let mut survey = Survey::empty(series);
+        let mut statistics = PathStatistics::empty(series);
         let mut rows = Rows::new(series);
         let zero = wide::splat::<I, AT_ONCE>(0.0);
         let (mut nothing, mut largest, mut fourth) = (zero, zero, zero);
@@ -354,7 +356,7 @@ impl Kernel for Look<'_> {
         for index in self.chunks {
             rows.gather(series, channel, index * CHUNK, Selection::ALL);
             let mask = rows.moving();
-            survey.masks.push(mask);
+            statistics.masks.push(mask);
             nothing = wide::add(nothing, times_zero::<I>(frame, &rows));
             for j in 0..rows.re.len() {
                 largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
@@ -371,7 +373,7 @@ impl Kernel for Look<'_> {
                 counts[class] += numbers[class];
                 let members = is_mixed.then(|| lanes_of(bits, [0.0, 1.0]));
                 let far = is_mixed.then(|| lanes_of(bits, [FAR, 0.0]));
-                // Those that stand still have one coefficient.
+                // Still paths have one coefficient.
                 let most = if class == 0 { 1 } else { usize::MAX };
                 for k in 0..ranges[class].len().min(most) {
                     let squares = (k >= 2).then_some(&mut bends);
@@ -383,12 +385,12 @@ impl Kernel for Look<'_> {
                 }
             }
             for first in (0..rows.len).step_by(NEIGHBOURS) {
-                let mut most = Extreme::default();
+                let mut most = Bound::default();
                 for place in first..rows.len.min(first + NEIGHBOURS) {
                     let (re, im) = (rows.re[0][place], rows.im[0][place]);
                     let change = phase * bends[place] * (re * re + im * im) + changes[place];
                     if change > most.change {
-                        most = Extreme {
+                        most = Bound {
                             change,
                             path: index * CHUNK + place,
                             channel,
@@ -396,16 +398,16 @@ impl Kernel for Look<'_> {
                     }
                 }
                 if most.change > 0.0 {
-                    survey.extremes.push(most);
+                    statistics.bounds.push(most);
                 }
             }
         }
-        sort(&mut survey.extremes);
-        survey.extremes.truncate(NUM_EXTREMES);
-        survey.is_finite = sum_of::<I>(nothing) == 0.0;
-        survey.largest = -least_of::<I>(wide::sub(zero, largest));
-        survey.fourth[channel] = sum_of::<I>(fourth);
-        for (class, group) in [&mut survey.still, &mut survey.moving].into_iter().enumerate() {
+        sort(&mut statistics.bounds);
+        statistics.bounds.truncate(NUM_BOUNDS);
+        statistics.is_finite = sum_of::<I>(nothing) == 0.0;
+        statistics.largest = -least_of::<I>(wide::sub(zero, largest));
+        statistics.fourth[channel] = sum_of::<I>(fourth);
+        for (class, group) in [&mut statistics.still, &mut statistics.moving].into_iter().enumerate() {
             group.num_paths = counts[class];
             if counts[class] == 0 {
                 continue;
@@ -418,14 +420,14 @@ impl Kernel for Look<'_> {
                 let power = sum_of::<I>(*sums);
                 group.power[degree][channel] = power;
                 // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
-                survey.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
+                statistics.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
             }
         }
-        survey
+        statistics
     }
 }
 
-/// One number where the bit is not set, another where it is.
+/// Lane of `numbers[bit]`, by the bits of a mask.
 #[inline(always)]
 fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
     let halves = [bits as u64, (bits >> 64) as u64];
@@ -437,7 +439,7 @@ fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
     lanes
 }
 
-/// Vectors at once: what a loop over rows costs is shared by all of them.
+/// Vectors at once, which share the cost of a loop over rows.
 const AT_ONCE: usize = 4;
 type Wide<I> = wide::Wide<I, AT_ONCE>;
 
@@ -449,7 +451,7 @@ fn sum_of<I: Isa>(vectors: Wide<I>) -> f64 {
     numbers.iter().sum()
 }
 
-/// The least number.
+/// Least of all numbers.
 #[inline(always)]
 fn least_of<I: Isa>(vectors: Wide<I>) -> f64 {
     let mut numbers = [0.0; 8 * AT_ONCE];
@@ -467,8 +469,7 @@ fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wid
     value
 }
 
-/// Zero if no number is infinite or NaN: then means over the frame are numbers; not so as well where these are beyond the
-/// largest.
+/// Zero if the means over the frame of all series are finite; NaN if any number or any mean is not.
 #[inline(always)]
 fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
     let zero = wide::splat::<I, AT_ONCE>(0.0);
@@ -479,14 +480,14 @@ fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
         (&frame.amplitude, &rows.im),
     ] {
         for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-            // No number times zero is zero, if it is none.
+            // Zero times infinity or NaN is NaN.
             sum = wide::mul_add(whole::<I>(matrix, lanes, 0, at), zero, sum);
         }
     }
     sum
 }
 
-/// The larger absolute values.
+/// Running maximum of absolute values.
 #[inline(always)]
 fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
     let zero = wide::splat::<I, AT_ONCE>(0.0);
@@ -497,7 +498,7 @@ fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
     largest
 }
 
-/// Add the fourth powers of the magnitudes.
+/// Add the fourth powers of the magnitudes of the amplitudes.
 #[inline(always)]
 fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
     for at in (0..CHUNK).step_by(8 * AT_ONCE) {
@@ -508,8 +509,8 @@ fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
     sum
 }
 
-/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members. What follows the last path
-/// has none. Adds them to `squares` as well, path by path.
+/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path
+/// by path, to `squares`. Lanes after the last path have no amplitude.
 #[inline(always)]
 fn add_power<I: Isa>(
     block: &Block,
@@ -534,17 +535,17 @@ fn add_power<I: Isa>(
     power
 }
 
-/// Add squares to the numbers from `at` on.
+/// Add squares of values to the numbers from `at` on.
 #[inline(always)]
 fn add_squares<I: Isa>(value: Wide<I>, squares: &mut Lane, at: usize) {
     let sum = wide::load::<I, AT_ONCE>(&squares[at..]);
     wide::store(wide::mul_add(value, value, sum), &mut squares[at..]);
 }
 
-/// Beyond every delay.
+/// Number beyond every delay [s].
 const FAR: f64 = 1e300;
 
-/// Ranges in the making, one per number of the vectors.
+/// Running lower and upper ends of ranges, one per number of the vectors.
 #[derive(Clone, Copy)]
 struct Ends<V> {
     low: [V; AT_ONCE],
@@ -552,7 +553,7 @@ struct Ends<V> {
 }
 
 impl<V: Vector<Scalar = f64>> Ends<V> {
-    /// No number.
+    /// Ends of the empty range.
     #[inline(always)]
     fn empty() -> Self {
         Self {
@@ -561,8 +562,8 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
         }
     }
 
-    /// Coefficient k of the delay of all paths, or of those that are not `far`. What follows the last path of a chunk is a copy
-    /// of it. Adds its squares to `squares`, path by path.
+    /// Widen the range by coefficient k of the delay of all paths, or of those that are not `far`, and add its square
+    /// to `squares`, path by path. Lanes after the last path of a chunk are copies of that path.
     #[inline(always)]
     fn take_in<I: Isa<F64 = V>>(
         &mut self,

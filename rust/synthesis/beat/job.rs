@@ -1,4 +1,4 @@
-//! Paths to sum, options, and what is known of them.
+//! Job of a sum over paths: waveform, paths, options and statistics.
 
 use num_complex::{Complex32, Complex64};
 
@@ -7,9 +7,9 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::low_rank::residual_phase::Sample;
 use crate::synthesis::plan::Method;
-use crate::synthesis::statistics::Survey;
+use crate::synthesis::statistics::PathStatistics;
 
-/// How a sum is to be formed.
+/// Options of a sum over paths.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel).
@@ -18,11 +18,11 @@ pub struct Options {
     pub method: Method,
     /// Instruction set.
     pub level: Level,
-    /// Use the threads of the pool that this runs in.
+    /// Use the threads of the current pool.
     pub is_parallel: bool,
-    /// Sum paths that stand still apart from those that move.
+    /// Sum still paths apart from moving paths.
     pub split_still: bool,
-    /// Leave out velocity rows that no path touches.
+    /// Skip velocity rows that no path touches.
     pub skip_rows: bool,
 }
 
@@ -41,30 +41,30 @@ impl Default for Options {
 
 /// Beat samples `(channel, chirp, sample)`, row-major.
 pub enum Samples {
-    /// For tolerances from [`SINGLE_TOLERANCE`] on.
+    /// Samples for tolerances from [`SINGLE_TOLERANCE`] on.
     Single(Vec<Complex32>),
-    /// For smaller ones.
+    /// Samples for smaller tolerances.
     Double(Vec<Complex64>),
 }
 
-/// The paths and what is known of them.
+/// Job of a sum over paths, with the statistics of the paths.
 pub(super) struct Job<'a> {
     pub(super) waveform: &'a Waveform,
     pub(super) series: &'a PathSeries<'a>,
     pub(super) options: &'a Options,
-    /// Paths that stand still are summed apart from those that move.
+    /// True if still paths are summed apart from moving paths.
     pub(super) is_split: bool,
-    pub(super) survey: Survey,
-    /// Paths that stand for all moving ones.
+    pub(super) statistics: PathStatistics,
+    /// Sampled paths, which represent all moving paths.
     pub(super) samples: Vec<Sample>,
-    /// Chunks of paths `(channel, chunk)` that they did not stand for.
+    /// Chunks of paths `(channel, chunk)` that the samples failed to represent.
     pub(super) extra: Vec<(usize, usize)>,
-    /// See [`Request::caution`].
-    pub(super) caution: f64,
-    /// See [`Request::allows_single`].
+    /// Safety factor of the error that the samples may have, as in `Request`.
+    pub(super) safety_factor: f64,
+    /// True if grids may be in single precision, as in `Request`.
     pub(super) allows_single: bool,
-    /// No plan kept what it had promised.
+    /// True if no plan kept its predicted error.
     pub(super) is_lost: bool,
-    /// Amplitudes are multiplied by this power of two: it keeps the numbers of single precision in range.
+    /// Power of two that amplitudes are multiplied by, which keeps numbers in the range of single precision.
     pub(super) scale: f64,
 }

@@ -1,4 +1,4 @@
-//! The beat signal of a set of paths: checks the input, plans, runs the plan and sees to the tolerance.
+//! Beat signal of a set of paths: input checks, planning, summation, and repetition until the tolerance is reached.
 
 mod job;
 mod run;

@@ -1,4 +1,4 @@
-//! Plans are run: the parts one after the other, channels, blocks and groups of chirps at the same time.
+//! Execution of plans: the parts one after the other; channels, blocks and groups of chirps in parallel.
 
 use num_complex::{Complex, Complex32, Complex64};
 
@@ -7,21 +7,21 @@ use crate::numeric::parallel;
 use crate::numeric::simd::Real;
 use crate::synthesis::block::{CHUNK, Selection};
 use crate::synthesis::direct;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::nufft::{self, Widths};
 use crate::synthesis::plan::{Part, Plan, Step};
 use crate::synthesis::recurrence::{self, LaneGrid};
 
-/// What a run was like.
+/// Outcome of a run: rows and measured errors.
 #[derive(Default)]
 pub(super) struct Outcome {
-    /// Velocity rows that were transformed, and that no path had touched.
+    /// Number of velocity rows that were transformed.
     pub rows: usize,
-    /// See `rows`.
+    /// Number of velocity rows that were skipped, as no path touched them.
     pub rows_skipped: usize,
-    /// Mean square over the frame of what the interpolation of residuals leaves, summed over paths, per channel.
+    /// Mean square error over the frame of the interpolation of residuals, summed over paths, per channel [W].
     pub rest: Vec<f64>,
-    /// Chunks `(channel, chunk)` with the largest shares of it.
+    /// Chunks `(channel, chunk)` with the largest shares of that error.
     pub worst: Vec<(usize, usize)>,
 }
 
@@ -75,7 +75,7 @@ impl Job<'_> {
                 add(self.single(part, selection(part), &mut sum));
             }
             if self.scale != 1.0 {
-                // In double: the scale may be beyond single precision where the samples are not.
+                // In double precision: the scale may be out of the range of single precision where the samples are not.
                 let back = self.scale.recip();
                 for sample in &mut sum {
                     *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
@@ -107,7 +107,7 @@ impl Job<'_> {
         }
     }
 
-    /// Add the paths of one part whose sums are in single precision.
+    /// Add the paths of one part in single precision.
     fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
         if let Step::Lanes { width, follows_sweep } = part.step {
             let grid = LaneGrid::new(self.waveform, width, follows_sweep);
@@ -119,7 +119,7 @@ impl Job<'_> {
         self.part(part, selection, out)
     }
 
-    /// Every channel in groups of chirps.
+    /// Run `add` for every channel and group of chirps.
     fn lanes<T: Widths>(
         &self,
         selection: Selection,
@@ -150,47 +150,47 @@ impl Job<'_> {
         });
     }
 
-    /// Every channel and block of chirps on its grid.
+    /// Add the samples of every channel and block of chirps by NUFFT.
     fn grid<T: Widths>(
         &self,
         selection: Selection,
         width: usize,
-        expansions: &[Expansion],
+        block_plans: &[BlockPlan],
         out: &mut [Complex<T>],
     ) -> Outcome {
         let num_samples = self.waveform.num_samples;
         // Samples by block and channel; one task per block and some channels.
-        let mut samples: Vec<Vec<&mut [Complex<T>]>> = expansions.iter().map(|_| Vec::new()).collect();
+        let mut samples: Vec<Vec<&mut [Complex<T>]>> = block_plans.iter().map(|_| Vec::new()).collect();
         let mut rest = out;
         for _ in 0..self.series.num_channels {
-            for (expansion, samples) in expansions.iter().zip(&mut samples) {
-                let (own, behind) = rest.split_at_mut(expansion.block.chirps.len() * num_samples);
+            for (block_plan, samples) in block_plans.iter().zip(&mut samples) {
+                let (own, behind) = rest.split_at_mut(block_plan.block.chirps.len() * num_samples);
                 samples.push(own);
                 rest = behind;
             }
         }
         let mut tasks = Vec::new();
-        for (expansion, samples) in expansions.iter().zip(samples) {
+        for (block_plan, samples) in block_plans.iter().zip(samples) {
             let mut samples = samples.into_iter();
             for first in (0..self.series.num_channels).step_by(nufft::MAX_CHANNELS) {
                 let some: Vec<_> = samples.by_ref().take(nufft::MAX_CHANNELS).collect();
-                tasks.push((first, expansion, some));
+                tasks.push((first, block_plan, some));
             }
         }
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
-        let num_parts = if self.series.num_channels * expansions.len() >= 4 {
+        let num_parts = if self.series.num_channels * block_plans.len() >= 4 {
             1
         } else {
             (num_chunks / 256).clamp(1, nufft::MAX_PARTS)
         };
-        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, expansion, samples)| {
+        let outcomes = parallel::map(self.options.is_parallel, tasks, |(first, block_plan, samples)| {
             let job = |channel: usize| nufft::Job {
                 waveform: self.waveform,
                 series: self.series,
                 channel,
                 selection,
                 scale: self.scale,
-                expansion,
+                block_plan,
                 width,
                 level: self.options.level,
                 num_parts,
@@ -198,14 +198,14 @@ impl Job<'_> {
                 keep_empty_rows: !self.options.skip_rows,
             };
             let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
-            let share = expansion.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
+            let share = block_plan.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
             let mut outcome = Outcome {
                 rest: vec![0.0; self.series.num_channels],
                 ..Outcome::default()
             };
             for (job, (used, checked)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
                 outcome.rows += used;
-                outcome.rows_skipped += expansion.rows - used;
+                outcome.rows_skipped += block_plan.rows - used;
                 outcome.rest[job.channel] = share * checked.sum;
                 outcome.worst.push((job.channel, checked.worst.0));
             }
@@ -218,7 +218,7 @@ impl Job<'_> {
     }
 }
 
-/// Samples in the precision that is asked for.
+/// Samples in the precision of the result.
 fn narrow(samples: Vec<Complex64>, is_single: bool) -> Samples {
     if is_single {
         Samples::Single(

@@ -1,4 +1,4 @@
-//! Beat signals: the input is checked, a plan is made and run until the tolerance is reached.
+//! Beat signals: checks of the input, then plans and runs until the tolerance is reached.
 
 use num_complex::Complex64;
 
@@ -11,41 +11,41 @@ use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::direct;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::plan::{self, Method, Plan, Request};
-use crate::synthesis::statistics::{self, Survey};
+use crate::synthesis::statistics::{self, PathStatistics};
 
 /// Smallest tolerance whose samples are in single precision.
 pub const SINGLE_TOLERANCE: f64 = 1e-6;
 
-/// Path-samples that are summed before a thread of a pool would have woken up.
+/// Path-samples that are summed in the time that waking a thread of a pool takes.
 const SMALL_SUM: usize = 1 << 21;
 
-/// True for a sum over so many paths, channels, chirps and samples that more than one thread pays.
+/// True if a sum over these numbers of paths, channels, chirps and samples is worth more than one thread.
 pub fn is_worth_threads(work: [usize; 4]) -> bool {
     let product = work.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
     product.is_none_or(|n| n >= SMALL_SUM)
 }
 
-/// What was done.
+/// Report of a sum over paths.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// The plan that was run.
+    /// Plan of the last run.
     pub plan: Plan,
-    /// Velocity rows that were transformed, and that no path had touched.
+    /// Number of velocity rows that were transformed.
     pub rows: usize,
-    /// See `rows`.
+    /// Number of velocity rows that were skipped, as no path touched them.
     pub rows_skipped: usize,
-    /// How many times a plan was run: again where paths add up in phase, or are unlike the samples that were planned with.
+    /// Number of runs: more than one if paths add up in phase, or are unlike the samples of the plan.
     pub runs: usize,
     /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
     pub gain: f64,
 }
 
-/// Complex beat samples `(channel, chirp, sample)`, row-major, eq. (1): the sum over all paths of
-/// `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
+/// Complex beat samples `(channel, chirp, sample)` [sqrt(W)], row-major, docs/theory.md eq. (1): the sum over all paths
+/// of `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
 pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<(Samples, Report)> {
     waveform.check()?;
     series.check_shapes()?;
-    // Samples, and half as much again for tiles on their way.
+    // Samples, and half as much again for tiles in progress.
     let num_samples = waveform.num_samples.saturating_add(direct::BLOCK);
     let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
     fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
@@ -58,16 +58,16 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
         fits_memory("grids", &[plan.memory()], 1)?;
         let (samples, outcome) = job.run(&plan, is_single);
         runs += 1;
-        let gain = gain(&samples, &job.survey.power, waveform);
+        let gain = gain(&samples, &job.statistics.power, waveform);
         if !gain.is_finite() {
-            let got = format!("{:.1e} as the largest", job.survey.largest);
+            let got = format!("{:.1e} as the largest", job.statistics.largest);
             return Err(Error::value(
                 "amplitude",
                 "sums that samples can hold, below 3e38 in single precision",
                 got,
             ));
         }
-        let interpolation = outcome.interpolation(&job.survey.power) * plan::fluctuation(waveform);
+        let interpolation = outcome.interpolation(&job.statistics.power) * plan::fluctuation(waveform);
         let error = plan.error_with(interpolation);
         if error * gain.max(1.0) <= options.tolerance {
             let report = Report {
@@ -89,85 +89,90 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
     }
 }
 
-/// What [`beat_signal`] would do at first.
+/// Plan of the first run of [`beat_signal`].
 pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<Plan> {
     waveform.check()?;
     series.check_shapes()?;
     Job::new(waveform, series, options)?.plan(1.0)
 }
 
-/// Largest caution in single precision.
-const MOST_CAUTION: f64 = 10.0;
-/// And in double precision: beyond it delays are not what their series says.
-const MOST_DOUBLE_CAUTION: f64 = 1e4;
-/// Paths that stand for all moving ones.
+/// Largest safety factor in single precision.
+const MAX_SAFETY_FACTOR: f64 = 10.0;
+/// Largest safety factor in double precision: beyond it the series do not describe the delays.
+const MAX_DOUBLE_SAFETY_FACTOR: f64 = 1e4;
+/// Number of random samples, which represent all moving paths.
 const NUM_SAMPLES: usize = 256;
-/// Plans in single precision are made for paths whose samples have this gain: a second run costs more than the finer plan.
+/// Gain that plans in single precision allow for: a second run costs more than the finer plan.
 const RESERVE: f64 = 2.0;
-/// Tolerances up to this one need double precision with a reserve, and often without, which costs too much.
+/// Tolerances from which plans with that reserve are tried: smaller ones would need double precision.
 const LEAST_RESERVED: f64 = 2e-6;
 
 impl<'a> Job<'a> {
     fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
-        // The direct sum takes any motion, and needs to know nothing of it.
+        // The direct sum needs no statistics, whatever the motion.
         let is_direct = options.method == Method::Direct || !series.can_be_planned(waveform);
-        let survey = if is_direct {
+        let statistics = if is_direct {
             series.check_numbers()?;
             let longest = longest_delay(waveform, series);
             check_turns(waveform, longest)?;
-            Survey::count(series)
+            PathStatistics::count(series)
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
             let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
-            let survey = Survey::new(series, &frame, carrier, options.level, options.is_parallel);
-            if !survey.is_finite {
+            let statistics = PathStatistics::new(series, &frame, carrier, options.level, options.is_parallel);
+            if !statistics.is_finite {
                 series.check_numbers()?;
             }
-            check_phases(waveform, &survey)?;
-            survey
+            check_phases(waveform, &statistics)?;
+            statistics
         };
-        let scale = scale(survey.largest);
+        let scale = scale(statistics.largest);
         let mut job = Self {
             waveform,
             series,
             options,
-            // A second pass over all paths is not worth its while for a few that stand still.
-            is_split: options.split_still && 16 * survey.still.num_paths > survey.moving.num_paths,
-            survey,
+            // A second pass over all paths is not worth its cost for a few still paths.
+            is_split: options.split_still && 16 * statistics.still.num_paths > statistics.moving.num_paths,
+            statistics,
             samples: Vec::new(),
             extra: Vec::new(),
-            caution: 1.0,
+            safety_factor: 1.0,
             allows_single: true,
             is_lost: false,
             scale,
         };
         if !is_direct {
             if !job.is_split {
-                job.survey.merge();
+                job.statistics.merge();
             }
             job.draw();
         }
         Ok(job)
     }
 
-    /// The paths of a class; all of them if they are not split.
+    /// Selection of the paths of a class; of all paths if the classes are not split.
     pub(super) fn selection(&self, class: Class) -> Selection<'_> {
         let class = if self.is_split { class } else { Class::All };
-        Selection::new(class, &self.survey.masks, self.series.num_channels)
+        Selection::new(class, &self.statistics.masks, self.series.num_channels)
     }
 
-    /// Draw the paths that stand for all.
+    /// Draw the samples that represent all moving paths.
     fn draw(&mut self) {
         let selection = self.selection(Class::Moving);
         let mut samples = statistics::samples(self.series, selection, NUM_SAMPLES);
         if samples.len() == NUM_SAMPLES {
-            samples.extend(statistics::extremes(self.series, &self.survey));
+            samples.extend(statistics::bounding_paths(self.series, &self.statistics));
         }
-        // One that has much of the power is a sample by itself.
+        // Paths with a large share of the power are samples in any case.
         let share = 1.0 / NUM_SAMPLES as f64;
-        let most = 2.0 * self.survey.largest.powi(2);
-        if self.survey.power.iter().any(|power| most > share * power) {
-            samples.extend(statistics::strongest(self.series, selection, &self.survey.power, share));
+        let most = 2.0 * self.statistics.largest.powi(2);
+        if self.statistics.power.iter().any(|power| most > share * power) {
+            samples.extend(statistics::strongest(
+                self.series,
+                selection,
+                &self.statistics.power,
+                share,
+            ));
         }
         for (channel, chunk) in &self.extra {
             samples.extend(statistics::samples_of(self.series, selection, *channel, *chunk));
@@ -175,24 +180,24 @@ impl<'a> Job<'a> {
         self.samples = samples;
     }
 
-    /// Take in chunks of paths whose residuals were further from their interpolation than the samples', by a factor.
+    /// Add chunks of paths to the samples, whose interpolation errors were larger than predicted by a factor.
     fn learn(&mut self, chunks: &[(usize, usize)], factor: f64) {
         for chunk in chunks {
             if !self.extra.contains(chunk) {
                 self.extra.push(*chunk);
             }
         }
-        self.caution *= (1.2 * factor).clamp(1.2, 3.0);
-        if self.caution > MOST_CAUTION && self.allows_single {
-            // What is left may be rounding.
-            (self.caution, self.allows_single) = (1.0, false);
+        self.safety_factor *= (1.2 * factor).clamp(1.2, 3.0);
+        if self.safety_factor > MAX_SAFETY_FACTOR && self.allows_single {
+            // The remaining error may be rounding.
+            (self.safety_factor, self.allows_single) = (1.0, false);
         }
-        self.is_lost |= self.caution > MOST_DOUBLE_CAUTION;
+        self.is_lost |= self.safety_factor > MAX_DOUBLE_SAFETY_FACTOR;
         self.draw();
     }
 
-    /// Ranges of the coefficients of the delays of moving paths in some blocks.
-    fn look(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
+    /// Ranges of the coefficients of the delays of moving paths in blocks [s], (block, degree).
+    fn delay_ranges(&self, blocks: &[Block]) -> Vec<Vec<Interval>> {
         let selection = self.selection(Class::Moving);
         statistics::ranges(
             self.series,
@@ -203,7 +208,7 @@ impl<'a> Job<'a> {
         )
     }
 
-    /// The plan for paths whose samples are known to have at least this gain: it divides the tolerance.
+    /// Plan for a known gain, which divides the tolerance.
     fn plan(&self, gain: f64) -> Result<Plan> {
         if self.is_lost && self.options.method != Method::Auto {
             return Err(self.refused(None));
@@ -228,16 +233,16 @@ impl<'a> Job<'a> {
             tolerance: tolerance / gain,
             method,
             gain,
-            caution: self.caution,
+            safety_factor: self.safety_factor,
             allows_single: self.allows_single,
             samples: &self.samples,
             num_random: NUM_SAMPLES.min(self.samples.len()),
             level: self.options.level,
         };
-        request.plan(&self.survey, |blocks| self.look(blocks))
+        request.plan(&self.statistics, |blocks| self.delay_ranges(blocks))
     }
 
-    /// Names a tolerance that can be reached.
+    /// Error that names a reachable tolerance.
     fn refusal(&self, gain: f64) -> Error {
         // 1, 2, 5, 10, ...: numbers that are exact in print.
         let decades = (1..=12)
@@ -250,7 +255,7 @@ impl<'a> Job<'a> {
                 let Some(plan) = self.try_plan(*tolerance, gain, self.options.method) else {
                     return false;
                 };
-                // Where the gain is not known yet, a run says.
+                // An unknown gain takes a run to measure.
                 let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
                 self.try_plan(*tolerance, gain.max(1.0), self.options.method).is_some()
             });
@@ -267,39 +272,39 @@ impl<'a> Job<'a> {
 
     /// Largest rms of the samples of a channel of a plan, relative to its l2(amplitudes).
     fn gain_of(&self, plan: &Plan) -> f64 {
-        gain(&self.run(plan, false).0, &self.survey.power, self.waveform)
+        gain(&self.run(plan, false).0, &self.statistics.power, self.waveform)
     }
 }
 
-/// A power of two near the inverse of the largest amplitude.
+/// Power of two near the inverse of the largest amplitude.
 fn scale(largest: f64) -> f64 {
     if largest > 0.0 {
-        // Both it and its inverse are numbers.
+        // The scale and its inverse are both finite.
         (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
     } else {
         1.0
     }
 }
 
-/// Refuses delays whose phase has no digit left.
-fn check_phases(waveform: &Waveform, survey: &Survey) -> Result<()> {
-    let longest: f64 = [&survey.still, &survey.moving]
+/// Refuse delays whose phases lose all digits, and powers that are not finite.
+fn check_phases(waveform: &Waveform, statistics: &PathStatistics) -> Result<()> {
+    let longest: f64 = [&statistics.still, &statistics.moving]
         .iter()
         .filter(|group| group.num_paths > 0)
         .map(|group| group.delay.iter().map(|range| range.magnitude()).sum::<f64>())
         .fold(0.0, f64::max);
     check_turns(waveform, longest)?;
-    if survey.power.iter().any(|power| !power.is_finite()) {
+    if statistics.power.iter().any(|power| !power.is_finite()) {
         return Err(Error::value(
             "amplitude",
             "squares that are finite numbers",
-            format!("{:e}", survey.largest),
+            format!("{:e}", statistics.largest),
         ));
     }
     Ok(())
 }
 
-/// Refuses phases of paths up to a delay [s] if they have no digit left.
+/// Refuse delays [s] whose phases lose all digits.
 fn check_turns(waveform: &Waveform, longest: f64) -> Result<()> {
     const MAX_TURNS: f64 = 1e12;
     let fast = waveform.sample_time(waveform.num_samples - 1).abs();
@@ -314,7 +319,7 @@ fn check_turns(waveform: &Waveform, longest: f64) -> Result<()> {
     Ok(())
 }
 
-/// Bound on all delays in a frame [s], without a survey.
+/// Bound on all delays in a frame [s], without statistics.
 fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
     let largest = |row: &[f64]| row.iter().fold(0.0, |max: f64, x| max.max(x.abs()));
     let rows = series.delay.iter().map(|row| largest(row));

@@ -1,14 +1,14 @@
-//! Layout of moving paths on the range-velocity grid in a block of chirps.
+//! Block plans: the range-velocity grid of a class of paths in a block of chirps.
 
 use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::low_rank::cross_approximation::Modes;
+use crate::synthesis::low_rank::cross_approximation::CrossApproximation;
 use crate::synthesis::low_rank::residual_phase::Frame;
 
-/// The grid of a class of paths in one block.
+/// Plan of the range-velocity grid of a class of paths in one block of chirps.
 #[derive(Clone, Debug)]
-pub struct Expansion {
-    /// The chirps.
+pub struct BlockPlan {
+    /// Block of chirps.
     pub block: Block,
     /// Constants of the plane waves.
     pub frame: Frame,
@@ -16,17 +16,17 @@ pub struct Expansion {
     pub middle_rate: f64,
     /// Distance of two velocity rows [s/s].
     pub step: f64,
-    /// Velocity rows; 1 means that nothing moves and there is no velocity axis.
+    /// Number of velocity rows; 1 for still paths, which need no velocity axis.
     pub rows: usize,
-    /// Degrees of the delay's series that are followed, the constant included.
+    /// Number of terms of the delay's series that count, the constant included.
     pub num_degrees: usize,
-    /// The same of the amplitude's series.
+    /// Number of terms of the amplitude's series that count.
     pub num_amplitudes: usize,
-    /// Sets of strengths, each on its own grid.
-    pub modes: Modes,
+    /// Cross approximation of the residuals: one set of strengths and one grid per term.
+    pub modes: CrossApproximation,
 }
 
-impl Expansion {
+impl BlockPlan {
     /// Largest keystone frequency in the block [Hz s].
     pub fn max_keystone(waveform: &Waveform, block: &Block, carrier: f64) -> f64 {
         let slow = (0..block.chirps.len())

@@ -1,16 +1,16 @@
-//! Residuals of all paths as combinations of a few: adaptive cross approximation (Bebendorf, Numer. Math. 86, 2000), also
-//! known as empirical interpolation.
+//! Adaptive cross approximation of the residuals of all paths (Bebendorf, Numer. Math. 86, 2000), also known as
+//! empirical interpolation.
 //!
-//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to path.
-//! A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
+//! In a block of chirps, residuals (`residual_phase`) are functions of chirp and sample that differ little from path to
+//! path. A residual g is interpolated between its values at `n` instants, each of which has a grid of its own:
 //!
 //! ```text
-//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j        q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
+//! g = sum_i c_i q_i        c_i = g(x_i) - sum_(j<i) q_j(x_i) c_j       q_i = (g_i - sum_(j<i) c_j(g_i) q_j) / c_i(g_i)
 //! ```
 //!
-//! with `g_i` the residual of a reference path. Instants and references are the largest elements that are left of a matrix
-//! of samples (paths, instants), one after the other, until what is left is small. All paths are held to the result where
-//! they are put on the grid, at [`Check`]s.
+//! with `g_i` the residual of a reference path. Instants and references are the pivots of a matrix of samples (paths,
+//! instants): the largest elements of its remainder, one after the other, until the remainder is small. All paths are
+//! compared with the interpolation at the instants of [`Check`]s when their coordinates on the grid are computed.
 
 use std::f64::consts::TAU;
 
@@ -22,39 +22,40 @@ use crate::synthesis::block::Block;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path, turns};
 
-/// Most modes of a block.
-pub const MAX_MODES: usize = 48;
+/// Largest number of terms, the rank, in a block.
+pub const MAX_TERMS: usize = 48;
 
-/// How residuals are interpolated in a block.
+/// Adaptive cross approximation of the residuals in a block: instants, references and triangular factors.
 #[derive(Clone, Debug)]
-pub struct Modes {
-    /// Where every mode takes its strengths. None: residuals are the paths' mean amplitudes with the phase of one path.
+pub struct CrossApproximation {
+    /// Instant of every term, whose residuals are its strengths. Empty: residuals are the mean amplitudes of the paths
+    /// with the phase of one path.
     pub instants: Vec<Instant>,
-    /// The path whose residual phase all others have if there are no modes: a mean one.
+    /// Mean path, whose residual phase stands for that of all paths if there are no terms.
     pub mean: Path,
     /// Values `q_j(x_i)`, (i, j < i).
     pub lower: Vec<Vec<Complex64>>,
-    /// Paths from which modes follow, with `1 / c_i` and `c_j / c_i`, j < i, of their own.
+    /// Reference path of every term, with its own `1 / c_i` and `c_j / c_i`, j < i.
     pub references: Vec<(Path, Complex64, Vec<Complex64>)>,
-    /// Where residuals are compared with their interpolation.
+    /// Checks of residuals against their interpolation.
     pub checks: Vec<Check>,
-    /// Mean square over the block of what is left of the samples, relative to that at the checks.
+    /// Mean square of the remainder of the samples over the block, relative to that at the checks.
     pub check_factor: f64,
-    /// rms of the residual phases of the samples, by power [turns].
+    /// rms of the residual phases of the samples, weighted by power [turns].
     pub turns: f64,
 }
 
-/// An instant, and the weights of the strengths of all modes in the interpolation there.
+/// Check of the interpolation: an instant, and the weights of the strengths of all terms in the interpolation there.
 #[derive(Clone, Debug)]
 pub struct Check {
-    /// The instant.
+    /// Instant of the check.
     pub instant: Instant,
-    /// Per mode.
+    /// Weight of the strength of every term.
     pub weights: Vec<Complex64>,
 }
 
-impl Modes {
-    /// Residuals that never change.
+impl CrossApproximation {
+    /// Approximation of residuals that never change.
     pub fn none() -> Self {
         Self {
             instants: Vec::new(),
@@ -67,53 +68,53 @@ impl Modes {
         }
     }
 
-    /// Sets of strengths.
+    /// Number of sets of strengths, one per term; one without terms.
     pub fn num_sets(&self) -> usize {
         self.instants.len().max(1)
     }
 
-    /// Degrees of the series of references.
+    /// Number of terms of the longest series of a reference path.
     pub fn num_degrees(&self) -> usize {
         let paths = self.references.iter().map(|(path, ..)| path).chain([&self.mean]);
         let degrees = paths.map(|path| path.num_amplitudes().max(path.bends().len() + 2));
         degrees.max().unwrap_or(0)
     }
 
-    /// Whether residuals are the paths' mean amplitudes with one phase.
+    /// True if residuals are the mean amplitudes of the paths with one phase.
     pub fn are_flat(&self) -> bool {
         self.instants.is_empty()
     }
 }
 
-/// Errors below this are small.
+/// Budgets below this count as small.
 const FINE: f64 = 1e-6;
-/// Chirps and samples per chirp at which residuals are looked at.
+/// Chirps and samples per chirp at which residuals are evaluated.
 const NUM_CHIRPS: usize = 16;
 const NUM_FAST: usize = 3;
-/// The same where errors are small.
+/// Chirps and samples per chirp for small budgets.
 const MANY_CHIRPS: usize = 28;
 const MANY_FAST: usize = 5;
-/// Most chirps, where residuals turn by much: twice as many as there may be modes.
-const MOST_CHIRPS: usize = 2 * MAX_MODES;
-/// Instants apart from these, for checks.
+/// Largest number of chirps, for residual phases of many turns: twice the largest number of terms.
+const MOST_CHIRPS: usize = 2 * MAX_TERMS;
+/// Further instants between those of the terms, for checks.
 const NUM_OTHERS: usize = 8;
-/// How many checks there are.
+/// Number of checks: for samples that represent all paths, for small budgets, and otherwise.
 const NUM_CHECKS: usize = 2;
 const MANY_CHECKS: usize = 4;
 const MOST_CHECKS: usize = 12;
-/// Squares that differ by less than this factor are taken as equal: rounding shall not choose.
+/// Squares that differ by less than this factor count as equal, so that rounding does not choose the pivot.
 const TIE: f64 = 1.0 + 1e-9;
-/// Share of the allowed error that samples may have with modes that fit them: other paths may have more.
+/// Share of the allowed error for the samples, which the terms fit; other paths may have more.
 const SHARE: f64 = 0.85;
 
-/// The modes of some paths and their rms error relative to the l2 norm of the amplitudes, which is at most `budget`. None if
-/// they are too many.
+/// Cross approximation of some paths and its rms error relative to the l2 norm of the amplitudes, at most `budget`.
+/// None if it takes too many terms.
 ///
-/// If other paths may not be alike, there are many checks. Nothing below the `rounding` of strengths, relative to the rms
-/// of residuals, makes a mode.
+/// Samples that do not represent all paths (`are_alike` false) get many checks. No pivot is below the `rounding` of
+/// strengths, relative to the rms of residuals.
 ///
-/// Every second of the first `num_apart` paths is kept apart, to see what error those have that are no samples; if it has
-/// too much of it, none is.
+/// Every second of the first `num_apart` paths is held out, to measure the error of paths that are no samples; if that
+/// is too large, none is held out.
 pub fn find(
     waveform: &Waveform,
     block: &Block,
@@ -122,7 +123,7 @@ pub fn find(
     are_alike: bool,
     (budget, rounding): (f64, f64),
     level: Level,
-) -> Option<(Modes, f64)> {
+) -> Option<(CrossApproximation, f64)> {
     let is_fine = budget < FINE;
     let (chirps, fast) = if is_fine {
         (MANY_CHIRPS, MANY_FAST)
@@ -142,11 +143,11 @@ pub fn find(
     };
     let (num_chirps, num_samples) = (block.chirps.len(), waveform.num_samples);
     let mut instants = Vec::new();
-    // Where chirps are few, more of their samples.
+    // Few chirps allow more samples of each.
     let num_instants = chirps * fast;
     let chirps = spread(num_chirps, chirps);
     let samples = spread(num_samples, num_instants / chirps.len());
-    // Instants stand for those around them.
+    // The weight of an instant is the number of samples around it.
     let mut weights = Vec::new();
     for (chirp, slow) in &chirps {
         instants.extend(samples.iter().map(|(sample, _)| instant(*chirp, *sample)));
@@ -158,7 +159,7 @@ pub fn find(
     }
     let is_complete = instants.len() == num_chirps * num_samples;
     let num_trained = instants.len();
-    // Instants between those, by a sequence that fills the plane evenly (Roberts' R2).
+    // Further instants by a sequence that fills the plane evenly (Roberts' R2).
     for i in 1..=NUM_OTHERS {
         let place =
             |step: f64, count: usize| (((0.5 + step * i as f64).fract() * count as f64) as usize).min(count - 1);
@@ -167,7 +168,7 @@ pub fn find(
             place(0.569_840_290_998_053_3, num_samples),
         ));
     }
-    let max_modes = if is_complete { num_trained } else { num_trained * 2 / 5 };
+    let max_terms = if is_complete { num_trained } else { num_trained * 2 / 5 };
     let search = |num_apart| {
         level.run(Search {
             frame,
@@ -177,7 +178,7 @@ pub fn find(
             instants: &instants,
             weights: &weights,
             num_trained,
-            max_modes: max_modes.min(MAX_MODES),
+            max_terms: max_terms.min(MAX_TERMS),
             budget: SHARE * budget,
             rounding,
         })
@@ -189,7 +190,8 @@ pub fn find(
     search(0)
 }
 
-/// Up to `most` numbers below `count`, denser towards the ends, which are among them; and how many each stands for.
+/// Up to `most` numbers below `count`, ends included and denser towards them, each with the number of integers it
+/// represents.
 fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
     if count <= most {
         return (0..count).map(|place| (place, 1.0)).collect();
@@ -216,21 +218,21 @@ fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
 struct Search<'a> {
     frame: &'a Frame,
     paths: &'a [Path],
-    /// Every second of so many paths is no reference.
+    /// Number of first paths of which every second is held out and is no reference.
     num_apart: usize,
-    /// All paths are like the samples.
+    /// True if the samples represent all paths.
     are_alike: bool,
     instants: &'a [Instant],
-    /// How much those count that modes may be taken at; the others count one.
+    /// Weights of the trained instants; the others have weight one.
     weights: &'a [f64],
-    /// Instants that modes may be taken at; the others come after them.
+    /// Number of trained instants, the candidates for terms, which come first.
     num_trained: usize,
-    max_modes: usize,
+    max_terms: usize,
     budget: f64,
     rounding: f64,
 }
 
-/// Instants in whole vectors.
+/// Times and sweeps of the instants in whole vectors.
 struct Times {
     /// Chebyshev polynomials, (degree, instant).
     polynomials: Vec<Vec<f64>>,
@@ -252,10 +254,10 @@ impl Matrix {
 }
 
 impl Kernel for Search<'_> {
-    type Output = Option<(Modes, f64)>;
+    type Output = Option<(CrossApproximation, f64)>;
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) -> Option<(Modes, f64)> {
+    fn run<I: Isa>(self) -> Option<(CrossApproximation, f64)> {
         let (paths, num_instants) = (self.paths, self.instants.len());
         let (mut matrix, turns) = self.residuals::<I>();
         let counts = self.weights(&matrix);
@@ -267,54 +269,57 @@ impl Kernel for Search<'_> {
             return None;
         }
         if power == 0.0 {
-            // No sample has any amplitude; other paths may.
-            let mut modes = Modes::none();
-            self.add_checks(&matrix, &[], &all, &mut modes);
-            return Some((modes, 0.0));
+            // Samples without amplitude say nothing of the other paths.
+            let mut approximation = CrossApproximation::none();
+            self.add_checks(&matrix, &[], &all, &mut approximation);
+            return Some((approximation, 0.0));
         }
         let bound = self.budget * self.budget;
 
-        // Without modes: the mean amplitudes, with one phase.
-        let mut modes = Modes {
+        // No terms: the mean amplitudes with one phase.
+        let mut approximation = CrossApproximation {
             turns,
             mean: mean(paths),
-            ..Modes::none()
+            ..CrossApproximation::none()
         };
-        let [common_re, common_im] = self.phasors::<I>(&modes.mean, matrix.stride);
+        let [common_re, common_im] = self.phasors::<I>(&approximation.mean, matrix.stride);
         let mean_re: Vec<f64> = paths.iter().map(|path| path.re()[0]).collect();
         let mean_im: Vec<f64> = paths.iter().map(|path| -path.im()[0]).collect();
         let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
         let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
         if flat.relative(&all) <= bound / (SHARE * SHARE) {
             self.reduce::<I, true>(&mut matrix, &counts, row, multiples);
-            self.add_checks(&matrix, &[], &flat, &mut modes);
-            return Some((modes, flat.relative(&all).sqrt()));
+            self.add_checks(&matrix, &[], &flat, &mut approximation);
+            return Some((approximation, flat.relative(&all).sqrt()));
         }
 
         // Cross approximation with full pivoting.
         let mut rows: Vec<Vec<Complex64>> = Vec::new();
-        // Coefficients of all paths, (mode, path).
+        // Coefficients of all paths, (term, path).
         let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
         let mut left = all;
         while left.relative(&all) > bound {
-            if modes.instants.len() == self.max_modes {
+            if approximation.instants.len() == self.max_terms {
                 return None;
             }
             let path = left.row;
             let column = self.largest_in(&matrix, path);
             let pivot = matrix.at(path, column);
-            // What is left is in paths that are kept apart; a mode of rounding errors would magnify those of its evaluation.
+            // The remainder is in paths that are held out; a pivot of rounding errors would magnify those of its
+            // evaluation.
             let mean = power / (num_instants * paths.len()) as f64;
             if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
                 return None;
             }
             let row: Vec<Complex64> = (0..matrix.stride).map(|x| matrix.at(path, x) / pivot).collect();
-            modes.lower.push(rows.iter().map(|row| row[column]).collect());
+            approximation.lower.push(rows.iter().map(|row| row[column]).collect());
             let own = coefficients
                 .iter()
                 .map(|[re, im]| Complex64::new(re[path], im[path]) / pivot);
-            modes.references.push((paths[path].clone(), pivot.inv(), own.collect()));
-            modes.instants.push(self.instants[column]);
+            approximation
+                .references
+                .push((paths[path].clone(), pivot.inv(), own.collect()));
+            approximation.instants.push(self.instants[column]);
             let row_parts = [
                 row.iter().map(|c| c.re).collect::<Vec<f64>>(),
                 row.iter().map(|c| c.im).collect(),
@@ -332,13 +337,13 @@ impl Kernel for Search<'_> {
             coefficients.push(taken);
             rows.push(row);
         }
-        self.add_checks(&matrix, &rows, &left, &mut modes);
-        Some((modes, left.relative(&all).sqrt()))
+        self.add_checks(&matrix, &rows, &left, &mut approximation);
+        Some((approximation, left.relative(&all).sqrt()))
     }
 }
 
 impl Search<'_> {
-    /// The residuals, and the rms of their phases by power [turns].
+    /// Residuals, and the rms of their phases weighted by power [turns].
     #[inline(always)]
     fn residuals<I: Isa>(&self) -> (Matrix, f64) {
         let stride = self.instants.len().next_multiple_of(8);
@@ -439,7 +444,7 @@ impl Search<'_> {
         (0..self.num_trained).find(|x| square(*x) * TIE >= largest).unwrap_or(0)
     }
 
-    /// Weights of the instants, and ones at those that are trained; zero after them.
+    /// Weights of all instants, and ones at the trained instants; zeros after them.
     fn weights(&self, matrix: &Matrix) -> [Vec<f64>; 2] {
         let mut counted = self.weights.to_vec();
         counted.resize(self.instants.len(), 1.0);
@@ -449,9 +454,9 @@ impl Search<'_> {
         [counted, trained]
     }
 
-    /// Checks: half of them at the instants where most is left of the samples, the others, for paths unlike them, far from
-    /// where modes are taken.
-    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, modes: &mut Modes) {
+    /// Add the checks: half of them at the instants of the largest remainder, the others far from the instants of the
+    /// terms, for paths unlike the samples.
+    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, approximation: &mut CrossApproximation) {
         let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
         let mut all = vec![0.0; self.instants.len()];
         for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
@@ -474,7 +479,10 @@ impl Search<'_> {
         let mut chosen: Vec<usize> = Vec::new();
         for number in 0..count {
             let distance = |x: usize| {
-                let taken = modes.instants.iter().chain(chosen.iter().map(|x| &self.instants[*x]));
+                let taken = approximation
+                    .instants
+                    .iter()
+                    .chain(chosen.iter().map(|x| &self.instants[*x]));
                 // Residuals are near to even functions of time: what vanishes at x may do so at -x.
                 let distances = taken.map(|other| (other.x.abs() - self.instants[x].x.abs()).abs());
                 distances.fold(2.0, f64::min)
@@ -493,7 +501,7 @@ impl Search<'_> {
         }
         let sums: Vec<(f64, usize)> = chosen.iter().map(|x| (all[*x], *x)).collect();
         let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
-        modes.check_factor = if at_checks > 0.0 && self.are_alike {
+        approximation.check_factor = if at_checks > 0.0 && self.are_alike {
             (left / at_checks).clamp(0.2, 1.0)
         } else {
             1.0
@@ -503,11 +511,11 @@ impl Search<'_> {
             let mut weights: Vec<Complex64> = rows.iter().map(|row| row[x]).collect();
             for i in (0..weights.len()).rev() {
                 let weight = weights[i];
-                for (j, value) in modes.lower[i].iter().enumerate() {
+                for (j, value) in approximation.lower[i].iter().enumerate() {
                     weights[j] -= value * weight;
                 }
             }
-            modes.checks.push(Check {
+            approximation.checks.push(Check {
                 instant: self.instants[x],
                 weights,
             });
@@ -515,7 +523,7 @@ impl Search<'_> {
     }
 }
 
-/// A path with the mean residual phase of some: of `rate^2`, `offset rate` and the bends, weighted with their power.
+/// Path of the mean residual phase: means of `rate^2`, `offset rate` and the bends, weighted by power.
 fn mean(paths: &[Path]) -> Path {
     let power = |path: &Path| path.re()[0].powi(2) + path.im()[0].powi(2);
     let total: f64 = paths.iter().map(power).sum();
@@ -534,17 +542,17 @@ fn mean(paths: &[Path]) -> Path {
     Path::new([offset, rate], bends, [std::iter::empty(), std::iter::empty()])
 }
 
-/// What is left of a matrix.
+/// Remainder of a matrix after some terms.
 #[derive(Clone, Copy)]
 struct Left {
-    /// Sums of the squares at all instants, of the paths that may be references and of the others.
+    /// Sums of the squares at all instants, of the candidates for references and of the paths held out.
     sums: [f64; 2],
-    /// Path with the largest element at the trained ones.
+    /// Path with the largest element at the trained instants.
     row: usize,
 }
 
 impl Left {
-    /// Relative to what it was, the larger one.
+    /// Larger one of the two sums relative to those of `all`.
     fn relative(&self, all: &Self) -> f64 {
         let ratio = |i: usize| {
             if all.sums[i] > 0.0 {
@@ -558,7 +566,7 @@ impl Left {
 }
 
 impl Search<'_> {
-    /// Take multiples of a row, one per path, off all paths, in place if it `STORES`. The weights are those of
+    /// Subtract multiples of a row, one per path, from all paths; in place if it `STORES`. The weights are those of
     /// [`Self::weights`]; complex numbers are in two parts.
     #[inline(always)]
     fn reduce<I: Isa, const STORES: bool>(

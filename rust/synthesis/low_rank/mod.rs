@@ -1,4 +1,4 @@
-//! Low-rank phases: what a moving path adds to its plane wave on the grid, as a combination of a few functions.
+//! Low-rank residual phases: the departure of moving paths from their plane waves, as combinations of a few functions.
 
 pub mod block_plan;
 pub mod cross_approximation;

@@ -1,6 +1,7 @@
-//! What is left of a moving path when its plane wave on the range-velocity grid is taken off.
+//! Residual phase of a moving path: its phase less that of its plane wave on the range-velocity grid.
 //!
-//! With the delay `tau = c_0 + c_1 x + D(x)`, `D = sum_(k>=2) c_k T_k(x)`, the phase of eq. (1) is exactly
+//! With the delay `tau = c_0 + c_1 x + D(x)`, `D = sum_(k>=2) c_k T_k(x)`, the phase of docs/theory.md eq. (1) is
+//! exactly
 //!
 //! ```text
 //! A + X t' + b xi(c, m) + R        t' = t - t_0,  xi = (f_c + S t') T'_c + S t'^2,  x = (T'_c + t') / half
@@ -9,28 +10,29 @@
 //! ```
 //!
 //! in turns: a constant A, a beat frequency X and a rate b whose "keystone" frequency xi is the same for every path. X
-//! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is all
-//! else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2 pi j R)`.
+//! and b are the axes of the grid; xi carries range migration and Doppler within a chirp through the transform. R is
+//! all else: motion that is not uniform, and small products of the sweep. The residual of a path is `conj(a(x)) exp(2
+//! pi j R)`.
 
 use crate::numeric::simd::Vector;
 use crate::synthesis::block::Block;
 use crate::synthesis::delay::{Basis, PathSeries};
 
-/// Constants of a block of chirps.
+/// Constants of the plane waves in a block of chirps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// f_c [Hz]: frequency of the middle sample, less the beat frequency of `middle_delay`.
+    /// Carrier f_c [Hz]: frequency of the middle sample, less the beat frequency of `middle_delay`.
     pub carrier: f64,
     /// Delay about which f_c is taken [s].
     pub middle_delay: f64,
-    /// S / f_c [1/s]
+    /// Slope over carrier, S / f_c [1/s].
     pub stretch: f64,
-    /// S / (2 f_c^2): share of the squared delay, in turns per squared turn.
+    /// Factor of the squared delay, S / (2 f_c^2) [turns per squared turn].
     pub bend: f64,
 }
 
 impl Frame {
-    /// With the slope S [Hz/s].
+    /// Constants for a carrier [Hz], a delay [s] and a slope S [Hz/s].
     pub fn new(carrier: f64, middle_delay: f64, slope: f64) -> Self {
         Self {
             carrier,
@@ -41,37 +43,37 @@ impl Frame {
     }
 }
 
-/// When a residual is looked at.
+/// Instant of a residual: slow time and fast time in a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instant {
     /// Time in the block, -1 to 1.
     pub x: f64,
-    /// S t' / f_c
+    /// Relative sweep within the chirp, S t' / f_c.
     pub sweep: f64,
 }
 
-/// A path in a block: coefficients of its delay in turns at the carrier, and of its amplitude.
+/// Path in a block: coefficients of the delay in turns at the carrier, and of the amplitude [sqrt(W)].
 #[derive(Clone, Debug, Default)]
 pub struct Path {
-    /// u / f_c
+    /// Beat frequency from that of the middle delay, relative to the carrier: u / f_c.
     pub offset: f64,
-    /// f_c c_1
+    /// Coefficient of degree 1 of the delay, f_c c_1 [turns].
     pub rate: f64,
     num_bends: usize,
-    /// Bends, real and imaginary parts of the amplitude's coefficients: there are hundreds of paths, and one piece of memory
-    /// is faster to get than three.
+    /// Bends, real and imaginary parts of the amplitude's coefficients: one allocation for each of hundreds of paths is
+    /// faster than three.
     numbers: Vec<f64>,
 }
 
 impl Path {
-    /// A path of some bends and real and imaginary parts of amplitudes, as many of one as of the other.
+    /// Path of an offset, a rate, bends, and the real and imaginary parts of the amplitude, equal in number.
     pub fn new(place: [f64; 2], bends: impl Iterator<Item = f64>, parts: [impl Iterator<Item = f64>; 2]) -> Self {
         let mut path = Self::default();
         path.set(place, bends, parts);
         path
     }
 
-    /// Another path in the same memory, see [`Self::new`].
+    /// Replace the path in the same memory, see [`Self::new`].
     pub fn set(
         &mut self,
         [offset, rate]: [f64; 2],
@@ -87,27 +89,27 @@ impl Path {
         }
     }
 
-    /// f_c c_k, k = 2, 3, ...
+    /// Coefficients of degrees k = 2, 3, ... of the delay, f_c c_k [turns].
     pub fn bends(&self) -> &[f64] {
         &self.numbers[..self.num_bends]
     }
 
-    /// Coefficients of the amplitude.
+    /// Number of coefficients of the amplitude.
     pub fn num_amplitudes(&self) -> usize {
         (self.numbers.len() - self.num_bends) / 2
     }
 
-    /// Real part of the amplitude's coefficients.
+    /// Real parts of the amplitude's coefficients.
     pub fn re(&self) -> &[f64] {
         &self.numbers[self.num_bends..][..self.num_amplitudes()]
     }
 
-    /// Imaginary part.
+    /// Imaginary parts of the amplitude's coefficients.
     pub fn im(&self) -> &[f64] {
         &self.numbers[self.num_bends + self.num_amplitudes()..]
     }
 
-    /// R at an instant [turns].
+    /// Residual phase R at an instant [turns].
     pub fn turns(&self, frame: &Frame, instant: &Instant) -> f64 {
         let (mut before, mut current, mut delta) = (1.0, instant.x, 0.0);
         for bend in self.bends() {
@@ -120,17 +122,18 @@ impl Path {
     }
 }
 
-/// The numbers of one path as its series has them: where rows are values, those after the first are differences from it.
+/// Sampled path: its numbers in the rows of a series; where rows are values, rows after the first are differences from
+/// it.
 #[derive(Clone, Debug)]
 pub struct Sample {
     num_delays: usize,
-    /// Of the delay, of the real and of the imaginary part of the amplitude: there are hundreds of samples, and one piece
-    /// of memory is faster to get than three.
+    /// Rows of the delay, of the real and of the imaginary part of the amplitude: one allocation for each of hundreds
+    /// of samples is faster than three.
     numbers: Vec<f64>,
 }
 
 impl Sample {
-    /// Path `index` of all channels.
+    /// Sample of the path `index`, counted over all channels.
     pub fn new(series: &PathSeries, index: usize) -> Self {
         let first = series.amplitude[0][index];
         let change = |j: usize| {
@@ -155,25 +158,25 @@ impl Sample {
         Self { num_delays, numbers }
     }
 
-    /// Coefficients of its delay in a block [s].
+    /// Coefficients of the delay in a block [s].
     pub fn delay<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = f64> + 'a {
         series(&block.delay, &self.numbers[..self.num_delays])
     }
 
-    /// Real and imaginary parts of the coefficients of its amplitude in a block.
+    /// Real and imaginary parts of the coefficients of the amplitude in a block.
     fn amplitude<'a>(&'a self, block: &'a Block) -> [impl Iterator<Item = f64> + 'a; 2] {
         let numbers = &self.numbers[self.num_delays..];
         let (re, im) = numbers.split_at(numbers.len() / 2);
         [re, im].map(|rows| series(&block.amplitude, rows))
     }
 
-    /// Squared magnitudes of the coefficients of its amplitude in a block.
+    /// Squared magnitudes of the coefficients of the amplitude in a block [W].
     pub fn powers<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = f64> + 'a {
         let [re, im] = self.amplitude(block);
         re.zip(im).map(|(re, im)| re * re + im * im)
     }
 
-    /// Make it the path in a block.
+    /// Set `path` to the sample in a block.
     pub fn set_in_block(&self, block: &Block, frame: &Frame, path: &mut Path) {
         let mut delay = self.delay(block);
         let (offset, rate) = (delay.next().unwrap_or(0.0), delay.next().unwrap_or(0.0));
@@ -185,7 +188,7 @@ impl Sample {
     }
 }
 
-/// Coefficients from rows.
+/// Coefficients of a series from its rows.
 fn series<'a>(matrix: &'a [Vec<f64>], rows: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
     matrix.iter().enumerate().map(|(k, factors)| {
         let change: f64 = rows.iter().zip(factors).skip(1).map(|(row, f)| row * f).sum();
@@ -193,7 +196,7 @@ fn series<'a>(matrix: &'a [Vec<f64>], rows: &'a [f64]) -> impl Iterator<Item = f
     })
 }
 
-/// R in turns; `delta` is f_c D, the others are as in [`Path`], [`Instant`] and [`Frame`].
+/// Residual phase R [turns]; `delta` is f_c D, the others are as in [`Path`], [`Instant`] and [`Frame`].
 #[inline(always)] // part of kernels, see simd.rs
 pub fn turns<V: Vector>(delta: V, offset: V, rate: V, x: V, sweep: V, bend: V) -> V {
     let moved = rate.mul_add(x, delta);

@@ -1,4 +1,4 @@
-//! Where paths lie on the grid, with which strengths, and how far their residuals are from their interpolation.
+//! Coordinates and strengths of paths on the range-velocity grid, and the interpolation errors of their residuals.
 
 use super::job::Job;
 use super::layout::{Layout, PAD, origin};
@@ -7,39 +7,40 @@ use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add,
 use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
 use crate::synthesis::low_rank::residual_phase::{Instant, turns};
 
-/// Numbers from which places, phases and strengths follow, the same for all paths of a job.
+/// Constants of the map from paths to coordinates, phases and strengths, the same for all paths of a job.
 pub struct Map<T> {
-    /// Turns per sample: of a second of delay, and of a unit of the first degree.
+    /// Turns per sample of a second of delay, and of a unit of the coefficient of degree 1.
     turns: [f64; 2],
-    /// Cells of the range axis; half a cell past the first one of a patch around zero.
+    /// Cells of the range axis, and offset of the first cell of a patch around zero, plus one half.
     cells: [f64; 2],
-    /// The same for the velocity axis: rows per unit of the first degree, its middle.
+    /// Velocity axis: rows per unit of the coefficient of degree 1, middle coefficient, offset of the first row of a
+    /// patch.
     velocity: [f64; 3],
     last_row: f64,
     stride: f64,
     is_moving: bool,
-    /// Turns of a second of delay, and of its square, less what the start frequency gives.
+    /// Turns of a second of delay, and of a squared second, beside those of the start frequency.
     swept: [f64; 2],
-    /// Share of the squared delay in a residual.
+    /// Factor of the squared delay in a residual phase.
     bend: T,
     /// Weights of the rows of the amplitude after the first in its mean, and in its further coefficients.
     mean: Vec<T>,
     amplitudes: Vec<Vec<T>>,
-    /// Where strengths are taken; none: they are those of the mean amplitude.
+    /// Probes of the strengths, one per term; none if strengths are the mean amplitudes.
     probes: Vec<Probe<T>>,
-    /// Where they are checked.
+    /// Probes of the checks, with the weights of the strengths.
     checks: Vec<(Probe<T>, Vec<[T; 2]>)>,
-    /// Residual phase that paths without modes have there [turns].
+    /// Residual phase of the mean path at the checks [turns].
     common: Vec<T>,
 }
 
-/// An instant at which residuals are evaluated.
+/// Probe of residuals at an instant.
 struct Probe<T> {
     x: T,
     sweep: T,
     /// Chebyshev polynomials from degree 2 on.
     polynomials: Vec<T>,
-    /// The same from degree 1 on, for amplitudes.
+    /// Chebyshev polynomials from degree 1 on, for amplitudes.
     amplitude: Vec<T>,
     /// Weights of the rows of the amplitude after the first.
     rows: Vec<T>,
@@ -47,37 +48,37 @@ struct Probe<T> {
 
 impl<T: Precision> Probe<T> {
     fn new(job: &Job, instant: &Instant) -> Self {
-        let matrix = &job.expansion.block.amplitude;
+        let matrix = &job.block_plan.block.amplitude;
         let mut polynomials = vec![1.0, instant.x];
-        for k in 2..job.expansion.num_degrees.max(matrix.len()) {
+        for k in 2..job.block_plan.num_degrees.max(matrix.len()) {
             polynomials.push(2.0 * instant.x * polynomials[k - 1] - polynomials[k - 2]);
         }
         let weight = |row: usize| matrix.iter().zip(&polynomials).map(|(m, t)| m[row] * t).sum();
         Self {
             x: T::of(instant.x),
             sweep: T::of(instant.sweep),
-            amplitude: (1..job.expansion.num_amplitudes)
+            amplitude: (1..job.block_plan.num_amplitudes)
                 .map(|k| T::of(polynomials[k]))
                 .collect(),
             rows: (1..matrix.len()).map(weight).map(T::of).collect(),
-            polynomials: (2..job.expansion.num_degrees).map(|k| T::of(polynomials[k])).collect(),
+            polynomials: (2..job.block_plan.num_degrees).map(|k| T::of(polynomials[k])).collect(),
         }
     }
 }
 
 impl<T: Precision> Map<T> {
-    /// The numbers of a job.
+    /// Constants of a job.
     pub fn new(job: &Job, layout: &Layout) -> Self {
-        let (waveform, expansion) = (job.waveform, job.expansion);
+        let (waveform, block_plan) = (job.waveform, job.block_plan);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
-        let (half, carrier, modes) = (expansion.block.half, expansion.frame.carrier, &expansion.modes);
+        let (half, carrier, approximation) = (block_plan.block.half, block_plan.frame.carrier, &block_plan.modes);
         let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
         };
-        // Paths that never change have no further rows.
+        // Still paths have one row.
         let coefficients = |k: usize| {
-            let factors = &expansion.block.amplitude[k];
+            let factors = &block_plan.block.amplitude[k];
             let num_rows = if job.selection.class == Class::Still {
                 1
             } else {
@@ -96,23 +97,27 @@ impl<T: Precision> Map<T> {
             ],
             cells: [cells, 0.5 * (cells - width) + origin(job.width) as f64 + 0.5],
             velocity: [
-                (expansion.step * half).recip(),
-                expansion.middle_rate * half,
+                (block_plan.step * half).recip(),
+                block_plan.middle_rate * half,
                 0.5 * ((layout.rows - 1) as f64 - width) + 0.5,
             ],
             last_row: layout.rows.saturating_sub(job.width) as f64,
             stride: layout.stride as f64,
             is_moving: layout.rows > 1,
             swept: [waveform.slope * waveform.middle_time(), 0.5 * waveform.slope],
-            bend: T::of(expansion.frame.bend),
+            bend: T::of(block_plan.frame.bend),
             mean: coefficients(0),
-            amplitudes: (1..expansion.num_amplitudes).map(coefficients).collect(),
-            probes: modes.instants.iter().map(|instant| Probe::new(job, instant)).collect(),
-            checks: modes.checks.iter().map(check).collect(),
-            common: modes
+            amplitudes: (1..block_plan.num_amplitudes).map(coefficients).collect(),
+            probes: approximation
+                .instants
+                .iter()
+                .map(|instant| Probe::new(job, instant))
+                .collect(),
+            checks: approximation.checks.iter().map(check).collect(),
+            common: approximation
                 .checks
                 .iter()
-                .map(|check| T::of(modes.mean.turns(&expansion.frame, &check.instant)))
+                .map(|check| T::of(approximation.mean.turns(&block_plan.frame, &check.instant)))
                 .collect(),
         }
     }
@@ -121,25 +126,25 @@ impl<T: Precision> Map<T> {
 /// One number per path of a chunk.
 type Lane<T> = [T; CHUNK];
 
-/// What a batch of paths is on the grid.
+/// Points of a batch of paths on the grid: coordinates and strengths.
 pub struct Points<T> {
-    /// Paths that are there.
+    /// Number of paths.
     pub len: usize,
     /// First velocity row of the patch of every path.
     pub row: Vec<u32>,
-    /// First number of the patch in the grid of a mode.
+    /// Index of the first number of the patch in the grid of a term.
     pub start: Vec<u32>,
-    /// Place between two cells and between two rows, -1 to 1.
+    /// Offset between two cells, -1 to 1.
     pub zx: Vec<T>,
-    /// See `zx`.
+    /// Offset between two rows, -1 to 1.
     pub zy: Vec<T>,
-    /// Strengths of every mode: real and imaginary part of a path side by side.
+    /// Strengths of every term: real and imaginary part of a path side by side.
     pub strengths: Vec<Vec<T>>,
 }
 
 impl<T: Precision> Points<T> {
-    /// Room for some paths.
-    pub fn new(num_modes: usize, num_paths: usize) -> Self {
+    /// Memory for some paths.
+    pub fn new(num_terms: usize, num_paths: usize) -> Self {
         // A chunk is written in whole vectors.
         let room = num_paths + PAD;
         let zero = || vec![T::zero(); room];
@@ -149,32 +154,32 @@ impl<T: Precision> Points<T> {
             start: vec![0; room],
             zx: zero(),
             zy: zero(),
-            strengths: vec![vec![T::zero(); 2 * room]; num_modes],
+            strengths: vec![vec![T::zero(); 2 * room]; num_terms],
         }
     }
 }
 
-/// What is known of a chunk of paths, whatever the instant.
+/// Phases and amplitudes of a chunk of paths, independent of the instant.
 pub struct Tracks<T> {
     /// Cosine and sine of the constant phase.
     phasor: (Lane<T>, Lane<T>),
-    /// As in `residual::Path`.
+    /// Offset, rate and bends, as in `residual_phase::Path`.
     offset: Lane<T>,
     rate: Lane<T>,
     bends: Vec<Lane<T>>,
     /// Rows of the amplitude, real and imaginary parts: the first, and the others' differences from it.
     rows: [Vec<Lane<T>>; 2],
-    /// Its coefficients by degree.
+    /// Coefficients of the amplitude by degree, real and imaginary parts.
     amplitude: [Vec<Lane<T>>; 2],
-    /// Strengths of every mode, real and imaginary parts.
+    /// Strengths of every term, real and imaginary parts.
     strengths: Vec<[Lane<T>; 2]>,
 }
 
 impl<T: Precision> Tracks<T> {
-    /// Room for the series of a job.
+    /// Memory for the series of a job.
     pub fn new(job: &Job) -> Self {
         let zero = [T::zero(); CHUNK];
-        // Paths that never change have no further rows.
+        // Still paths have one row.
         let num_amplitudes = if job.selection.class == Class::Still {
             1
         } else {
@@ -184,20 +189,20 @@ impl<T: Precision> Tracks<T> {
             phasor: (zero, zero),
             offset: zero,
             rate: zero,
-            bends: vec![zero; job.expansion.num_degrees.saturating_sub(2)],
+            bends: vec![zero; job.block_plan.num_degrees.saturating_sub(2)],
             rows: [vec![zero; num_amplitudes], vec![zero; num_amplitudes]],
             amplitude: [
-                vec![zero; job.expansion.num_amplitudes],
-                vec![zero; job.expansion.num_amplitudes],
+                vec![zero; job.block_plan.num_amplitudes],
+                vec![zero; job.block_plan.num_amplitudes],
             ],
-            strengths: vec![[zero; 2]; job.expansion.modes.num_sets()],
+            strengths: vec![[zero; 2]; job.block_plan.modes.num_sets()],
         }
     }
 }
 
-/// Gathers the chunk of paths from `first` on and puts them in their places, as many at once as `P` vectors of f64 hold.
-/// Returns the squared distance of their residuals from the interpolation, the mean over the checks.
-pub struct Place<'a, T, const P: usize> {
+/// Kernel that computes the coordinates and strengths of the chunk of paths from `first` on, `P` vectors of f64 at
+/// once. Returns the squared interpolation error of the residuals, summed over paths, the mean over the checks.
+pub struct Coordinates<'a, T, const P: usize> {
     pub job: &'a Job<'a>,
     pub map: &'a Map<T>,
     pub first: usize,
@@ -206,7 +211,7 @@ pub struct Place<'a, T, const P: usize> {
     pub points: &'a mut Points<T>,
 }
 
-impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
+impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
     type Output = f64;
 
     #[inline(always)] // see `Kernel`
@@ -222,23 +227,23 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
         rows.gather(job.series, job.channel, first, job.selection);
         let to = points.len;
         for at in (0..rows.len).step_by(8 * P) {
-            place::<T, I, P>(job, map, rows, at, tracks, points, to + at);
+            coordinates::<T, I, P>(job, map, rows, at, tracks, points, to + at);
         }
         expand::<T, I, P>(map, rows.len, tracks);
-        let is_flat = job.expansion.modes.are_flat();
-        for mode in 0..points.strengths.len() {
-            let strengths = &mut points.strengths[mode][2 * to..];
+        let is_flat = job.block_plan.modes.are_flat();
+        for term in 0..points.strengths.len() {
+            let strengths = &mut points.strengths[term][2 * to..];
             for at in (0..rows.len).step_by(8 * P) {
                 let [a, b] = if is_flat {
                     let load = <T::In<I> as Vector>::load;
                     let mean = [load(&tracks.amplitude[0][0][at..]), load(&tracks.amplitude[1][0][at..])];
                     turned::<T, I>(mean, tracks, at)
                 } else {
-                    let probe = &map.probes[mode];
+                    let probe = &map.probes[term];
                     let phase = residual_turns::<T, I>(map, probe, tracks, at);
                     residual::<T, I>(phase, interpolated::<T, I>(probe, tracks, at), tracks, at)
                 };
-                let [re, im] = &mut tracks.strengths[mode];
+                let [re, im] = &mut tracks.strengths[term];
                 a.store(&mut re[at..]);
                 b.store(&mut im[at..]);
                 wide::store(interleave(a, b), &mut strengths[2 * at..]);
@@ -249,9 +254,9 @@ impl<T: Precision, const P: usize> Kernel for Place<'_, T, P> {
     }
 }
 
-/// The paths of the chunk from `at` on, to `to` on of the points: symbols as in `residual_phase`.
+/// Coordinates of the paths of the chunk from `at` on, into the points from `to` on; symbols as in `residual_phase`.
 #[inline(always)]
-fn place<T: Precision, I: Isa, const P: usize>(
+fn coordinates<T: Precision, I: Isa, const P: usize>(
     job: &Job,
     map: &Map<T>,
     rows: &Rows,
@@ -260,11 +265,11 @@ fn place<T: Precision, I: Isa, const P: usize>(
     points: &mut Points<T>,
     to: usize,
 ) {
-    let (waveform, expansion) = (job.waveform, job.expansion);
-    let (delay, frame) = (&expansion.block.delay, &expansion.frame);
+    let (waveform, block_plan) = (job.waveform, job.block_plan);
+    let (delay, frame) = (&block_plan.block.delay, &block_plan.frame);
     let splat = wide::splat::<I, P>;
 
-    // Row, cell and the places between them.
+    // Row, cell and the offsets between them.
     let base = wide::load::<I, P>(&rows.delay[0][at..]);
     let shift = coefficient::<I, P>(delay, &rows.delay, 0, at);
     let tau = add(base, shift);
@@ -352,7 +357,7 @@ fn exact<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) 
     weighted::<T, I>(&probe.rows, &tracks.rows, at)
 }
 
-/// The first lane and weighted others, of both parts.
+/// First lane plus weighted others, of both parts.
 #[inline(always)]
 fn weighted<T: Precision, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
@@ -396,7 +401,7 @@ fn residual_turns<T: Precision, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: 
     )
 }
 
-/// Residuals with some phases [turns] and amplitudes, times the phasor of the constant phase.
+/// Residuals of phases [turns] and amplitudes, times the phasor of the constant phase.
 #[inline(always)]
 fn residual<T: Precision, I: Isa>(
     phase: T::In<I>,
@@ -409,7 +414,7 @@ fn residual<T: Precision, I: Isa>(
     [im.neg_mul_add(sin, re.mul(cos)), im.mul_add(cos, re.mul(sin))]
 }
 
-/// Squared distance of the residuals from their interpolation, the mean over the checks.
+/// Squared interpolation error of the residuals, summed over paths, the mean over the checks.
 #[inline(always)]
 fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
@@ -420,7 +425,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
             let (mut re, mut im);
             let phase = residual_turns::<T, I>(map, probe, tracks, at);
             if is_flat {
-                // To first order in what changes.
+                // Error to first order in the phase.
                 let phase = phase
                     .sub(splat(map.common[number]))
                     .mul(splat(T::of(std::f64::consts::TAU)));
@@ -433,10 +438,10 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
                 }
             } else {
                 [re, im] = residual::<T, I>(phase, exact::<T, I>(probe, tracks, at), tracks, at);
-                for mode in 0..weights.len().min(tracks.strengths.len()) {
-                    let [a, b] = &tracks.strengths[mode];
+                for term in 0..weights.len().min(tracks.strengths.len()) {
+                    let [a, b] = &tracks.strengths[term];
                     let (a, b) = (load(&a[at..]), load(&b[at..]));
-                    let (c, d) = (splat(weights[mode][0]), splat(weights[mode][1]));
+                    let (c, d) = (splat(weights[term][0]), splat(weights[term][1]));
                     re = b.mul_add(d, a.neg_mul_add(c, re));
                     im = b.neg_mul_add(c, a.neg_mul_add(d, im));
                 }
@@ -453,7 +458,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
     total / map.checks.len().max(1) as f64
 }
 
-/// Whole numbers below 2^32; unlike a conversion this vectorises everywhere.
+/// Store whole numbers below 2^32; unlike a conversion this vectorises everywhere.
 #[inline(always)]
 fn store_small<I: Isa, const P: usize>(x: Wide<I, P>, to: &mut [u32]) {
     let shifted = add(x, wide::splat::<I, P>(4_503_599_627_370_496.0)); // 2^52

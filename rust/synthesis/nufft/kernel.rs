@@ -1,4 +1,4 @@
-//! The Kaiser-Bessel kernel that spreads a point over `width` cells of a grid, and its Fourier transform.
+//! Kaiser-Bessel kernel, which spreads a point over `width` cells of a grid, and its Fourier transform.
 //!
 //! Kaiser-Bessel pair: `phi(x) = I0(beta sqrt(1 - (2x/w)^2)) / I0(beta)` for |x| <= w/2 cells, transform
 //! `w sinh(r) / (r I0(beta))`, `r^2 = beta^2 - (pi w xi)^2`. With twice as many cells as outputs and Beatty's beta
@@ -12,36 +12,36 @@ use crate::numeric::simd::Real;
 /// Cells per output along each axis.
 pub const OVERSAMPLING: usize = 2;
 
-/// Widths in single and in double precision. Few, as each is compiled for every instruction set.
+/// Widths in single precision; few, as each is compiled for every instruction set.
 pub const SINGLE_WIDTHS: [usize; 6] = [3, 4, 5, 6, 7, 8];
-/// See [`SINGLE_WIDTHS`].
+/// Widths in double precision, see [`SINGLE_WIDTHS`].
 pub const DOUBLE_WIDTHS: [usize; 4] = [8, 10, 12, 14];
 
 const MAX_WIDTH: usize = 14;
 
-/// Degree of the polynomials that stand for one cell of the kernel: their error is a tenth of the kernel's.
+/// Degree of the polynomials of one cell of the kernel: their error is a tenth of the kernel's.
 pub const fn degree(width: usize) -> usize {
     width + 1
 }
 
-/// A kernel of some width.
+/// Kaiser-Bessel kernel of some width.
 #[derive(Clone, Copy, Debug)]
 pub struct KaiserBessel {
-    /// Cells that it covers.
+    /// Width [cells].
     pub width: usize,
     beta: f64,
     norm: f64,
 }
 
 impl KaiserBessel {
-    /// The kernel for twice oversampled grids.
+    /// Kernel for twice oversampled grids.
     pub fn new(width: usize) -> Self {
         let w = width as f64;
         let ratio = 1.0 / OVERSAMPLING as f64;
         Self::with_beta(width, PI * (w * w * (1.0 - 0.5 * ratio).powi(2) - 0.8).sqrt())
     }
 
-    /// The kernel of some shape.
+    /// Kernel of a width and a shape parameter beta.
     pub fn with_beta(width: usize, beta: f64) -> Self {
         Self {
             width,
@@ -50,11 +50,11 @@ impl KaiserBessel {
         }
     }
 
-    /// rms error of a sum over points on a grid of two axes, relative to the l2 norm of their strengths, if as many points
-    /// as `num_points` of equal strength take part.
+    /// rms error of a sum over `num_points` points of equal strength on a grid of two axes, relative to the l2 norm of
+    /// their strengths.
     ///
-    /// Measured: up to 7 cells 6.5 units of the last digit on average over the places of points, 12 at the worst place; wider
-    /// kernels differ less.
+    /// Measured: up to 7 cells 6.5 units of the last digit on average over the coordinates of points, 12 at the worst;
+    /// wider kernels differ less.
     pub fn error(width: usize, num_points: f64) -> f64 {
         let units = match width {
             ..=7 => 7.0 + 6.5 / num_points.max(1.0).sqrt(),
@@ -83,7 +83,7 @@ impl KaiserBessel {
         self.width as f64 * ratio / self.norm
     }
 
-    /// The kernel's tables, made once per width.
+    /// Tables of the kernel, computed once per width.
     pub fn tables(&self) -> &'static Tables {
         static TABLES: [OnceLock<Tables>; MAX_WIDTH + 1] = [const { OnceLock::new() }; MAX_WIDTH + 1];
         TABLES[self.width].get_or_init(|| Tables {
@@ -94,8 +94,8 @@ impl KaiserBessel {
 
     /// Coefficients of the polynomials in `z` of every cell, `[power][cell]`.
     ///
-    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, says where
-    /// between two cells it lies.
+    /// A point at `p` touches the cells from `k = ceil(p - w/2)` on; `z = 2 (k - (p - w/2)) - 1`, from -1 to 1, is the
+    /// offset between two cells.
     pub fn polynomials(&self) -> Vec<Vec<f64>> {
         let half = 0.5 * self.width as f64;
         let per_cell: Vec<Vec<f64>> = (0..self.width)
@@ -106,7 +106,8 @@ impl KaiserBessel {
             .collect()
     }
 
-    /// Coefficients of the powers of `(4 xi)^2` of the square root of 1 / transform, for |xi| <= 1/4; the root keeps digits where it is small.
+    /// Coefficients of the powers of `(4 xi)^2` of the square root of 1 / transform, for |xi| <= 1/4; the root keeps
+    /// digits where it is small.
     pub fn inverse_root(&self) -> Vec<f64> {
         // The nearest pole lies at (4 xi)^2 > 8: every power adds 1.5 digits.
         let in_z = monomials(11, |z| self.transform(0.25 * (0.5 * (z + 1.0)).sqrt()).recip().sqrt());
@@ -127,15 +128,15 @@ impl KaiserBessel {
     }
 }
 
-/// See [`KaiserBessel::tables`].
+/// Tables of a kernel, see [`KaiserBessel::tables`].
 pub struct Tables {
-    /// See [`KaiserBessel::polynomials`].
+    /// Polynomials of the cells, see [`KaiserBessel::polynomials`].
     pub polynomials: Vec<Vec<f64>>,
-    /// See [`KaiserBessel::inverse_root`].
+    /// Correction of the spectrum, see [`KaiserBessel::inverse_root`].
     pub inverse_root: Vec<f64>,
 }
 
-/// The polynomials of a width for `lanes` numbers at once, `[power][lane]`; those that are of no cell are zero.
+/// Polynomials of a width for `lanes` numbers at once, `[power][lane]`; zero in lanes without a cell.
 pub fn tap_table<T: Real>(kernel: &KaiserBessel, lanes: usize, cell: impl Fn(usize) -> usize) -> Vec<T> {
     let mut table = Vec::new();
     for row in &kernel.tables().polynomials {

@@ -2,22 +2,22 @@
 
 use crate::synthesis::nufft::kernel::OVERSAMPLING;
 
-/// Cells of a row that no output needs, in whole vectors of either precision.
+/// Padding of a row [cells], in whole vectors of either precision.
 pub(super) const PAD: usize = 16;
 
-/// Numbers of a grid's layout.
+/// Layout of a grid: sizes and strides.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// Length of the range transform.
+    /// Length of the range transform [cells].
     pub num_cells: usize,
     /// Numbers from one row to the next.
     pub stride: usize,
-    /// Rows of one term.
+    /// Velocity rows of one term.
     pub rows: usize,
 }
 
 impl Layout {
-    /// The layout for a number of samples and rows.
+    /// Layout for a number of samples, a width of the kernel and a number of rows.
     pub fn new(num_samples: usize, width: usize, rows: usize) -> Self {
         let num_cells = good_size((OVERSAMPLING * num_samples).max(2 * width));
         let cells = num_cells + 2 * width + PAD;
@@ -28,7 +28,7 @@ impl Layout {
         }
     }
 
-    /// Numbers of one term's grid.
+    /// Size of the grid of one term [numbers].
     pub fn size(&self) -> usize {
         self.rows * self.stride
     }
@@ -36,7 +36,7 @@ impl Layout {
 
 /// Smallest even product of 2, 3 and 5 that is not below `n`.
 pub fn good_size(n: usize) -> usize {
-    // There is a power of two below.
+    // The range contains a power of two.
     (n.max(2)..=2 * n.max(2))
         .find(|candidate| {
             let mut rest = *candidate;

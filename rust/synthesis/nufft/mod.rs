@@ -1,7 +1,8 @@
-//! The range-velocity grid: paths spread once, one FFT per velocity row, and a dense transform over slow time.
+//! NUFFT of moving paths on a range-velocity grid: spreading, one FFT per velocity row, a dense transform over slow
+//! time.
 //!
-//! How phases become places on the grid and strengths is said in `residual_phase` and `cross_approximation`. Every mode has
-//! a grid of its own and shares the kernel's weights with the others.
+//! Coordinates and strengths follow from the phases as in `residual_phase` and `cross_approximation`. Every term of the
+//! cross approximation has a separate grid; the weights of the kernel are shared.
 
 mod coordinates;
 mod job;

@@ -1,4 +1,4 @@
-//! Precisions of the grid: transforms, and memory that is kept between sums.
+//! Precisions of the grid: FFTs, and memory that is reused between sums.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -10,17 +10,17 @@ use crate::numeric::simd::Precision;
 pub trait Scalar: Precision {
     /// Numbers in a vector.
     const LANES: usize;
-    /// The inverse FFT of a length.
+    /// Inverse FFT of a length.
     fn fft(n: usize) -> Arc<dyn Fft<Self>>;
-    /// Zeros, in memory that was given back if there is some: fresh pages cost a tenth of a large sum.
+    /// Zeros, in memory that was given back if possible: fresh pages cost a tenth of a large sum.
     fn take_zeros(len: usize) -> Vec<Self>;
-    /// See [`Self::take_zeros`].
+    /// Keep memory for [`Self::take_zeros`].
     fn give_back(memory: Vec<Self>);
-    /// What was given back.
+    /// Memory that was given back.
     fn kept() -> MutexGuard<'static, Vec<Vec<Self>>>;
 }
 
-/// Most numbers of grids that are kept for the next sum.
+/// Largest number of grid cells, real numbers, that are kept for the next sum.
 const MAX_KEPT: usize = 1 << 22;
 
 /// Precision with a number of lanes.

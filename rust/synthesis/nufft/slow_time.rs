@@ -1,4 +1,4 @@
-//! From velocity rows to chirps: a dense transform whose pairs of rows and of chirps share cosines and sines.
+//! Dense transform from velocity rows to chirps: pairs of rows and of chirps share cosines and sines.
 
 use num_complex::Complex;
 
@@ -12,7 +12,7 @@ use crate::numeric::wide::{self, Wide, add, mul, mul_add};
 use crate::synthesis::low_rank::residual_phase::{Path, turns};
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
-/// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's expansion.
+/// Add the samples of all chirps of a block, (chirp, sample), for channels that share a job's block plan.
 pub fn add_chirps<T: Scalar>(
     job: &Job,
     layout: &Layout,
@@ -32,7 +32,7 @@ pub fn add_chirps<T: Scalar>(
     };
     let num_tiles = num_samples.div_ceil(T::LANES);
     let tiles: Vec<Vec<T>> = parallel::map(job.is_parallel, (0..num_tiles).collect(), tile);
-    let num_chirps = job.expansion.block.chirps.len();
+    let num_chirps = job.block_plan.block.chirps.len();
     for (i, tile) in tiles.iter().enumerate() {
         let first = i * T::LANES;
         let len = T::LANES.min(num_samples - first);
@@ -46,28 +46,28 @@ pub fn add_chirps<T: Scalar>(
     }
 }
 
-/// What all tiles of samples share in slow time.
+/// Constants of slow time, the same for all tiles of samples.
 struct SlowTime<T> {
-    /// Coefficients of the root of 1 / transform of the kernel in powers of (4 xi h)^2.
+    /// Coefficients of the square root of 1 / transform of the kernel in powers of (4 xi h)^2.
     inverse_root: Vec<T>,
     /// Groups of `GROUP` pairs of rows at equal distances from the middle of the axis.
     groups: Vec<Group>,
     num_rows: usize,
-    /// Strengths of all channels, each with a set per mode.
-    num_terms: usize,
-    /// Degrees of the series of references.
+    /// Number of sums per chirp: channels times terms.
+    num_sums: usize,
+    /// Number of terms of the longest series of a reference path.
     num_degrees: usize,
-    /// Keeps the amplitudes of references in range.
+    /// Power of two that keeps the amplitudes of references in range.
     scale: f64,
     /// Pairs of chirps at equal times before and after the block's centre [s]; a chirp without partner stands alone.
     chirps: Vec<(f64, Option<usize>, Option<usize>)>,
 }
 
-/// Pairs of rows that follow each other.
+/// Group of consecutive pairs of rows.
 struct Group {
     /// Steps from the middle of the axis to the first pair, less one half.
     first: usize,
-    /// The row above the middle and the one below, if they are used. Pairs at the end that are not are left out.
+    /// Row above the middle and row below, if in use. Unused pairs at the end are left out.
     pairs: Vec<[Option<usize>; 2]>,
 }
 
@@ -86,7 +86,7 @@ impl<T: Scalar> SlowTime<T> {
         let groups = groups.filter(|group| !group.pairs.is_empty()).collect();
 
         // Chirps by distance from the centre; equal distances on both sides share their cosines and sines.
-        let block = &job.expansion.block;
+        let block = &job.block_plan.block;
         let mut offsets: Vec<(f64, usize)> = (0..block.chirps.len())
             .map(|c| (block.offset(job.waveform, c), c))
             .collect();
@@ -94,7 +94,7 @@ impl<T: Scalar> SlowTime<T> {
         let mut chirps: Vec<(f64, Option<usize>, Option<usize>)> = Vec::new();
         for (time, c) in offsets {
             match chirps.last_mut() {
-                // Rounding of absolute times is no difference.
+                // Differences by rounding of absolute times do not count.
                 Some((at, Some(_), after @ None)) if (time + *at).abs() <= 1e-12 * block.half => *after = Some(c),
                 _ => chirps.push((time, Some(c), None)),
             }
@@ -103,8 +103,8 @@ impl<T: Scalar> SlowTime<T> {
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
             num_rows: layout.rows,
-            num_terms: channels.len() * job.expansion.modes.num_sets(),
-            num_degrees: job.expansion.modes.num_degrees(),
+            num_sums: channels.len() * job.block_plan.modes.num_sets(),
+            num_degrees: job.block_plan.modes.num_degrees(),
             scale: job.scale,
             chirps,
         }
@@ -149,8 +149,8 @@ impl<T: Scalar> Tile<'_, T> {
     #[inline(always)]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
-        let (waveform, expansion) = (job.waveform, job.expansion);
-        let num_terms = slow.num_terms;
+        let (waveform, block_plan) = (job.waveform, job.block_plan);
+        let num_sums = slow.num_sums;
         let mut time = [0.0; 16];
         for i in 0..16 {
             time[i] = ((self.first + i) as f64 - (waveform.num_samples / 2) as f64) / waveform.sample_rate;
@@ -159,20 +159,20 @@ impl<T: Scalar> Tile<'_, T> {
         let splat = wide::splat::<I, P>;
         let fast = Fast::<I, P> {
             time,
-            frequency: mul_add(time, splat(waveform.slope), splat(expansion.frame.carrier)),
+            frequency: mul_add(time, splat(waveform.slope), splat(block_plan.frame.carrier)),
         };
 
         let sums = self.even_and_odd::<I, P>(&fast);
         let zero = <T::In<I>>::splat(T::zero());
-        let num_numbers = expansion.block.chirps.len() * 2 * T::LANES;
+        let num_numbers = block_plan.block.chirps.len() * 2 * T::LANES;
         let mut out = vec![T::zero(); self.channels.len() * num_numbers];
-        let mut transformed = vec![[zero; 4]; 2 * num_terms];
+        let mut transformed = vec![[zero; 4]; 2 * num_sums];
         let mut room = Room::default();
         let mut number = 0;
         while number < slow.chirps.len() {
             let chirps = &slow.chirps[number..slow.chirps.len().min(number + 2)];
             number += 2;
-            let turns = |i: usize| expansion.step * chirps[i].0;
+            let turns = |i: usize| block_plan.step * chirps[i].0;
             if chirps.len() == 2 {
                 self.transform::<I, P, 2>(&fast, [turns(0), turns(1)], &sums, &mut transformed);
             } else {
@@ -180,15 +180,15 @@ impl<T: Scalar> Tile<'_, T> {
             }
             for i in 0..chirps.len() {
                 let (time, one, other) = chirps[i];
-                let transformed = &transformed[i * num_terms..][..num_terms];
+                let transformed = &transformed[i * num_sums..][..num_sums];
                 for (sign, chirp) in [(1.0, one), (-1.0, other)] {
                     let Some(chirp) = chirp else {
                         continue;
                     };
                     self.weights::<I, P>(sign * time, &fast, &mut room);
                     for channel in 0..self.channels.len() {
-                        let num_modes = room.weights.len();
-                        let sums = &transformed[channel * num_modes..][..num_modes];
+                        let num_terms = room.weights.len();
+                        let sums = &transformed[channel * num_terms..][..num_terms];
                         let samples = &mut out[channel * num_numbers + chirp * 2 * T::LANES..][..2 * T::LANES];
                         let [re, im] = weighted::<T, I>(sums, sign, &room.weights);
                         wide::store(interleave(re, im), samples);
@@ -202,33 +202,33 @@ impl<T: Scalar> Tile<'_, T> {
     /// Sums and differences of the rows of every pair, (group, term, pair, [sum re, im, difference re, im]).
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
-        let (expansion, slow) = (self.job.expansion, self.slow);
-        let (num_terms, num_modes) = (slow.num_terms, expansion.modes.num_sets());
+        let (block_plan, slow) = (self.job.block_plan, self.slow);
+        let (num_sums, num_terms) = (slow.num_sums, block_plan.modes.num_sets());
         let zero = <T::In<I>>::splat(T::zero());
-        let mut sums = vec![[zero; 4]; slow.groups.len() * num_terms * GROUP];
+        let mut sums = vec![[zero; 4]; slow.groups.len() * num_sums * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
         for g in 0..slow.groups.len() {
             let group = &slow.groups[g];
             for p in 0..group.pairs.len() {
-                let rate = expansion.step * ((group.first + p) as f64 + 0.5);
+                let rate = block_plan.step * ((group.first + p) as f64 + 0.5);
                 let [cos, sin] = wide::cos_sin::<T, I, P>(mul(square, wide::splat::<I, P>(rate)));
-                for term in 0..num_terms {
-                    let spectra = &self.channels[term / num_modes].spectra;
-                    let mode = term % num_modes;
+                for index in 0..num_sums {
+                    let spectra = &self.channels[index / num_terms].spectra;
+                    let term = index % num_terms;
                     let [mut a_re, mut a_im, mut b_re, mut b_im] = [zero; 4];
                     if let Some(row) = group.pairs[p][0] {
-                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
+                        let at = (term * slow.num_rows + row) * spectra.padded + self.first;
                         a_re = <T::In<I>>::load(&spectra.re[at..]);
                         a_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
                     if let Some(row) = group.pairs[p][1] {
-                        let at = (mode * slow.num_rows + row) * spectra.padded + self.first;
+                        let at = (term * slow.num_rows + row) * spectra.padded + self.first;
                         b_re = <T::In<I>>::load(&spectra.re[at..]);
                         b_im = <T::In<I>>::load(&spectra.im[at..]);
                     }
                     let [a_re, a_im] = product([a_re, a_im], [cos, sin]);
                     let [b_re, b_im] = product([b_re, b_im], [cos, zero.sub(sin)]);
-                    sums[(g * num_terms + term) * GROUP + p] =
+                    sums[(g * num_sums + index) * GROUP + p] =
                         [a_re.add(b_re), a_im.add(b_im), a_re.sub(b_re), a_im.sub(b_im)];
                 }
             }
@@ -236,8 +236,8 @@ impl<T: Scalar> Tile<'_, T> {
         sums
     }
 
-    /// Sums over all pairs of rows for `N` chirps, (chirp, term): real and imaginary part of the even sum, and of the odd
-    /// one turned by a quarter, imaginary first. The rows' step is so many turns per hertz.
+    /// Sums over all pairs of rows for `N` chirps, (chirp, sum): real and imaginary part of the even sum, and of the
+    /// odd sum turned by a quarter, imaginary first. `step` is the distance of the rows [turns per Hz].
     #[inline(always)]
     fn transform<I: Isa, const P: usize, const N: usize>(
         &self,
@@ -246,7 +246,7 @@ impl<T: Scalar> Tile<'_, T> {
         sums: &[[T::In<I>; 4]],
         transformed: &mut [[T::In<I>; 4]],
     ) {
-        let num_terms = self.slow.num_terms;
+        let num_sums = self.slow.num_sums;
         let zero = <T::In<I>>::splat(T::zero());
         transformed.fill([zero; 4]);
         // Phasors (k + 1/2) steps from the middle, as products of two: within a group, and to its first pair.
@@ -267,11 +267,11 @@ impl<T: Scalar> Tile<'_, T> {
                     phasors[p][i] = product(coarse, fine[i][p]);
                 }
             }
-            for term in 0..num_terms {
-                let sums = &sums[(g * num_terms + term) * GROUP..][..GROUP];
+            for index in 0..num_sums {
+                let sums = &sums[(g * num_sums + index) * GROUP..][..GROUP];
                 let mut acc = [[zero; 4]; N];
                 for i in 0..N {
-                    acc[i] = transformed[i * num_terms + term];
+                    acc[i] = transformed[i * num_sums + index];
                 }
                 for p in 0..len {
                     let [e_re, e_im, o_re, o_im] = sums[p];
@@ -286,40 +286,40 @@ impl<T: Scalar> Tile<'_, T> {
                     }
                 }
                 for i in 0..N {
-                    transformed[i * num_terms + term] = acc[i];
+                    transformed[i * num_sums + index] = acc[i];
                 }
             }
         }
     }
 
-    /// The interpolation of residuals, the phase of the middle and the kernel's transform, for one chirp: what the sums of
-    /// all modes are multiplied by, whatever the channel.
+    /// Factors of the sums of all terms for one chirp: interpolation of the residuals, phase of the middle rate,
+    /// transform of the kernel. The same for all channels.
     #[inline(always)]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
-        let (waveform, expansion) = (self.job.waveform, self.job.expansion);
+        let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);
         let splat = wide::splat::<I, P>;
         let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
         let keystone = mul_add(fast.frequency, splat(time), square);
-        let phase = mul(keystone, splat(expansion.middle_rate));
-        let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * expansion.step)));
+        let phase = mul(keystone, splat(block_plan.middle_rate));
+        let angle = wide::narrow::<T, I, P>(mul(keystone, splat(4.0 * block_plan.step)));
         let root = polynomial(&self.slow.inverse_root, angle.mul(angle));
         let weight = root.mul(root);
 
-        let x = mul(add(fast.time, splat(time)), splat(expansion.block.half.recip()));
+        let x = mul(add(fast.time, splat(time)), splat(block_plan.block.half.recip()));
         let x = wide::narrow::<T, I, P>(x);
-        let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(expansion.frame.stretch)));
+        let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(block_plan.frame.stretch)));
         self.interpolate::<I>(x, sweep, room);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
         let common = [cos.mul(weight), sin.mul(weight)];
-        for mode in 0..room.weights.len() {
-            room.weights[mode] = product(room.weights[mode], common);
+        for term in 0..room.weights.len() {
+            room.weights[term] = product(room.weights[term], common);
         }
     }
 
-    /// Weights of the modes' sums in those of the residuals; symbols as in `cross_approximation`: `L^T w = q`.
+    /// Weights of the sums of the terms in the interpolation; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
-        let modes = &self.job.expansion.modes;
+        let approximation = &self.job.block_plan.modes;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.
@@ -331,13 +331,13 @@ impl<T: Scalar> Tile<'_, T> {
             room.polynomials.push(x.add(x).mul(current).sub(before));
         }
         room.weights.clear();
-        if modes.are_flat() {
+        if approximation.are_flat() {
             room.weights
-                .push(self.phasor::<I>(&modes.mean, x, sweep, &room.polynomials));
+                .push(self.phasor::<I>(&approximation.mean, x, sweep, &room.polynomials));
             return;
         }
-        for i in 0..modes.references.len() {
-            let (path, inverse, own) = &modes.references[i];
+        for i in 0..approximation.references.len() {
+            let (path, inverse, own) = &approximation.references[i];
             let (mut re, mut im) = (zero, zero);
             for k in 0..path.num_amplitudes() {
                 re = room.polynomials[k].mul_add(number(path.re()[k] * self.slow.scale), re);
@@ -352,10 +352,10 @@ impl<T: Scalar> Tile<'_, T> {
             }
             room.weights.push(function);
         }
-        for i in (0..modes.lower.len()).rev() {
+        for i in (0..approximation.lower.len()).rev() {
             let weight = room.weights[i];
             for j in 0..i {
-                let value = modes.lower[i][j];
+                let value = approximation.lower[i][j];
                 room.weights[j] = less_product::<T, I>(room.weights[j], weight, value.re, value.im);
             }
         }
@@ -369,15 +369,15 @@ impl<T: Scalar> Tile<'_, T> {
         for k in 0..path.bends().len() {
             delta = polynomials[k + 2].mul_add(number(path.bends()[k]), delta);
         }
-        let (offset, rate, bend) = (path.offset, path.rate, self.job.expansion.frame.bend);
+        let (offset, rate, bend) = (path.offset, path.rate, self.job.block_plan.frame.bend);
         wide::cos_sin_of::<T, I>(turns(delta, number(offset), number(rate), x, sweep, number(bend)))
     }
 }
 
-/// Numbers of one chirp that do not fit into registers.
+/// Scratch memory of one chirp, beyond the registers.
 struct Room<V> {
     polynomials: Vec<V>,
-    /// Of the modes' sums.
+    /// Weights of the sums of the terms.
     weights: Vec<Phasor<V>>,
 }
 
@@ -390,14 +390,14 @@ impl<V> Default for Room<V> {
     }
 }
 
-/// Weighted sum of one channel's modes at the chirp before or after the middle, by `sign`.
+/// Weighted sum of one channel's terms at the chirp before or after the middle, by `sign`.
 #[inline(always)]
 fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
     let zero = <T::In<I>>::splat(T::zero());
     let sign = <T::In<I>>::splat(T::of(sign));
     let mut total = [zero, zero];
-    for mode in 0..sums.len() {
-        let ([p_re, p_im, q_im, q_re], [a, b]) = (sums[mode], weights[mode]);
+    for term in 0..sums.len() {
+        let ([p_re, p_im, q_im, q_re], [a, b]) = (sums[term], weights[term]);
         let (re, im) = (sign.neg_mul_add(q_im, p_re), sign.mul_add(q_re, p_im));
         total = [
             b.neg_mul_add(im, re.mul_add(a, total[0])),
@@ -417,7 +417,7 @@ fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re:
     ]
 }
 
-/// Phasors of 0, 1, 2, ... times some turns, as products of directly computed ones.
+/// Phasors of 0, 1, 2, ... times some turns, as products of directly computed phasors.
 #[inline(always)]
 fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
@@ -432,7 +432,7 @@ fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In
     powers
 }
 
-/// A polynomial of every number.
+/// Polynomial of every number.
 #[inline(always)]
 fn polynomial<V: Vector>(coefficients: &[V::Scalar], x: V) -> V {
     let mut value = V::splat(V::Scalar::default());

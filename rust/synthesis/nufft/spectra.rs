@@ -2,15 +2,15 @@
 
 use super::spread::Checked;
 
-/// The paths of a channel on the grid, after the range transform.
+/// Spectra of the paths of a channel, after the range transform.
 pub(super) struct Channel<T> {
     pub(super) spectra: Spectra<T>,
-    /// Rows that were transformed; there is nothing in the others.
+    /// True for rows that were transformed; the others are zero.
     pub(super) is_used: Vec<bool>,
     pub(super) checked: Checked,
 }
 
-/// Rows after the range transform: (term, row, sample), samples padded to whole vectors.
+/// Spectra after the range transform, (term, row, sample), samples padded to whole vectors.
 pub(super) struct Spectra<T> {
     pub(super) re: Vec<T>,
     pub(super) im: Vec<T>,

@@ -1,8 +1,8 @@
-//! Paths are spread on the grid, each over a patch of cells.
+//! Spreading of paths on the grid, each over a patch of cells.
 
 use std::ops::Range;
 
-use super::coordinates::{Map, Place, Points, Tracks};
+use super::coordinates::{Coordinates, Map, Points, Tracks};
 use super::job::Job;
 use super::layout::Layout;
 use super::scalar::Scalar;
@@ -11,17 +11,17 @@ use crate::numeric::wide;
 use crate::synthesis::block::{CHUNK, Rows};
 use crate::synthesis::nufft::kernel::{KaiserBessel, degree, tap_table};
 
-/// How far the residuals of paths are from their interpolation.
+/// Interpolation error of the residuals of paths.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Checked {
-    /// Sum over paths of squared distances, the mean over the checks.
+    /// Sum over paths of the squared error, the mean over the checks.
     pub sum: f64,
-    /// Chunk with the largest share, and that share.
+    /// Chunk with the largest share of the sum, and that share.
     pub worst: (usize, f64),
 }
 
 impl Checked {
-    /// With the sums of other chunks.
+    /// Errors of both sets of chunks together.
     pub fn join(self, other: Self) -> Self {
         Self {
             sum: self.sum + other.sum,
@@ -34,15 +34,15 @@ impl Checked {
     }
 }
 
-/// Spread the paths of some chunks.
+/// Spread the paths of some chunks on the grid and return the interpolation error of their residuals.
 pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
     let is_sorted = is_sorted::<T>(job, layout);
-    // Sorting wants many paths; what is known of them shall stay in L1 if it does not.
+    // Sorting gains from many paths; without it, points stay in the L1 cache.
     let room_for_paths = if is_sorted { 1 << 17 } else { 1 << 14 };
     let batch = (room_for_paths / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
     let mut rows = Rows::of_class(job.series, job.selection.class);
     let mut tracks = Tracks::new(job);
-    let mut points = Points::new(job.expansion.modes.num_sets(), batch * CHUNK);
+    let mut points = Points::new(job.block_plan.modes.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
     let tables = Tables::new(job.width);
     let mut room = Room::new(batch * CHUNK, job.width);
@@ -70,26 +70,26 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
     checked
 }
 
-/// Grids of this many bytes stay in L1.
+/// Grids that stay in the L1 cache [bytes].
 const FAST_MEMORY: usize = 1 << 15;
 
-/// Bytes of a column of a path's patches, over all modes, from which on sorting pays.
+/// Size of a column of a path's patches, over all terms, from which on sorting pays [bytes].
 const MIN_BYTES: usize = 56;
 
-/// Whether paths are sorted by cell: it pays where a path adds to many of them.
+/// True if paths are sorted by cell, which pays where a path adds to many cells.
 fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {
     layout.rows > 1
         && layout.size() * size_of::<T>() > FAST_MEMORY
-        && job.expansion.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
+        && job.block_plan.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
 }
 
-/// The kernel's polynomials, `[power][number]`.
+/// Polynomials of the kernel, `[power][number]`.
 struct Tables<T> {
-    /// Along range: for real and imaginary parts if they [fit](fits), else for all cells, in whole vectors.
+    /// Polynomials along range: for real and imaginary parts if they [fit](fits), else for all cells, in whole vectors.
     range: Vec<T>,
-    /// Along velocity: for all cells.
+    /// Polynomials along velocity, for all cells.
     velocity: Vec<T>,
-    /// Along range and along velocity, half a vector each, if they fit.
+    /// Polynomials along range and along velocity, half a vector each, if they fit.
     both: Vec<T>,
 }
 
@@ -109,24 +109,24 @@ impl<T: Widths> Tables<T> {
     }
 }
 
-/// Whether the cells of a row, real and imaginary parts, fit into one vector.
+/// True if the cells of a row, real and imaginary parts, fit into one vector.
 const fn fits<T: Widths>(width: usize) -> bool {
     2 * width <= T::LANES
 }
 
-/// What is known of the paths of a batch in the order in which they are spread.
+/// Points of a batch in the order of spreading.
 pub struct Room<T> {
-    /// Numbers of the paths.
+    /// Indices of the paths.
     order: Vec<u16>,
-    /// Numbers of the paths by column alone.
+    /// Indices of the paths sorted by column alone.
     by_column: Vec<u16>,
-    /// Places in the order by a key.
+    /// First index of every key in sorted order.
     ends: Vec<usize>,
-    /// Where their patches start.
+    /// Start of the patch of every path in the grid.
     start: Vec<u32>,
-    /// Places between two cells and between two rows.
+    /// Offsets between two cells, -1 to 1.
     zx: Vec<T>,
-    /// See `zx`.
+    /// Offsets between two rows, -1 to 1.
     zy: Vec<T>,
     /// Taps along range for real and imaginary parts, in whole vectors: (path, number).
     range: Vec<T>,
@@ -149,8 +149,8 @@ impl<T: Widths> Room<T> {
         }
     }
 
-    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and brings paths of one cell together, or
-    /// as they are if they are so by themselves.
+    /// Choose the order of the paths: by cell, which keeps the rows at work in L1 and makes paths of one cell
+    /// consecutive, or the given order if that does so already.
     fn order(&mut self, points: &Points<T>, layout: &Layout, is_sorted: bool) {
         let len = points.len;
         let (row, start) = (&points.row[..len], &points.start[..len]);
@@ -164,7 +164,7 @@ impl<T: Widths> Room<T> {
             self.zy[..len].copy_from_slice(&points.zy[..len]);
             return;
         }
-        // Two passes of counting: by column, then by row.
+        // Counting sort in two passes: by column, then by row.
         let column = |i: usize| (start[i] as usize - row[i] as usize * layout.stride) / 2;
         count(&mut self.ends, layout.stride / 2, (0..len).map(column));
         for i in 0..len {
@@ -185,7 +185,7 @@ impl<T: Widths> Room<T> {
     }
 }
 
-/// Places of the first of every key in sorted order.
+/// Index of the first of every key in sorted order.
 fn count(ends: &mut Vec<usize>, num_keys: usize, keys: impl Iterator<Item = usize>) {
     ends.clear();
     ends.resize(num_keys + 1, 0);
@@ -197,10 +197,10 @@ fn count(ends: &mut Vec<usize>, num_keys: usize, keys: impl Iterator<Item = usiz
     }
 }
 
-/// The points of a batch of paths, to be spread.
+/// Spreading of the points of a batch of paths.
 pub struct Patches<'a, T> {
     level: Level,
-    /// Cells of the kernel.
+    /// Width of the kernel [cells].
     pub width: usize,
     layout: &'a Layout,
     points: &'a Points<T>,
@@ -210,8 +210,8 @@ pub struct Patches<'a, T> {
 }
 
 impl<T: Widths> Patches<'_, T> {
-    /// Add them, with a kernel of `W` cells, `N` vectors per row. Paths that follow each other in one cell are merged in
-    /// registers if `MERGES`.
+    /// Add the points to the grid, with a kernel of `W` cells, `N` vectors per row. Consecutive paths of one cell are
+    /// merged in registers if `MERGES`.
     pub fn add<const W: usize, const N: usize, const MERGES: bool>(self) {
         if self.layout.rows > 1 {
             self.level.run(Spread::<T, W, W, N, MERGES>(self));
@@ -221,7 +221,7 @@ impl<T: Widths> Patches<'_, T> {
     }
 }
 
-/// Spreads points with a kernel of `W` cells over `R` rows.
+/// Kernel that spreads points with a width of `W` cells over `R` rows.
 struct Spread<'a, T, const W: usize, const R: usize, const N: usize, const MERGES: bool>(Patches<'a, T>);
 
 impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bool> Kernel
@@ -258,13 +258,13 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
             }
         }
         // One grid after the other: the rows at work stay in L1.
-        for mode in 0..points.strengths.len() {
-            let grid = &mut grid[mode * layout.size()..][..layout.size()];
+        for term in 0..points.strengths.len() {
+            let grid = &mut grid[term * layout.size()..][..layout.size()];
             for first in (0..len).step_by(CHUNK) {
                 let chunk = Chunk {
                     len: CHUNK.min(len - first),
                     stride: layout.stride,
-                    strengths: &points.strengths[mode],
+                    strengths: &points.strengths[term],
                     tables,
                     order: &room.order[first..],
                     start: &room.start[first..],
@@ -287,7 +287,7 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
     }
 }
 
-/// Some paths in their order, and the strengths of all.
+/// Run of paths in their order, and the strengths of all paths.
 struct Chunk<'a, T> {
     len: usize,
     stride: usize,
@@ -302,8 +302,8 @@ struct Chunk<'a, T> {
 }
 
 impl<T: Widths> Chunk<'_, T> {
-    /// Add the patch of every path to the grid. `SINGLE`: taps along range are not known yet, nor those along velocity if both
-    /// fit into a vector.
+    /// Add the patch of every path to the grid. `SINGLE`: compute the taps along range, and those along velocity if
+    /// both fit into a vector.
     #[inline(always)]
     fn add<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         // Shuffles are free here, loads and stores are not.
@@ -345,7 +345,8 @@ impl<T: Widths> Chunk<'_, T> {
         }
     }
 
-    /// The same; patches of paths that follow each other in one cell are added up in registers. Taps along velocity are known.
+    /// Add the patches of all paths to the grid, those of consecutive paths in one cell summed in registers first. Taps
+    /// along velocity are given.
     #[inline(always)]
     fn merge<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         let table = &self.tables.range;
@@ -376,7 +377,7 @@ impl<T: Widths> Chunk<'_, T> {
         }
     }
 
-    /// Real and imaginary part of the strength of a path, again and again.
+    /// Real and imaginary part of the strength of a path, repeated over a vector.
     #[inline(always)]
     fn strength<I: Isa>(&self, path: u16) -> T::In<I> {
         let at = 2 * usize::from(path);
@@ -411,7 +412,7 @@ impl<T: Widths> Room<T> {
 /// Coefficients of the polynomials of one vector.
 type Polynomials<V> = [V; degree(8) + 1];
 
-/// Those of a table, if the cells of a row fit into one.
+/// Coefficients of a table, if the cells of a row fit into one vector.
 #[inline(always)]
 fn polynomials<T: Widths, I: Isa, const W: usize>(table: &[T]) -> Polynomials<T::In<I>> {
     let lanes = <T::In<I> as Vector>::LANES;
@@ -465,7 +466,7 @@ fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
 
 /// Kernel widths that are compiled for a precision.
 pub trait Widths: Scalar {
-    /// Gather a chunk of paths and put them in their places, see [`Place`].
+    /// Compute the coordinates and strengths of a chunk of paths, see [`Coordinates`].
     fn place(
         job: &Job,
         map: &Map<Self>,
@@ -478,7 +479,7 @@ pub trait Widths: Scalar {
     fn add_points(chunk: Patches<Self>);
 }
 
-/// Coordinates of both precisions; vectors of f64 that fill one of the precision.
+/// Spreading in a precision, with the number of vectors of f64 that fill one vector of it.
 macro_rules! alike {
     ($vectors:literal) => {
         fn place(
@@ -489,7 +490,7 @@ macro_rules! alike {
             tracks: &mut Tracks<Self>,
             points: &mut Points<Self>,
         ) -> f64 {
-            job.level.run(Place::<Self, $vectors> {
+            job.level.run(Coordinates::<Self, $vectors> {
                 job,
                 map,
                 first,

@@ -1,4 +1,4 @@
-//! From paths to samples: paths are spread, rows are transformed over range, chirps are summed over rows.
+//! Transform of paths to samples: spreading, FFT of the rows over range, sum over rows for every chirp.
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -13,18 +13,18 @@ use crate::numeric::simd::{Isa, Kernel, Real};
 use crate::synthesis::block::CHUNK;
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
-/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share an expansion. Returns for each the number
-/// of rows that were transformed, and how far residuals are from their interpolation.
+/// Add the samples `(chirp, sample)` of a block to `out`, for channels that share a block plan. Returns for each the
+/// number of rows that were transformed, and the interpolation error of the residuals.
 pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Checked)> {
     let Some(job) = jobs.first() else {
         return Vec::new();
     };
-    let layout = Layout::new(job.waveform.num_samples, job.width, job.expansion.rows);
+    let layout = Layout::new(job.waveform.num_samples, job.width, job.block_plan.rows);
     let kernel = KaiserBessel::new(job.width);
     let channels = parallel::map(job.is_parallel, jobs.iter().collect(), |job| {
         job.spectra::<T>(&layout, &kernel)
     });
-    if job.expansion.rows == 1 {
+    if job.block_plan.rows == 1 {
         for (out, channel) in out.iter_mut().zip(&channels) {
             let (re, im) = (&channel.spectra.re, &channel.spectra.im);
             for chirp in out.chunks_exact_mut(job.waveform.num_samples) {
@@ -44,7 +44,7 @@ pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) ->
 }
 
 impl Job<'_> {
-    /// Spread the paths and transform the rows that they touch.
+    /// Spread the paths and transform the rows that are not zero.
     fn spectra<T: Widths>(&self, layout: &Layout, kernel: &KaiserBessel) -> Channel<T> {
         let (grid, checked) = self.fill::<T>(layout);
         let is_touched = |row: usize| {
@@ -68,7 +68,7 @@ impl Job<'_> {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
-            let mut grid = T::take_zeros(self.expansion.modes.num_sets() * layout.size());
+            let mut grid = T::take_zeros(self.block_plan.modes.num_sets() * layout.size());
             let checked = spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
             (grid, checked)
         };
@@ -84,8 +84,8 @@ impl Job<'_> {
             T::give_back(other);
             checked = checked.join(others);
         }
-        // In units of the amplitudes.
-        checked.sum *= self.expansion.modes.check_factor / self.scale / self.scale;
+        // In units of the unscaled power [W].
+        checked.sum *= self.block_plan.modes.check_factor / self.scale / self.scale;
         (sum, checked)
     }
 
@@ -110,7 +110,7 @@ impl Job<'_> {
             })
             .collect();
         let first = (m_index(0, middle, n), num_samples.min(middle));
-        let size = self.expansion.modes.num_sets() * layout.rows * padded;
+        let size = self.block_plan.modes.num_sets() * layout.rows * padded;
         let mut spectra = Spectra {
             re: vec![T::zero(); size],
             im: vec![T::zero(); size],
@@ -158,7 +158,7 @@ impl Job<'_> {
     }
 }
 
-/// Real and imaginary parts of some numbers, times others.
+/// Kernel that scales numbers and separates real and imaginary parts.
 struct Scaled<'a, T> {
     from: &'a [Complex<T>],
     scale: &'a [T],
@@ -185,7 +185,7 @@ fn m_index(m: usize, middle: usize, n: usize) -> usize {
     (m + n - middle) % n
 }
 
-/// Cells of a row, the pads put back to the other end of the period.
+/// Fold the padding of a row onto the other end of the period.
 fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     let n = buffer.len();
     let cells = cells.as_chunks::<2>().0;
@@ -201,7 +201,7 @@ fn fold<T: Real>(cells: &[T], origin: usize, buffer: &mut [Complex<T>]) {
     }
 }
 
-/// Whether any number is not zero. Runs of zeros are passed without a branch per number.
+/// True if any number is not zero; runs of zeros take no branch per number.
 fn is_any<T: Real>(numbers: &[T]) -> bool {
     let mut runs = numbers.chunks(64);
     runs.any(|run| run.iter().fold(false, |any, x| any | !x.is_zero()))

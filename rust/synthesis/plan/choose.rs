@@ -8,20 +8,20 @@ use super::parts::{Method, Part, Plan, Step};
 use crate::synthesis::block::{Block, CHUNK, Class};
 use crate::synthesis::interval::Interval;
 use crate::synthesis::recurrence;
-use crate::synthesis::statistics::Survey;
+use crate::synthesis::statistics::PathStatistics;
 
-/// Errors of the recurrence sums.
+/// Errors of the recurrence sums, relative to l2(amplitudes).
 const SINGLE_RECURRENCE: f64 = 6e-6;
 const DOUBLE_RECURRENCE: f64 = 5e-13;
 
-/// Neighbours on a smooth surface that are as one path where errors of a kernel add up.
+/// Neighbours on a smooth surface that count as one path where errors of a kernel add up.
 const IN_PHASE: f64 = 64.0;
 
 impl Request<'_> {
-    /// The plan for some paths. None if the allowed steps cannot reach the tolerance.
+    /// Plan of the sum. None if the allowed steps cannot reach the tolerance.
     ///
-    /// `look` gives the ranges of the coefficients of the delays of moving paths in blocks.
-    pub fn plan(&self, frame: &Survey, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
+    /// `delay_ranges` returns the ranges of the coefficients of the delays of moving paths in blocks [s].
+    pub fn plan(&self, frame: &PathStatistics, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
         let mut plan = Plan::default();
         if self.method == Method::Direct && self.series.num_paths > 0 {
             plan.parts.push(Part {
@@ -41,12 +41,12 @@ impl Request<'_> {
             if group.num_paths == 0 {
                 continue;
             }
-            // What a class has of the power, it may have of the error.
+            // Share of the error of a class: its share of the power.
             let share = share(&group.own_power(), &frame.power);
             let tolerance = self.tolerance / (num_classes as f64).sqrt() / share.max(1e-30);
             let goal = Goal {
                 request: self,
-                // Paths in phase are as one path, and their place may be the worst.
+                // Paths in phase act as one path, whose coordinates may be the worst for the kernel.
                 effective_paths: if self.gain > 1.5 {
                     1.0
                 } else {
@@ -60,13 +60,13 @@ impl Request<'_> {
                 are_alike: OnceCell::new(),
                 room: RefCell::default(),
             };
-            plan.parts.push(goal.part(&look)?);
+            plan.parts.push(goal.part(&delay_ranges)?);
         }
         Some(plan)
     }
 }
 
-/// Largest share of the amplitude over the channels.
+/// Largest ratio of rms amplitudes over the channels.
 fn share(power: &[f64], total: &[f64]) -> f64 {
     power
         .iter()
@@ -77,9 +77,9 @@ fn share(power: &[f64], total: &[f64]) -> f64 {
 
 impl Goal<'_> {
     /// The cheapest step that reaches the tolerance.
-    fn part(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
+    fn part(&self, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Part> {
         let method = self.request.method;
-        // Series of more rows are not surveyed.
+        // Series of more rows have no statistics.
         let is_planned = self.request.series.can_be_planned(self.request.waveform);
         let allowed =
             |wanted: Method| (method == wanted || method == Method::Auto) && (is_planned || wanted == Method::Direct);
@@ -95,7 +95,7 @@ impl Goal<'_> {
             offer(Some(self.simple(Step::Direct, 0.0, 5.0)));
         }
         if allowed(Method::Recurrence) {
-            // Chunks are summed first, and added up then.
+            // Chunks are summed one by one, then added up.
             let equal = SINGLE_EQUAL_SUM * (self.request.gain.powi(2) / CHUNK as f64);
             let [single_rest, double_rest] = self.recurrence_rest();
             let single = SINGLE_RECURRENCE.hypot(equal).hypot(single_rest);
@@ -114,7 +114,7 @@ impl Goal<'_> {
                 )));
             }
         }
-        // Planning a grid takes a fraction of a millisecond.
+        // Planning a NUFFT takes a fraction of a millisecond.
         let is_cheap = best.as_ref().is_some_and(|best| best.cost < 2e-4);
         if is_cheap {
             return best;
@@ -131,7 +131,7 @@ impl Goal<'_> {
         }
         if allowed(Method::Grid) {
             let limit = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
-            if let Some(part) = self.grid(look, limit)
+            if let Some(part) = self.grid(delay_ranges, limit)
                 && part.cost < limit
             {
                 best = Some(part);
@@ -140,14 +140,14 @@ impl Goal<'_> {
         best
     }
 
-    /// How much more a path costs the recurrences if it has more than a delay and a rate.
+    /// Cost of a path in the recurrence sum relative to one of a delay and a rate.
     fn detail(&self) -> f64 {
         let series = self.request.series;
         let (delays, amplitudes) = (series.num_delay_terms() as f64, series.num_amplitude_terms() as f64);
         1.0 + 0.03 * (delays - 2.0).max(0.0) + 0.06 * (amplitudes - 1.0)
     }
 
-    /// A step whose cost is a time per path and sample [ns].
+    /// Part of a step whose cost is a time per path and sample [ns].
     fn simple(&self, step: Step, error: f64, nanoseconds: f64) -> Part {
         let waveform = self.request.waveform;
         let chirps = if self.class == Class::Still && matches!(step, Step::Direct) {
@@ -166,9 +166,9 @@ impl Goal<'_> {
         }
     }
 
-    /// Bounds on what the recurrence sums in single and in double precision leave out: in a chirp they follow phases to third
-    /// and to fourth order in time, amplitudes to second. Of the fourth order the second leaves out squares of the delays, and
-    /// of the fifth all.
+    /// Bounds of the truncation errors of the recurrence sums in single and in double precision. Within a chirp the
+    /// sums follow phases to third and to fourth order in time, amplitudes to second. Double precision leaves out the
+    /// squares of the delays in the fourth order, and all of the fifth.
     fn recurrence_rest(&self) -> [f64; 2] {
         let waveform = self.request.waveform;
         let frame = Block::new(waveform, self.request.series, 0..waveform.chirp_times.len());
@@ -190,7 +190,7 @@ impl Goal<'_> {
         let squares = waveform.slope.abs() * (0.5 * order(2).powi(2) + order(1) * order(3));
         let fifth = 0.3 * TAU * (top * order(5) + sweep * order(4));
         let fourth = 0.33 * TAU * squares;
-        // Of phases that bend within the shortest segment, of two samples to either side, it follows seven orders.
+        // Phases that bend within the shortest segment, of two samples to either side, are followed to seventh order.
         let samples = waveform.half_sweep() * waveform.sample_rate;
         let bend = TAU * (top * (order(2) + 3.0 * order(3) + 6.0 * order(4)) + sweep * order(1));
         let within = (bend * (2.0_f64.min(samples) / samples).powi(2)).powi(4) / 24.0;
@@ -198,12 +198,12 @@ impl Goal<'_> {
         [double.hypot(0.33 * TAU * top * order(4)), double]
     }
 
-    /// Chirp lanes with the narrowest kernel.
+    /// Part by the chirp grid with the narrowest kernel that reaches the tolerance.
     fn lanes(&self) -> Option<Part> {
         let waveform = self.request.waveform;
         let num_chirps = waveform.chirp_times.len();
         let frame = Block::new(waveform, self.request.series, 0..num_chirps);
-        // Bounds of rate and acceleration: |T_k'| <= k^2, |T_k''| <= k^2 (k^2 - 1) / 3.
+        // Bounds on rate and acceleration: |T_k'| <= k^2, |T_k''| <= k^2 (k^2 - 1) / 3.
         let (mut rate, mut acceleration) = (0.0, 0.0);
         for (k, range) in self.group.delay.iter().enumerate().skip(1) {
             let square = (k * k) as f64;
@@ -222,7 +222,7 @@ impl Goal<'_> {
         let follows_sweep = (0.3 * bend).hypot(fixed) > 0.4 * self.tolerance;
         let rest = fixed.hypot(if follows_sweep { 0.035 * bend * bend } else { 0.3 * bend });
         let errors = |kernel: &Kernel| kernel.error.hypot(rest);
-        // Lanes put their sums aside after this many paths.
+        // The chirp grid adds its partial sums to the samples after this many paths.
         let is_allowed = |kernel: &Kernel| kernel.is_single && recurrence::WIDTHS.contains(&kernel.width);
         let kernel = self
             .all_kernels(1.0, recurrence::FLUSH as f64)

@@ -1,4 +1,4 @@
-//! Request for a plan, and the goal for each class of paths.
+//! Request for a plan, and the goals for classes of paths.
 
 use std::cell::{OnceCell, RefCell};
 
@@ -10,20 +10,21 @@ use crate::synthesis::delay::PathSeries;
 use crate::synthesis::low_rank::residual_phase::{Path, Sample};
 use crate::synthesis::statistics::Group;
 
-/// Rounding of the sum of n nearly equal numbers one after the other in single precision: so much times n. Measured.
+/// Relative rounding per addend of sums of nearly equal numbers in single precision, one after the other; measured.
 pub(super) const SINGLE_EQUAL_SUM: f64 = 6e-9;
 
 /// Share of the tolerance that predicted errors may fill.
 pub(super) const MARGIN: f64 = 0.9;
 
-/// Errors of paths add up with phases of their own: in a frame of few samples, to so much more than on average.
+/// Ratio of the largest expected rms error in a frame to the mean: errors of paths have random phases, and few samples
+/// fluctuate.
 pub fn fluctuation(waveform: &Waveform) -> f64 {
     let num_samples = (waveform.chirp_times.len() * waveform.num_samples) as f64;
     // Three standard deviations of the mean of squares of normal numbers.
     (1.0 + 3.0 / num_samples.sqrt()).sqrt()
 }
 
-/// What a plan is made for.
+/// Request for a plan: waveform, paths, tolerance and allowed steps.
 pub struct Request<'a> {
     /// The waveform.
     pub waveform: &'a Waveform,
@@ -33,38 +34,38 @@ pub struct Request<'a> {
     pub tolerance: f64,
     /// Allowed steps.
     pub method: Method,
-    /// Largest rms of the samples of a channel relative to its l2(amplitudes), as far as it is known; at least 1.
+    /// Largest known rms of the samples of a channel relative to its l2(amplitudes); at least 1.
     pub gain: f64,
-    /// Divides the error that the samples may have: more than 1 where other paths turned out to have more.
-    pub caution: f64,
-    /// Grids may be in single precision.
+    /// Safety factor of the error that the samples may have: above 1 after other paths turned out to have more.
+    pub safety_factor: f64,
+    /// True if grids may be in single precision.
     pub allows_single: bool,
-    /// Paths that stand for all moving ones.
+    /// Sampled paths, which represent all moving paths.
     pub samples: &'a [Sample],
-    /// So many of them, the first, were drawn from all.
+    /// Number of first samples that were drawn from all paths.
     pub num_random: usize,
     /// Instruction set.
     pub level: Level,
 }
 
-/// The paths of one class and the error they may have, relative to their own l2(amplitudes).
+/// Goal for the paths of one class: the allowed error, relative to their own l2(amplitudes).
 pub(super) struct Goal<'a> {
     pub(super) request: &'a Request<'a>,
     pub(super) class: Class,
     pub(super) group: &'a Group,
-    /// Power of the class, per channel: what its errors are relative to.
+    /// Power of the class, per channel, which its errors are relative to [W].
     pub(super) own: Vec<f64>,
     pub(super) tolerance: f64,
     pub(super) share: f64,
-    /// See [`Survey::effective_paths`].
+    /// Effective number of paths, from `PathStatistics::effective_paths`; 1 for paths in phase.
     pub(super) effective_paths: f64,
-    /// Whether all paths are like the samples, once that is known.
+    /// True if the samples represent all paths; set when first needed.
     pub(super) are_alike: OnceCell<bool>,
-    /// Memory for the samples in a block.
+    /// Scratch memory for the samples in a block.
     pub(super) room: RefCell<Vec<Path>>,
 }
 
-/// A kernel of the grid and its error.
+/// Spreading kernel and its error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kernel {
     pub(super) is_single: bool,

@@ -1,7 +1,8 @@
-//! What is done for which paths: a plain value, chosen from bounds on the paths by a model of cost.
+//! Plans of a sum over paths: a method for every class of paths, chosen by a model of cost from statistics of the
+//! paths.
 //!
-//! Errors are relative to l2(amplitudes) of a channel and hold for paths whose phases have nothing to do with each
-//! other; where many add up in phase, `beat` sees it in the result and asks for a smaller tolerance.
+//! Errors are relative to l2(amplitudes) of a channel and hold for paths of independent phases. Where many paths add up
+//! in phase, `beat` measures the gain in the result and asks for a smaller tolerance.
 
 mod choose;
 mod goal;

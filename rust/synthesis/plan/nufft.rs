@@ -1,4 +1,4 @@
-//! How paths are laid out on range-velocity grids: kernel, blocks of chirps, rows, modes.
+//! Plans of the NUFFT: kernel, blocks of chirps, velocity rows, terms of the cross approximation.
 
 use std::f64::consts::TAU;
 
@@ -6,43 +6,43 @@ use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
 use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::interval::Interval;
-use crate::synthesis::low_rank::block_plan::Expansion;
-use crate::synthesis::low_rank::cross_approximation::{self, Modes};
+use crate::synthesis::low_rank::block_plan::BlockPlan;
+use crate::synthesis::low_rank::cross_approximation::{self, CrossApproximation};
 use crate::synthesis::low_rank::residual_phase::{Frame, Path};
 use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
 
-/// Errors of rounding, relative to l2(amplitudes).
+/// Rounding errors, relative to l2(amplitudes).
 const SINGLE_ROUNDING: f64 = 3e-7;
 const DOUBLE_ROUNDING: f64 = 3e-14;
-/// Rounding of the sum of n numbers in a cell one after the other, relative to their l2 norm: so much times sqrt(n).
-/// Measured, in single precision.
+/// Rounding of the sum of n numbers of a cell in single precision, one after the other, relative to their l2 norm and
+/// sqrt(n); measured.
 const SINGLE_SUM: f64 = 6e-8;
-/// Largest error of a kernel in blocks of one or two chirps, which are at the end of its range, over that in many.
+/// Largest error of a kernel in blocks of one or two chirps, at the end of its range, over that in blocks of many.
 const FEW_CHIRPS: f64 = 1.5;
 /// Rounding of residual phases in single precision [rad per turn].
 const SINGLE_TURN: f64 = 5e-7;
-/// Paths are alike if their largest changes are within this factor.
+/// Samples represent all paths whose largest changes are within this factor of theirs.
 const ALIKE: f64 = 1.5;
-/// Bytes that stay in L2.
+/// Memory that stays in the L2 cache [bytes].
 const FAST_MEMORY: f64 = 2e6;
-/// Paths that are spread on one grid after the other.
+/// Paths per batch, spread on one grid after the other.
 const BATCH: f64 = 2048.0;
-/// Time that it takes to plan for more blocks, and to look at all paths in them [s].
+/// Time to plan for more blocks, the statistics of all paths in them included [s].
 const PLANNING: f64 = 5e-4;
-/// Delays and amplitudes are followed to this share of the error that is left.
+/// Share of the error budget for truncated series of delays and of amplitudes.
 const LEAST_SHARE: f64 = 0.02;
-/// So many modes are few.
-const FEW_MODES: usize = 3;
-/// Largest grid of one block with all its modes [numbers].
+/// Largest number of terms for which a wider kernel may save one.
+const FEW_TERMS: usize = 3;
+/// Largest grid of one block with all terms [numbers].
 const MAX_GRID: usize = 1 << 23;
 
 impl Goal<'_> {
-    /// The grid with the best width and number of blocks, if it seems cheaper than `limit` [s].
-    pub(super) fn grid(&self, look: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
+    /// Part by the NUFFT with the best width and number of blocks, if its estimate is below `limit` [s].
+    pub(super) fn grid(&self, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>, limit: f64) -> Option<Part> {
         let request = self.request;
         let (waveform, series) = (request.waveform, request.series);
-        // Double precision where single precision is too coarse for the modes.
+        // Double precision where single precision is too coarse for the terms.
         let single = if request.allows_single {
             self.cheapest(true)
         } else {
@@ -50,29 +50,33 @@ impl Goal<'_> {
         };
         let (estimate, blocks, kernel, mut laid) = single.or_else(|| self.cheapest(false))?;
         if estimate >= limit {
-            // What is at hand is cheaper: no need to look at the paths again.
+            // The other step is cheaper: no need for statistics of the blocks.
             return None;
         }
         if blocks.len() > 1 {
-            // Now with the ranges that the paths have in the blocks; modes of samples do not depend on them.
+            // Fit the grids to the ranges of all paths in the blocks; the terms do not depend on these.
             let mut known = laid.into_iter().peekable();
             let expand = |(block, ranges): (&Block, Vec<Interval>)| {
-                let is_known = |laid: &Laid| laid.expansion.block.chirps == block.chirps;
+                let is_known = |laid: &Laid| laid.block_plan.block.chirps == block.chirps;
                 match known.next_if(is_known) {
                     Some(laid) => self.fit(laid, &ranges, kernel),
                     None => self.expand(block, &ranges, kernel),
                 }
             };
-            laid = blocks.iter().zip(look(&blocks)).map(expand).collect::<Option<_>>()?;
+            laid = blocks
+                .iter()
+                .zip(delay_ranges(&blocks))
+                .map(expand)
+                .collect::<Option<_>>()?;
         }
-        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, false)).sum();
+        let cost = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, false)).sum();
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
         let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
         let count = blocks.len();
-        let expansions: Vec<Expansion> = laid.into_iter().map(|laid| laid.expansion).collect();
-        // Parts of the paths have grids of their own; so have channels and blocks, on as many threads as there may be.
+        let expansions: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
+        // Parts of the paths, channels and blocks have separate grids, on as many threads as there may be.
         let num_grids = series.num_channels * count;
-        // Spectra are half as large, and wait for those of other channels.
+        // Spectra are half as large, and are held until those of other channels are complete.
         let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
         let numbers = expansions
             .iter()
@@ -94,7 +98,7 @@ impl Goal<'_> {
         })
     }
 
-    /// The cheapest number of blocks, by samples of the paths.
+    /// Estimate for the cheapest number of blocks, from samples of the paths.
     fn cheapest(&self, allows_single: bool) -> Option<Estimate> {
         let (waveform, series) = (self.request.waveform, self.request.series);
         let num_chirps = waveform.chirp_times.len();
@@ -119,15 +123,15 @@ impl Goal<'_> {
                 Some((kernel, sample.iter().map(of_block).collect::<Option<Vec<Laid>>>()?))
             };
             let costs = |kernel: Kernel, laid: &[Laid], is_halved: bool| -> f64 {
-                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.expansion, is_halved));
+                let costs = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, is_halved));
                 share * costs.sum::<f64>()
             };
             let kernels = self.kernels(num_chirps / count, allows_single);
             let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
-            // One cell more may spare one mode of a few.
+            // A kernel of one cell more may save one of a few terms.
             let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
-                laid.iter().all(|laid| laid.expansion.modes.num_sets() <= FEW_MODES)
-                    && laid.iter().any(|laid| laid.expansion.modes.num_sets() > 1)
+                laid.iter().all(|laid| laid.block_plan.modes.num_sets() <= FEW_TERMS)
+                    && laid.iter().any(|laid| laid.block_plan.modes.num_sets() > 1)
             };
             if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
                 && is_few(narrow)
@@ -150,8 +154,8 @@ impl Goal<'_> {
         best
     }
 
-    /// All kernels, the fastest first; `stress` multiplies the kernel's error, `most` numbers are added one after the
-    /// other.
+    /// All kernels, the fastest first, with errors for at most `most` numbers added one after the other; `stress`
+    /// multiplies the error of the kernel itself.
     pub(super) fn all_kernels(&self, stress: f64, most: f64) -> impl Iterator<Item = Kernel> + use<> {
         let num_points = self.effective_paths;
         let widths = SINGLE_WIDTHS
@@ -170,7 +174,7 @@ impl Goal<'_> {
         })
     }
 
-    /// Rounding of sums in single precision, of which at most `most` numbers are added one after the other.
+    /// Rounding of sums in single precision, with at most `most` numbers added one after the other.
     fn single_rounding(&self, most: f64) -> f64 {
         let (waveform, series) = (self.request.waveform, self.request.series);
         // Cells between the nearest and the farthest path.
@@ -184,8 +188,8 @@ impl Goal<'_> {
             .hypot(SINGLE_EQUAL_SUM * equal)
     }
 
-    /// The narrowest kernel that leaves room for other errors in blocks of so many chirps, and the next one of the same
-    /// precision.
+    /// Narrowest kernel that leaves room for other errors in blocks of `num_chirps` chirps, and the next one of the
+    /// same precision.
     fn kernels(&self, num_chirps: usize, allows_single: bool) -> Vec<Kernel> {
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
         let fitting = self.all_kernels(stress, f64::INFINITY);
@@ -212,23 +216,23 @@ impl Goal<'_> {
         1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
     }
 
-    /// Predicted time of one block [s]; or of each of its halves, with about as many modes as they can be hoped to have:
-    /// delays bend a quarter as much.
-    fn cost(&self, kernel: Kernel, expansion: &Expansion, is_halved: bool) -> f64 {
+    /// Predicted time of one block [s]; or of each of its halves, with about as many terms as they can be hoped to
+    /// have: delays bend a quarter as much.
+    fn cost(&self, kernel: Kernel, block_plan: &BlockPlan, is_halved: bool) -> f64 {
         let divisor = if is_halved { 2 } else { 1 };
-        let mut num_modes = expansion.modes.num_sets();
+        let mut num_terms = block_plan.modes.num_sets();
         if is_halved {
-            num_modes = num_modes.div_ceil(2).min(num_modes / 4 + 4);
+            num_terms = num_terms.div_ceil(2).min(num_terms / 4 + 4);
         }
-        let terms = num_modes as f64;
+        let terms = num_terms as f64;
         let channels = self.request.series.num_channels as f64;
         let samples = self.request.waveform.num_samples as f64 / 128.0;
-        let slow = 0.6 + 0.01 * (expansion.block.chirps.len() / divisor) as f64;
+        let slow = 0.6 + 0.01 * (block_plan.block.chirps.len() / divisor) as f64;
         let scale = if kernel.is_single { 1.0 } else { 2.0 };
-        let transform = if expansion.rows == 1 {
+        let transform = if block_plan.rows == 1 {
             1e3
         } else {
-            1e3 * (expansion.rows / divisor) as f64 * terms * slow * samples * scale
+            1e3 * (block_plan.rows / divisor) as f64 * terms * slow * samples * scale
         };
         // Every block reads all rows of the series: those of amplitudes are twice as long.
         let series = self.request.series;
@@ -239,12 +243,12 @@ impl Goal<'_> {
         let size = Layout::new(
             self.request.waveform.num_samples,
             kernel.width,
-            expansion.rows / divisor,
+            block_plan.rows / divisor,
         )
         .size();
         let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
         let fetching = 0.02 * (bytes - FAST_MEMORY).max(0.0) * self.group.num_paths as f64 / BATCH;
-        self.spread_cost(kernel, num_modes) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
+        self.spread_cost(kernel, num_terms) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
     }
 
     /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
@@ -268,10 +272,10 @@ impl Goal<'_> {
         ranges
     }
 
-    /// Whether delays and amplitudes of all paths change no more than those of the samples, as far as it counts.
+    /// True if delays and amplitudes of all paths change no more than those of the samples, or negligibly.
     fn look_alike(&self) -> bool {
         let (waveform, series) = (self.request.waveform, self.request.series);
-        // Those that were learned later say nothing of the others.
+        // Samples that were added after a run are no random draw.
         let samples = &self.request.samples[..self.request.num_random];
         if samples.len() >= self.group.num_paths {
             return true;
@@ -290,7 +294,7 @@ impl Goal<'_> {
                 *power += square;
             }
         }
-        // The rate counts by the beat frequency that it shifts, other degrees as they are.
+        // The rate counts by the shift of the beat frequency, other degrees by their phase.
         let weight = |k: usize| if k == 1 { 1e-4 * top } else { top };
         let delays = (1..largest.len()).all(|k| {
             let all = self.group.delay[k].magnitude();
@@ -303,14 +307,14 @@ impl Goal<'_> {
         delays && amplitudes && ALIKE * ALIKE * total > mean * samples.len() as f64
     }
 
-    /// How the paths are laid out in a block. None if the tolerance cannot be reached.
+    /// Plan of a block. None if the tolerance cannot be reached.
     fn expand(&self, block: &Block, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
         let waveform = self.request.waveform;
         let middle_delay = delay[0].middle();
         let carrier = waveform.start_frequency + waveform.slope * (waveform.middle_time() - middle_delay);
         let frame = Frame::new(carrier, middle_delay, waveform.slope);
         if self.class == Class::Still {
-            let expansion = Expansion {
+            let block_plan = BlockPlan {
                 block: block.clone(),
                 frame,
                 middle_rate: 0.0,
@@ -318,17 +322,17 @@ impl Goal<'_> {
                 rows: 1,
                 num_degrees: 1,
                 num_amplitudes: 1,
-                modes: Modes::none(),
+                modes: CrossApproximation::none(),
             };
             return Some(Laid {
-                expansion,
+                block_plan,
                 error: kernel.error,
                 interpolation: 0.0,
             });
         }
 
         if frame.bend.is_nan() || frame.bend.abs() > 1.0 {
-            // No carrier to speak of.
+            // The carrier is too low to follow the phase by a plane wave and its residual.
             return None;
         }
 
@@ -339,7 +343,7 @@ impl Goal<'_> {
             sample.set_in_block(block, &frame, path);
         }
         let fluctuation = fluctuation(waveform);
-        let allowed = budget / self.request.caution / fluctuation;
+        let allowed = budget / self.request.safety_factor / fluctuation;
         let num_apart = if paths.len() < self.group.num_paths {
             self.request.num_random
         } else {
@@ -364,19 +368,19 @@ impl Goal<'_> {
         );
         let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
         self.room.replace(paths);
-        let (modes, left) = found?;
+        let (approximation, left) = found?;
         let rounding = if kernel.is_single {
-            SINGLE_TURN * modes.turns
+            SINGLE_TURN * approximation.turns
         } else {
             0.0
         };
-        // Checks have it as well.
+        // The checks see this rounding as well.
         let interpolation = (left * fluctuation).hypot(rounding);
         let error = kernel.error.hypot(interpolation);
         if error > self.tolerance {
             return None;
         }
-        let expansion = Expansion {
+        let block_plan = BlockPlan {
             block: block.clone(),
             frame,
             middle_rate: 0.0,
@@ -384,33 +388,33 @@ impl Goal<'_> {
             rows: 1,
             num_degrees: 2,
             num_amplitudes,
-            modes,
+            modes: approximation,
         };
         let laid = Laid {
-            expansion,
+            block_plan,
             error,
             interpolation,
         };
         self.fit(laid, delay, kernel)
     }
 
-    /// The same with the velocity axis and the degrees of delays in some ranges.
+    /// Fit the velocity axis and the degrees of delays of a plan to ranges of delays [s].
     fn fit(&self, mut laid: Laid, delay: &[Interval], kernel: Kernel) -> Option<Laid> {
-        let (waveform, expansion) = (self.request.waveform, &mut laid.expansion);
-        let axis = self.velocity_axis(&expansion.block, delay, &expansion.frame, kernel)?;
+        let (waveform, block_plan) = (self.request.waveform, &mut laid.block_plan);
+        let axis = self.velocity_axis(&block_plan.block, delay, &block_plan.frame, kernel)?;
         let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
-        if expansion.modes.num_sets().saturating_mul(size) > MAX_GRID {
+        if block_plan.modes.num_sets().saturating_mul(size) > MAX_GRID {
             return None;
         }
-        (expansion.middle_rate, expansion.step, expansion.rows) = (axis.middle_rate, axis.step, axis.rows);
-        // Degrees that count: no path turns by more than a share of the budget in the others.
-        let top = (expansion.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
+        (block_plan.middle_rate, block_plan.step, block_plan.rows) = (axis.middle_rate, axis.step, axis.rows);
+        // Degrees that count: in the others, no phase turns by more than a share of the budget.
+        let top = (block_plan.frame.carrier.abs() + waveform.slope.abs() * waveform.half_sweep()) * TAU;
         let counts = |k: &usize| top * delay[*k].magnitude() > LEAST_SHARE * self.budget(kernel);
-        expansion.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
+        block_plan.num_degrees = (2..delay.len()).rev().find(counts).map_or(2, |k| k + 1);
         Some(laid)
     }
 
-    /// Error that a kernel leaves to others.
+    /// Error budget that a kernel leaves to other errors.
     ///
     /// Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
     fn budget(&self, kernel: Kernel) -> f64 {
@@ -418,7 +422,7 @@ impl Goal<'_> {
         square.max(0.0).sqrt()
     }
 
-    /// The velocity axis of a block. None if it is without measure.
+    /// Velocity axis of a block. None if its span is not finite or too large.
     fn velocity_axis(&self, block: &Block, delay: &[Interval], frame: &Frame, kernel: Kernel) -> Option<Axis> {
         let unstretched = Interval {
             low: 1.0 - frame.stretch * (delay[0].high - frame.middle_delay),
@@ -426,7 +430,7 @@ impl Goal<'_> {
         };
         let rate = delay.get(1).map_or(Interval::ZERO, |rate| rate.times(unstretched));
         let rate = rate.scaled(block.half.recip());
-        let keystone = Expansion::max_keystone(self.request.waveform, block, frame.carrier);
+        let keystone = BlockPlan::max_keystone(self.request.waveform, block, frame.carrier);
         let step = if keystone > 0.0 { 0.25 / keystone } else { 1.0 };
         // One part in 10^9 for rounding.
         let span = (rate.high - rate.low) / step * (1.0 + 1e-9) + 1e-6;
@@ -442,7 +446,7 @@ impl Goal<'_> {
     }
 }
 
-/// Degrees of amplitudes that change by more than a share.
+/// Number of terms of the amplitudes that count: later ones are below a share of the total.
 fn num_amplitudes(paths: &[Path], least: f64) -> usize {
     let num_terms = paths.first().map_or(1, Path::num_amplitudes);
     let power = |k: usize| {
@@ -454,23 +458,23 @@ fn num_amplitudes(paths: &[Path], least: f64) -> usize {
     (1..num_terms).rev().find(counts).map_or(1, |k| k + 1)
 }
 
-/// The velocity axis of a grid.
+/// Velocity axis of a grid.
 struct Axis {
-    /// Its middle [s/s].
+    /// Middle of the axis [s/s].
     middle_rate: f64,
-    /// From row to row [s/s].
+    /// Distance of two rows [s/s].
     step: f64,
     rows: usize,
 }
 
-/// Time [s], blocks, their kernel and how the paths are laid out in some of them.
+/// Predicted time [s], blocks, their kernel, and the plans of some of them.
 type Estimate = (f64, Vec<Block>, Kernel, Vec<Laid>);
 
-/// How the paths are laid out in a block.
+/// Plan of a block and its predicted error.
 struct Laid {
-    expansion: Expansion,
+    block_plan: BlockPlan,
     /// Predicted error.
     error: f64,
-    /// What the interpolation of residuals and their rounding have in it.
+    /// Part of the error due to the interpolation of residuals and their rounding.
     interpolation: f64,
 }

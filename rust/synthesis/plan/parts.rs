@@ -1,40 +1,40 @@
-//! Plans: which paths are summed by which step.
+//! Plans: one step of summation for each class of paths.
 
 use std::fmt;
 
 use crate::synthesis::block::Class;
-use crate::synthesis::low_rank::block_plan::Expansion;
+use crate::synthesis::low_rank::block_plan::BlockPlan;
 
-/// What is done with a class of paths.
+/// Step that sums a class of paths.
 #[derive(Clone, Debug)]
 pub enum Step {
-    /// Eq. (1) sample by sample in double precision.
+    /// Direct sum: docs/theory.md eq. (1) sample by sample in double precision.
     Direct,
     /// Direct sum with phasor recurrences.
     Recurrence {
-        /// In single precision.
+        /// True for sums in single precision.
         is_single: bool,
     },
-    /// Range grids of many chirps side by side in single precision, any motion.
+    /// Chirp grid: range grids of many chirps in the lanes of vectors, in single precision, for any motion.
     Lanes {
-        /// Width of the kernel.
+        /// Width of the kernel [cells].
         width: usize,
-        /// Follow the frequency within a chirp.
+        /// Follow the curvature of phases within a chirp to first order.
         follows_sweep: bool,
     },
-    /// The range-velocity grid.
+    /// NUFFT: one range-velocity grid per block of chirps and term.
     Grid {
-        /// In single precision.
+        /// True for sums in single precision.
         is_single: bool,
-        /// Width of the kernel.
+        /// Width of the kernel [cells].
         width: usize,
-        /// One expansion per block of chirps.
-        expansions: Vec<Expansion>,
+        /// Block plans, in the order of the chirps.
+        expansions: Vec<BlockPlan>,
     },
 }
 
 impl Step {
-    /// `direct`, `recurrence`, `lanes` or `grid`.
+    /// Name of the step: `direct`, `recurrence`, `lanes` or `grid`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Direct => "direct",
@@ -53,7 +53,7 @@ impl Step {
         }
     }
 
-    /// Width of the kernel, if there is one.
+    /// Width of the kernel [cells], for steps with a kernel.
     pub fn width(&self) -> Option<usize> {
         match self {
             Self::Direct | Self::Recurrence { .. } => None,
@@ -62,44 +62,44 @@ impl Step {
     }
 }
 
-/// One class of paths and what is done with it.
+/// Part of a plan: a class of paths and its step.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The class.
+    /// Class of the paths.
     pub class: Class,
-    /// Its paths, over all channels.
+    /// Number of paths of the class, over all channels.
     pub num_paths: usize,
-    /// What is done.
+    /// Step that sums them.
     pub step: Step,
     /// Predicted error relative to l2(amplitudes).
     pub error: f64,
-    /// What the interpolation of residuals has in it, as far as samples of the paths say.
+    /// Part of the error due to the interpolation of residuals, estimated from samples of the paths.
     pub interpolation: f64,
     /// Predicted time on one thread [s], of use for comparison only.
     pub cost: f64,
-    /// Memory beside the input and the result [bytes].
+    /// Working memory, beside the input and the result [bytes].
     pub memory: usize,
 }
 
-/// What is done with all paths.
+/// Plan of the sum over all paths.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
-    /// Classes, in the order of their sums.
+    /// Parts, in the order of summation.
     pub parts: Vec<Part>,
 }
 
-/// Which steps a plan may take.
+/// Methods: the steps that a plan may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// The cheapest.
+    /// The cheapest step.
     Auto,
     /// Only the exact direct sum.
     Direct,
     /// Only the recurrence sum.
     Recurrence,
-    /// Only chirp lanes.
+    /// Only the chirp grid.
     Lanes,
-    /// Only the grid.
+    /// Only the NUFFT.
     Grid,
 }
 
@@ -109,7 +109,7 @@ impl Plan {
         self.parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Part of the error that is due to the interpolation of residuals, as far as samples of the paths say.
+    /// Part of the error due to the interpolation of residuals, estimated from samples of the paths.
     pub fn interpolation(&self) -> f64 {
         self.parts
             .iter()
@@ -118,13 +118,13 @@ impl Plan {
             .sqrt()
     }
 
-    /// The error with what the interpolation turned out to leave, if that is more.
+    /// Error with the measured error of the interpolation in place of the estimate, if it is larger.
     pub fn error_with(&self, interpolation: f64) -> f64 {
         let more = interpolation.powi(2) - self.interpolation().powi(2);
         (self.error().powi(2) + more.max(0.0)).sqrt()
     }
 
-    /// Memory beside the input and the result [bytes].
+    /// Working memory, beside the input and the result [bytes].
     pub fn memory(&self) -> usize {
         self.parts.iter().map(|part| part.memory).max().unwrap_or(0)
     }

@@ -1,4 +1,4 @@
-//! The chirp-lane grid: every path spread over range, at its exact place in every chirp; one FFT over range per chirp.
+//! Chirp grid: every path spread over range, at its exact coordinate in every chirp; one FFT over range per chirp.
 //!
 //! Within a chirp a path is a tone, `phi = phi_0 + phi_1 j`, at cell `y = n1 phi_1` of a periodic grid of `n1 >= 2 M`
 //! cells. It is spread over the `w` nearest cells with a Kaiser-Bessel kernel; the FFT of the grid, divided by the
@@ -19,10 +19,10 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::nufft::good_size;
 use crate::synthesis::nufft::kernel::{KaiserBessel, monomials};
 
-/// Widths of the kernel, in cells. What is left out within a chirp makes wider ones of little use.
+/// Widths of the kernel [cells]. Truncation of phases within a chirp makes wider kernels of little use.
 pub const WIDTHS: [usize; 3] = [4, 5, 6];
 
-/// Widest kernel.
+/// Width of the widest kernel [cells].
 const MAX_WIDTH: usize = 6;
 
 /// Degree of the polynomials for a width.
@@ -30,9 +30,9 @@ const fn degree(width: usize) -> usize {
     width + 3
 }
 
-/// What all groups of chirps share; holds no paths.
+/// Chirp grid: constants of the kernel and the transform, the same for all groups of chirps; holds no paths.
 pub struct LaneGrid<T: Precision> {
-    /// Cells of the kernel.
+    /// Width of the kernel [cells].
     width: usize,
     /// Cells of the grid.
     num_cells: usize,
@@ -40,14 +40,14 @@ pub struct LaneGrid<T: Precision> {
     taps: [[T; degree(MAX_WIDTH) + 1]; MAX_WIDTH],
     /// Mean of `j^2` over the samples.
     mean: f64,
-    /// Per sample: one over the kernel's transform, and the second grid's factor if there is one.
+    /// Factors per sample: one over the transform of the kernel, and that of the second grid if there is one.
     factors: Vec<[T; 2]>,
     has_second: bool,
     fft: Arc<dyn Fft<T>>,
 }
 
 impl<T: Precision> LaneGrid<T> {
-    /// Kernels are 4 to 6 cells wide, see [`WIDTHS`].
+    /// Chirp grid with a kernel of 4 to 6 cells, see [`WIDTHS`].
     ///
     /// With `has_second`, [the first order](self) of the phase's curvature within a chirp is added.
     pub fn new(waveform: &Waveform, width: usize, has_second: bool) -> Self {
@@ -197,7 +197,7 @@ struct ChunkSpread<'a, T: Precision> {
 }
 
 impl<T: Precision> ChunkSpread<'_, T> {
-    /// Spread the chunk on the grid.
+    /// Spread the chunk of paths on the grid.
     #[inline(always)]
     fn add<I: Isa, const W: usize>(&self, grid: &mut [T]) {
         let lanes = <T::In<I>>::LANES;
@@ -206,7 +206,7 @@ impl<T: Precision> ChunkSpread<'_, T> {
         let cells = splat::<I>(num_cells);
         let turns = whole_turns(phases.step, &phases.chunk.delay[0]);
         for path in 0..phases.chunk.len {
-            // Place on the grid: the first of the cells, and the offset from the middle of its tap.
+            // Coordinate on the grid: the first of the cells, and the offset from the middle of its tap.
             let phi = phases.of::<I, 3>(path);
             let place = mul(sub(phi[1], splat::<I>(turns[path])), cells);
             let start = sub(place, splat::<I>(0.5 * (W as f64 - 1.0)));
@@ -215,7 +215,7 @@ impl<T: Precision> ChunkSpread<'_, T> {
             let z = T::narrow::<I>(add(offset, offset));
             let taps = self.taps::<T::In<I>, W>(z);
 
-            // Strength, with the mean of the curvature; and that of the rest.
+            // Strength with the mean of the curvature, and second strength of the remainder.
             let base = cos_sin::<T, I>(mul_add(phi[2], mean, phi[0]));
             let q = complex_mul(self.amplitudes.in_the_middle::<T, I>(path), base);
             let mut second = q;
@@ -224,11 +224,11 @@ impl<T: Precision> ChunkSpread<'_, T> {
                 second = [<T::In<I>>::splat(T::zero()).sub(e.mul(q[1])), e.mul(q[0])];
             }
 
-            // One pass per cell that is first in a chirp: usually one or two.
+            // One pass per distinct first cell of the chirps: usually one or two.
             let first = T::narrow::<I>(first);
             let mut firsts = [T::zero(); MAX_LANES];
             first.store(&mut firsts[..lanes]);
-            let (low, high) = extremes(&firsts, lanes);
+            let (low, high) = bounds(&firsts, lanes);
             if low == high {
                 self.add_window::<T::In<I>, W>(grid, low, &taps, q, second);
             } else if high - low == T::one() {
@@ -263,7 +263,7 @@ impl<T: Precision> ChunkSpread<'_, T> {
         }
     }
 
-    /// The kernel at the cells: `tap_(w-1-i)(z) = tap_i(-z)`, so even and odd powers serve two.
+    /// Taps of the kernel at the cells: `tap_(w-1-i)(z) = tap_i(-z)`, so even and odd powers serve two.
     #[inline(always)]
     fn taps<V: Vector<Scalar = T>, const W: usize>(&self, z: V) -> [V; W] {
         let square = z.mul(z);
@@ -329,14 +329,14 @@ impl<T: Precision> ChunkSpread<'_, T> {
     }
 }
 
-/// Modulo; apart, so that its division is not done always.
+/// Modulo, in a cold function: most calls need no division.
 #[cold]
 #[inline(never)]
 fn wrapped(cell: f64, num_cells: f64) -> f64 {
     cell - num_cells * (cell / num_cells).floor()
 }
 
-/// Turns per sample below the constant delay's, which bring its cell to the grid.
+/// Whole turns per sample of the constant delay, which bring its cell to the grid.
 #[inline(always)]
 fn whole_turns(step: f64, delay: &Lane) -> Lane {
     let mut turns = [0.0; CHUNK];
@@ -348,7 +348,7 @@ fn whole_turns(step: f64, delay: &Lane) -> Lane {
 
 /// Smallest and largest of the lanes.
 #[inline(always)]
-fn extremes<T: Precision>(numbers: &[T; MAX_LANES], lanes: usize) -> (T, T) {
+fn bounds<T: Precision>(numbers: &[T; MAX_LANES], lanes: usize) -> (T, T) {
     const FOUR: usize = 4;
     let fours = numbers[..lanes].as_chunks::<FOUR>().0;
     let (mut low, mut high) = (fours[0], fours[0]);

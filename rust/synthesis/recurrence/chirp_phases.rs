@@ -1,4 +1,4 @@
-//! Chirps as lanes of vectors: exact phases of every path in every chirp, whatever its motion and the chirp times.
+//! Exact phases of every path in every chirp, chirps in the lanes of vectors, for any motion and any chirp times.
 //!
 //! 16 chirps (f32) or 8 (f64) form a group. In its short interval the Chebyshev series of a delay has few terms; about
 //! the middle of every chirp, number `M / 2`, it is a Taylor series in time, and so is the phase of eq. (1):
@@ -14,22 +14,22 @@ use crate::synthesis::block::{Block, CHUNK, Chunk, Lane, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
 
-/// What to sum: some paths of one channel in some chirps.
+/// Job of a sum: some paths of one channel in some chirps.
 #[derive(Clone, Debug)]
 pub struct Job<'a> {
-    /// Times and frequencies.
+    /// Waveform: times and frequencies.
     pub waveform: &'a Waveform,
     /// Delays and amplitudes.
     pub series: &'a PathSeries<'a>,
-    /// The channel.
+    /// Index of the channel.
     pub channel: usize,
-    /// Paths that move, do not, or all.
+    /// Selected paths: still, moving or all.
     pub selection: Selection<'a>,
-    /// Numbers of the paths; start and end are multiples of [`CHUNK`], or the end is that of the series.
+    /// Range of the paths; start and end are multiples of [`CHUNK`], or the end is that of the series.
     pub paths: Range<usize>,
-    /// Numbers of the chirps, best in whole groups of 16.
+    /// Range of the chirps, best in whole groups of 16.
     pub chirps: Range<usize>,
-    /// Amplitudes are multiplied by this power of two, which keeps f32 from underflow.
+    /// Power of two that amplitudes are multiplied by, which keeps f32 from underflow.
     pub scale: f64,
 }
 
@@ -43,16 +43,16 @@ impl Job<'_> {
     }
 }
 
-/// Paths after which [`LaneGrid`] puts its sums aside: long sums in single precision lose digits.
+/// Paths per partial sum of [`LaneGrid`]: long sums in single precision lose digits.
 pub const FLUSH: usize = 4 * CHUNK;
 
-/// Lanes of a group: the most that a vector has.
+/// Largest number of lanes of a group, the lanes of the widest vector.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// Terms of Taylor series over a chirp; of the sixth, `2 pi f tau_5 t^5` is left out.
+/// Number of terms of Taylor series over a chirp; the sixth, `2 pi f tau_5 t^5`, is left out.
 pub(crate) const TERMS: usize = 5;
 
-/// A number per chirp of a group, of which f64 kernels use the first eight.
+/// One number per chirp of a group; f64 kernels use the first eight.
 pub(crate) type Wide<I> = wide::Wide<I, 2>;
 
 #[inline(always)]
@@ -71,12 +71,13 @@ pub(crate) fn cos_sin<T: Precision, I: Isa>(phase: Wide<I>) -> [T::In<I>; 2] {
     wide::cos_sin::<T, I, 2>(phase)
 }
 
-/// Chirps that are summed together.
+/// Group of chirps that are summed together.
 pub(crate) struct Group {
     pub(crate) block: Block,
-    /// From Chebyshev coefficients over the block, by degree, to Taylor coefficients over every chirp in samples.
+    /// Matrices from Chebyshev coefficients over the block, by degree, to Taylor coefficients in samples over every
+    /// chirp.
     pub(crate) taylor: Vec<[[f64; MAX_LANES]; TERMS]>,
-    /// The largest of `taylor` over the chirps.
+    /// Largest absolute values of `taylor` over the chirps.
     pub(crate) largest: Vec<[f64; TERMS]>,
 }
 
@@ -113,24 +114,24 @@ impl Group {
     }
 }
 
-/// What the phases of a chunk in a group follow from.
+/// Phases of a chunk of paths in a group of chirps.
 pub(crate) struct Phases<'a> {
     pub(crate) group: &'a Group,
     pub(crate) chunk: &'a Chunk,
     /// Phase of the constant part of the delay at the middle frequency, modulo one turn.
     pub(crate) turns: Lane,
-    /// Terms of the delays' series that count.
+    /// Number of terms of the delays' series that count.
     pub(crate) num_delays: usize,
     /// Frequency in the middle of the chirp [Hz].
     pub(crate) frequency: f64,
-    /// [Hz/s]
+    /// Slope of the ramp [Hz/s].
     pub(crate) slope: f64,
-    /// [Hz per sample]
+    /// Slope of the ramp [Hz per sample].
     pub(crate) step: f64,
 }
 
 impl<'a> Phases<'a> {
-    /// Terms of the delays that turn no phase by more than `tolerance` are left out.
+    /// Phases of a chunk; terms of the delays that turn no phase by more than `tolerance` are left out.
     #[inline(always)]
     pub(crate) fn new(waveform: &Waveform, group: &'a Group, chunk: &'a Chunk, tolerance: f64) -> Self {
         let frequency = waveform.start_frequency + waveform.slope * waveform.middle_time();
@@ -158,7 +159,8 @@ impl<'a> Phases<'a> {
         }
     }
 
-    /// Taylor coefficients of the phase of a path in every chirp [cycles], the first not reduced, from `N` of the delay.
+    /// Taylor coefficients of the phase of a path in every chirp [cycles], the first not reduced, from `N` of the
+    /// delay.
     #[inline(always)]
     pub(crate) fn of<I: Isa, const N: usize>(&self, path: usize) -> [Wide<I>; TERMS] {
         // Delay, less the constant part.
@@ -215,14 +217,14 @@ pub(crate) struct Amplitudes<'a> {
     pub(crate) group: &'a Group,
     pub(crate) chunk: &'a Chunk,
     pub(crate) scale: f64,
-    /// Terms that count, at least one.
+    /// Number of terms that count, at least one.
     pub(crate) num_terms: usize,
     /// Bounds of the Taylor coefficients, relative to the root mean square of the amplitudes.
     pub(crate) bounds: [f64; 3],
 }
 
 impl<'a> Amplitudes<'a> {
-    /// Terms below `tolerance` of the amplitudes' root mean square are left out.
+    /// Amplitudes of a chunk; terms below `tolerance` of their root mean square are left out.
     #[inline(always)]
     pub(crate) fn new(group: &'a Group, chunk: &'a Chunk, scale: f64, num_samples: usize, tolerance: f64) -> Self {
         let size = |k: usize| largest(&chunk.re[k]) + largest(&chunk.im[k]);
@@ -454,7 +456,8 @@ pub(crate) mod tests {
         paths
     }
 
-    /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the truth.
+    /// Relative to the l2 norm of the amplitudes; the result in precision `T` of `add`, scaled by 2^20, against the
+    /// truth.
     pub fn error<T: Precision>(waveform: &Waveform, paths: &Paths, add: impl Fn(&Job, &mut [Complex<T>])) -> f64 {
         paths.with_series(|series| {
             let truth = direct::beat_signal(

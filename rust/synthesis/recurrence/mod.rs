@@ -1,7 +1,7 @@
-//! Sums over paths chirp by chirp, many chirps side by side in the lanes of vectors.
+//! Recurrence sum and chirp grid: sums over paths chirp by chirp, with chirps in the lanes of vectors.
 //!
-//! [`add_recurrence`] is the fast direct sum: every sample of every path, by phasors that turn from sample to sample.
-//! [`LaneGrid`] spreads the paths over range, and transforms every chirp.
+//! [`add_recurrence`] sums every sample of every path, by recurrences of phasors from sample to sample.
+//! [`LaneGrid`] spreads the paths over range and transforms every chirp.
 
 mod chirp_grid;
 pub mod chirp_phases;

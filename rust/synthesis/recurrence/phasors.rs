@@ -1,8 +1,8 @@
-//! The fast direct sum: phasors that turn from sample to sample, in every chirp of a group at once.
+//! Recurrence sum: phasors that turn from sample to sample, in every chirp of a group at once.
 //!
 //! A chirp is cut into segments. About the middle sample of one, a path is `g(j) w^j`: a phasor `w`, and an envelope
-//! `g(j) = sum_n g_n j^n` that holds the amplitude, its change, and the phase beyond its slope. With `c + i s = w^j`, and
-//! `p` and `q` the even and odd parts of the envelope, the samples to either side share their recurrence:
+//! `g(j) = sum_n g_n j^n` that holds the amplitude, its change, and the phase beyond its slope. With `c + i s = w^j`,
+//! and `p` and `q` the even and odd parts of the envelope, the samples to either side share their recurrence:
 //!
 //! ```text
 //! g(+-j) w^(+-j) = (p c + i q s) +- (q c + i p s)
@@ -22,8 +22,8 @@ use crate::synthesis::block::{CHUNK, Chunk};
 
 /// Adds `scale conj(a) exp(2 pi j phi)` of every path to samples `(chirp, sample)`, row-major, of the chirps of a job.
 ///
-/// Error relative to the l2 norm of the amplitudes: below 5e-6 (f32) and 2e-12 (f64) for paths at a few metres. Within a
-/// chirp delays are followed to fourth order in time, and amplitudes to second: of what turns or fades in a few
+/// Error relative to the l2 norm of the amplitudes: below 5e-6 (f32) and 2e-12 (f64) for paths at a few metres. Within
+/// a chirp delays are followed to fourth order in time, and amplitudes to second: of what turns or fades in a few
 /// milliseconds, f64 leaves out 1e-9 (chirps of 60 us) to 2e-8 (250 us).
 pub fn add_recurrence<T: Precision>(level: Level, job: &Job, out: &mut [Complex<T>]) {
     job.check(out.len());
@@ -95,22 +95,22 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
     }
 }
 
-/// What may be left out of a path, relative to the amplitudes.
+/// Tolerance of the truncation of a path, relative to its amplitude.
 const fn tolerance<T: Precision>() -> f64 {
     if size_of::<T>() == 4 { 2e-6 } else { 1e-12 }
 }
 
-/// Length of the segments, and terms of the envelope: `p` to `j^(2 even)`, `q` to `j^(2 odd - 1)`.
+/// Form of the sum: length of the segments, and terms of the envelope: `p` to `j^(2 even)`, `q` to `j^(2 odd - 1)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Form {
-    /// Segments are `2 half + 1` samples long.
+    /// Half length of a segment of `2 half + 1` samples.
     half: usize,
-    /// (even, odd)
+    /// Terms of the envelope, (even, odd).
     terms: (usize, usize),
 }
 
 impl Form {
-    /// The cheapest whose error is tolerated.
+    /// Cheapest form whose error is within the tolerance.
     #[inline(always)]
     fn new<T: Precision>(phases: &Phases, amplitudes: &Amplitudes, num_samples: usize) -> Self {
         const TERMS: [(usize, usize); 7] = [(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (2, 2), (3, 3)];
@@ -143,7 +143,8 @@ impl Form {
     }
 }
 
-/// Bounds of what the forms leave out of segments reaching `half` samples from their middle, `reach` from the chirp's.
+/// Bounds of the truncation errors of all forms, for segments reaching `half` samples from their middle, `reach` from
+/// the chirp's.
 fn errors(phi: &[f64; TERMS], alpha: &[f64; 3], reach: f64, half: f64) -> [f64; 7] {
     // Coefficients about the middle of a segment, for j = half.
     let e2 = TAU * half.powi(2) * (phi[2] + reach * (3.0 * phi[3] + reach * 6.0 * phi[4]));
@@ -183,13 +184,13 @@ fn errors(phi: &[f64; TERMS], alpha: &[f64; 3], reach: f64, half: f64) -> [f64; 
 
 /// Sums over the paths, in numbers of vectors of lanes.
 struct Sums<T> {
-    /// Of a chunk: per segment and `j` the even bracket (re, im) and the odd one.
+    /// Sums of a chunk: the even bracket (re, im) and the odd one, per segment and `j`.
     chunk: Vec<T>,
-    /// Of all chunks: (re, im) per sample.
+    /// Sums of all chunks: (re, im) per sample.
     total: Vec<T>,
-    /// 0, 1, 2, ...
+    /// Numbers 0, 1, 2, ...
     numbers: Vec<T>,
-    /// Their squares.
+    /// Squares of `numbers`.
     squares: Vec<T>,
 }
 
@@ -207,7 +208,7 @@ impl<T: Precision> Sums<T> {
     }
 }
 
-/// A path in a segment: the start of its recurrence and its envelope.
+/// Start of a path in a segment: the phasor of its recurrence and its envelope.
 #[derive(Clone, Copy)]
 struct Start<V> {
     /// Phasor from sample to sample.
@@ -224,7 +225,7 @@ impl<V: Vector> Start<V> {
     }
 }
 
-/// A chunk of paths in a group of chirps.
+/// Sum of a chunk of paths in a group of chirps.
 struct ChunkSum<'a> {
     phases: &'a Phases<'a>,
     amplitudes: &'a Amplitudes<'a>,
@@ -249,8 +250,8 @@ impl ChunkSum<'_> {
         let chunk = &mut chunk[..num_segments * stride];
         let (numbers, squares) = (&numbers[..=self.half], &squares[..=self.half]);
 
-        // Two paths at a time share the loads and stores of the sums, where there are registers for them. After the last
-        // path of a chunk comes one without amplitude.
+        // Two paths at a time share the loads and stores of the sums, where there are registers for them. After the
+        // last path of a chunk comes one without amplitude.
         chunk.fill(T::zero());
         for path in (0..self.phases.chunk.len).step_by(PATHS) {
             let mut phi = [[splat::<I>(0.0); TERMS]; PATHS];

@@ -1,3 +1,5 @@
+//! Tests of the statistics of paths.
+
 use num_complex::Complex64;
 
 use super::*;
@@ -5,7 +7,7 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::Basis;
 
 #[test]
-fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
+fn bounding_paths_are_those_that_bend_most_one_of_neighbours() {
     let waveform = Waveform {
         start_frequency: 60e9,
         slope: 1e13,
@@ -31,8 +33,8 @@ fn extremes_are_the_paths_that_bend_most_one_of_neighbours() {
     };
     let frame = Block::new(&waveform, &series, 0..10);
     for level in Level::available() {
-        let survey = Survey::new(&series, &frame, 60e9, level, false);
-        let bends: Vec<f64> = extremes(&series, &survey)
+        let statistics = PathStatistics::new(&series, &frame, 60e9, level, false);
+        let bends: Vec<f64> = bounding_paths(&series, &statistics)
             .iter()
             .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])
             .collect();

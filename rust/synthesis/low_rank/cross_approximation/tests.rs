@@ -56,16 +56,16 @@ fn residual(path: &Path, frame: &Frame, instant: &Instant) -> Complex64 {
     Complex64::new(sum(path.re(), 0), -sum(path.im(), 0)) * phasor
 }
 
-/// Value at an instant of the interpolation between those at the modes' instants.
-fn interpolated(modes: &Modes, frame: &Frame, path: &Path, instant: &Instant) -> Complex64 {
+/// Value at an instant of the interpolation between those at the terms' instants.
+fn interpolated(approximation: &CrossApproximation, frame: &Frame, path: &Path, instant: &Instant) -> Complex64 {
     let mut functions: Vec<Complex64> = Vec::new();
     let mut coefficients: Vec<Complex64> = Vec::new();
-    for (i, (reference, inverse, own)) in modes.references.iter().enumerate() {
+    for (i, (reference, inverse, own)) in approximation.references.iter().enumerate() {
         let mut function = residual(reference, frame, instant) * inverse;
-        let mut coefficient = residual(path, frame, &modes.instants[i]);
+        let mut coefficient = residual(path, frame, &approximation.instants[i]);
         for j in 0..i {
             function -= own[j] * functions[j];
-            coefficient -= modes.lower[i][j] * coefficients[j];
+            coefficient -= approximation.lower[i][j] * coefficients[j];
         }
         functions.push(function);
         coefficients.push(coefficient);
@@ -80,10 +80,15 @@ fn every_path_is_interpolated_within_the_budget() {
     let mut last = 0;
     for budget in [1e-2, 1e-4, 1e-8] {
         for level in Level::available() {
-            let (modes, error) = find(&wf, &block, &frame, (&paths[..200], 200), true, (budget, 1e-14), level).unwrap();
+            let (approximation, error) =
+                find(&wf, &block, &frame, (&paths[..200], 200), true, (budget, 1e-14), level).unwrap();
             assert!(error <= budget);
-            assert!(modes.num_sets() >= last, "{} modes for {budget}", modes.num_sets());
-            last = modes.num_sets();
+            assert!(
+                approximation.num_sets() >= last,
+                "{} terms for {budget}",
+                approximation.num_sets()
+            );
+            last = approximation.num_sets();
             // Also paths and instants that the search has not seen.
             let (mut left, mut power) = (0.0, 0.0);
             for path in &paths {
@@ -93,20 +98,20 @@ fn every_path_is_interpolated_within_the_budget() {
                         sweep: frame.stretch * wf.half_sweep() * (f64::from(i * 7 % 50) / 24.5 - 1.0),
                     };
                     let exact = residual(path, &frame, &instant);
-                    left += (interpolated(&modes, &frame, path, &instant) - exact).norm_sqr();
+                    left += (interpolated(&approximation, &frame, path, &instant) - exact).norm_sqr();
                     power += exact.norm_sqr();
                 }
             }
             let measured = (left / power).sqrt();
             assert!(measured <= 1.5 * budget, "{measured:e} for {budget:e}");
             // Weights of the checks are those of the interpolation.
-            for check in &modes.checks {
-                let values = modes
+            for check in &approximation.checks {
+                let values = approximation
                     .instants
                     .iter()
                     .map(|instant| residual(&paths[7], &frame, instant));
                 let sum: Complex64 = values.zip(&check.weights).map(|(value, weight)| value * weight).sum();
-                let expected = interpolated(&modes, &frame, &paths[7], &check.instant);
+                let expected = interpolated(&approximation, &frame, &paths[7], &check.instant);
                 assert!((sum - expected).norm() < 1e-10, "{}", (sum - expected).norm());
             }
         }
@@ -114,16 +119,16 @@ fn every_path_is_interpolated_within_the_budget() {
 }
 
 #[test]
-fn paths_at_constant_velocity_need_no_modes() {
+fn paths_at_constant_velocity_need_one_phase() {
     let wf = waveform();
     let (block, frame, mut paths) = paths(&wf, 50);
     for path in &mut paths {
         let parts = [path.re()[0], path.im()[0]].map(std::iter::once);
         *path = Path::new([path.offset, path.rate], std::iter::empty(), parts);
     }
-    let (modes, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
-    assert!(modes.are_flat() && modes.num_sets() == 1 && error < 1e-3);
-    assert_eq!(modes.checks.len(), NUM_CHECKS);
+    let (approximation, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
+    assert!(approximation.are_flat() && approximation.num_sets() == 1 && error < 1e-3);
+    assert_eq!(approximation.checks.len(), NUM_CHECKS);
     // A rounding error is within no sum of a few.
     assert!(find(&wf, &block, &frame, (&paths, 0), true, (1e-18, 1e-14), Level::best()).is_none());
 }

@@ -1,0 +1,259 @@
+//! Polygons of areas known on paper, which a fan from the first corner would miss by far more than 1e-12.
+
+use super::*;
+
+#[test]
+fn repeated_corner_leaves_the_triangle() {
+    let obj = read(&(CORNERS.to_owned() + "f 5 8 8 1\n"));
+    assert_eq!(obj.triangles, [[4, 7, 0]]);
+    let obj = read(&(CORNERS.to_owned() + "f 1 1 2 4 4 3 1\n"));
+    assert_eq!((obj.triangles.len(), area(&obj)), (2, 1.0));
+}
+
+#[test]
+fn face_without_area_gives_none() {
+    for face in [
+        "f 1 1 1 1",
+        "f 1 2 1 2",
+        "f 1 2 2 1",
+        "f 1 2 4 2",
+        "f 1 2 4 8 4 2",
+        "f 1 1 1 1 1 1",
+        "f 1 1 2",
+    ] {
+        let obj = read(&format!("{CORNERS}{face}\n{FACE}"));
+        assert!((area(&obj) - 0.5).abs() <= f64::EPSILON, "{face}");
+    }
+    let line: Vec<DVec3> = (0..9).map(|i| DVec3::new(0.1, 0.3, -0.7) * f64::from(i)).collect();
+    let there_and_back: Vec<DVec3> = line.iter().chain(line[1..8].iter().rev()).copied().collect();
+    for ring in [line, there_and_back] {
+        let points: Vec<[f64; 3]> = ring.iter().map(DVec3::to_array).collect();
+        assert!((area(&read(&(polygon_file(&points) + FACE))) - 0.5).abs() <= 1e-12);
+    }
+}
+
+#[test]
+fn concave_quad_is_cut_inside_whichever_corner_comes_first() {
+    let dart = [[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]];
+    for first in 0..4 {
+        let mut points = dart;
+        points.rotate_left(first);
+        let (text, normal) = tilted_file(&points);
+        let obj = read(&text);
+        assert!((area(&obj) - 0.5).abs() <= 1e-14);
+        assert!((area_vector(&obj) - normal * 0.5).length() <= 1e-14);
+    }
+}
+
+#[test]
+fn quad_that_is_not_flat_is_cut_along_a_diagonal() {
+    // Alternate corners of a cube span a regular tetrahedron of edge sqrt(2), whose sides measure sqrt(3)/2.
+    let obj = read(&(CORNERS.to_owned() + "f 1 4 6 7\n"));
+    assert_eq!(obj.triangles.len(), 2);
+    assert!((area(&obj) - 3.0_f64.sqrt()).abs() <= 1e-14);
+    // Bent by 90 degrees along one diagonal: the cut follows the crease that has less area.
+    for bend in [1e-9, 1e-6, 1e-3, 0.1, 1.0] {
+        let obj = read(&polygon_file(&[
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, bend],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ]));
+        assert_eq!(obj.triangles.len(), 2);
+    }
+}
+
+#[test]
+fn concave_polygon_keeps_area_and_winding() {
+    // A comb of 20 teeth: a bar of 39 x 1 and teeth of 1 x 2.
+    let mut points = vec![[39.0, 0.0], [0.0, 0.0]];
+    points.reverse();
+    for tooth in (0..20).rev() {
+        let x = f64::from(2 * tooth);
+        points.extend([[x + 1.0, 3.0], [x, 3.0]]);
+        if tooth > 0 {
+            points.extend([[x, 1.0], [x - 1.0, 1.0]]);
+        }
+    }
+    let true_area = 39.0 + 20.0 * 2.0;
+    for backwards in [false, true] {
+        if backwards {
+            points.reverse();
+        }
+        let (text, normal) = tilted_file(&points);
+        let obj = read(&text);
+        let winding = if backwards { -1.0 } else { 1.0 };
+        assert!((area(&obj) / true_area - 1.0).abs() <= 1e-12, "{}", area(&obj));
+        assert!((area_vector(&obj) / true_area - normal * winding).length() <= 1e-12);
+    }
+}
+
+/// A ring round the square of side 4 that enters along an edge, rounds the hole of side 2, and leaves by that edge.
+const KEYHOLE: &str = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 0\nv 1 3 0\nv 3 3 0\nv 3 1 0\n\
+                       f 1 2 3 4 1 5 6 7 8 5\n";
+
+#[test]
+fn ring_with_a_doubled_edge_leaves_its_hole_open() {
+    let obj = read(KEYHOLE);
+    assert!((area(&obj) / 12.0 - 1.0).abs() <= 1e-12, "{}", area(&obj));
+    assert!((area_vector(&obj) / 12.0 - DVec3::Z).length() <= 1e-12);
+    for [a, b, c] in triangles(&obj) {
+        let centre = (a + b + c) / 3.0 - DVec3::new(2.0, 2.0, 0.0);
+        assert!(centre.abs().max_element() > 1.0, "a triangle covers the hole");
+    }
+}
+
+#[test]
+fn annulus_of_66_corners_has_its_area() {
+    // Two circles of 32 corners, joined by an edge that the ring runs along twice.
+    let circle = |radius: f64, i: i32| {
+        let angle = std::f64::consts::TAU * f64::from(i) / 32.0;
+        [radius * angle.cos(), radius * angle.sin()]
+    };
+    let mut points: Vec<[f64; 2]> = (0..=32).map(|i| circle(1.0, i % 32)).collect();
+    points.extend((0..=32).rev().map(|i| circle(0.9, i % 32)));
+    let (text, normal) = tilted_file(&points);
+    let true_area = 16.0 * (std::f64::consts::TAU / 32.0).sin() * (1.0 - 0.9 * 0.9);
+    let obj = read(&text);
+    assert_eq!(points.len(), 66);
+    assert!(
+        (area(&obj) / true_area - 1.0).abs() <= 1e-12,
+        "{}",
+        area(&obj) / true_area - 1.0
+    );
+    assert!((area_vector(&obj) / true_area - normal).length() <= 1e-12);
+}
+
+#[test]
+fn polygon_has_its_area_at_any_scale_and_far_away() {
+    let keyhole = |at: &dyn Fn(f64) -> f64| {
+        let points = [0, 0, 4, 0, 4, 4, 0, 4, 0, 0, 1, 1, 1, 3, 3, 3, 3, 1, 1, 1].map(|x| at(f64::from(x)));
+        points
+            .chunks_exact(2)
+            .map(|point| [point[0], at(0.0), point[1]])
+            .collect::<Vec<_>>()
+    };
+    let area = |scale: f64, points: &[[f64; 3]]| {
+        let points: Vec<DVec3> = points.iter().map(|&point| point.into()).collect();
+        let corner = |corner: u32| points[corner as usize] / scale;
+        let triangles = triangulate(&points).unwrap().into_iter();
+        triangles
+            .map(|triangle| triangle.map(corner))
+            .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
+            .sum::<f64>()
+    };
+    for scale in [1e-9, 1e9, 1e14] {
+        let area = area(scale, &keyhole(&|x| x * scale));
+        assert!((area / 12.0 - 1.0).abs() <= 1e-12, "{scale}: {area}");
+    }
+    assert!((area(1.0, &keyhole(&|x| x + 1e9)) / 12.0 - 1.0).abs() <= 1e-12);
+}
+
+#[test]
+fn corners_on_a_straight_edge_stay() {
+    // A neighbour has them too: without them there would be a gap between the faces.
+    let points = [[0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [3, 3], [2, 3], [0, 3], [0, 2]].map(|p| p.map(f64::from));
+    for first in 0..points.len() {
+        let mut points = points;
+        points.rotate_left(first);
+        let (text, normal) = tilted_file(&points);
+        let obj = read(&text);
+        assert!((area_vector(&obj) - normal * 9.0).length() <= 1e-13);
+        let is_edge = |a: u32, b: u32| {
+            obj.triangles
+                .iter()
+                .any(|&[p, q, r]| [(p, q), (q, r), (r, p)].contains(&(a, b)))
+        };
+        assert!((0..9).all(|corner| is_edge(corner, (corner + 1) % 9)));
+    }
+}
+
+#[test]
+fn warped_polygon_is_cut_as_seen_along_its_normal() {
+    // A hexagon whose corners are lifted in turn; seen from above it has area 3 sqrt(3) / 2.
+    let corner = |i: i32| {
+        let angle = f64::from(i) * std::f64::consts::FRAC_PI_3;
+        [angle.cos(), angle.sin(), 0.2 * f64::from(i % 2)]
+    };
+    let obj = read(&polygon_file(&(0..6).map(corner).collect::<Vec<_>>()));
+    assert_eq!(obj.triangles.len(), 4);
+    assert!((area_vector(&obj).z - 1.5 * 3.0_f64.sqrt()).abs() <= 1e-14);
+}
+
+#[test]
+fn edges_that_cross_are_refused_with_their_line() {
+    let bow_tie = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
+    let unequal = [[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 1.0]];
+    let eight = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+    let star: Vec<[f64; 2]> = (0..5)
+        .map(|i| f64::from(2 * i) * 0.4 * std::f64::consts::PI)
+        .map(|t| [t.cos(), t.sin()])
+        .collect();
+    for points in [&bow_tie[..], &unequal, &eight, &star] {
+        let (text, _) = tilted_file(points);
+        let (line, message) = fault(&text);
+        assert_eq!(line, points.len() + 1);
+        assert!(
+            message.contains("expected a polygon whose edges do not cross"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn edges_that_cross_by_less_than_the_digits_of_the_file_are_accepted() {
+    let sliver = [
+        [0.0, 0.0, 0.0],
+        [100.0, 0.0, 0.0],
+        [100.0, 0.000_1, 0.0],
+        [0.0, -0.000_1, 0.0],
+    ];
+    assert!(area(&read(&polygon_file(&sliver))) < 0.02);
+}
+
+#[test]
+fn large_convex_polygon_is_cut_quickly() {
+    let corner = |i: i32| (std::f64::consts::TAU * f64::from(i) / 4_000.0).sin_cos();
+    let points: Vec<[f64; 2]> = (0..4_000).map(corner).map(|(y, x)| [x, y]).collect();
+    let obj = read(&tilted_file(&points).0);
+    assert!((area(&obj) / std::f64::consts::PI - 1.0).abs() <= 5e-7); // 2 pi^2 / (3 n^2)
+}
+
+/// A curve of `num_corners / 2` corners and the way back along it, `noise` beside it.
+fn there_and_back(num_corners: usize, noise: f64) -> Vec<DVec3> {
+    let corner = |i: usize| {
+        let step = i.min(num_corners - 1 - i);
+        let radius = 1.0 + noise * ((i * 7919) % 1000) as f64 / 1000.0;
+        let angle = std::f64::consts::TAU * step as f64 / (num_corners / 2) as f64;
+        radius * DVec3::new(angle.cos(), angle.sin(), 0.0)
+    };
+    (0..num_corners).map(corner).collect()
+}
+
+#[test]
+fn ring_of_many_laps_is_refused() {
+    let text = CORNERS.to_owned() + &format!("f{}\n", " 1 3 4 2".repeat(1_000));
+    assert!(fault(&text).1.contains("expected a polygon whose edges do not cross"));
+}
+
+#[test]
+fn hopeless_ring_is_given_up_soon() {
+    // What takes cubic time takes half a minute here.
+    for noise in [1e-15, 1e-12, 1e-9, 1e-3] {
+        let _ = triangulate(&there_and_back(4_000, noise));
+    }
+    let almost_laps = |i: i32| f64::from(i) * (std::f64::consts::TAU / 3.0 + 1e-5);
+    let star: Vec<DVec3> = (0..4_000)
+        .map(almost_laps)
+        .map(|t| DVec3::new(t.cos(), t.sin(), 0.0))
+        .collect();
+    assert!(triangulate(&star).unwrap_err().contains("whose edges do not cross"));
+}
+
+#[test]
+fn polygon_with_too_many_corners_is_refused() {
+    let points: Vec<DVec3> = (0..20_000)
+        .map(|i| DVec3::new(f64::from(i), f64::from(i % 7), 0.0))
+        .collect();
+    assert!(triangulate(&points).unwrap_err().contains("at most 4096 corners"));
+}
