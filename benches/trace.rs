@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::{Cast, ImagePlane, Level, Pose, Ray, ShadingMode, Snapshot, Surface, Walks};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, Surface, Walks};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
@@ -27,8 +27,8 @@ fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {
     Arc::new(Surface::new(vertices, triangles, ShadingMode::Flat).unwrap())
 }
 
-/// Rays per second through `Snapshot::cast_image` on one thread, at every level and on two; and of rays one by one.
-fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
+/// Rays per second through `PosedScene::cast_image` on one thread, at every level and on two; and of rays one by one.
+fn cast(criterion: &mut Criterion, name: &str, snapshot: &PosedScene) {
     let plane = plane();
     let mut group = criterion.benchmark_group("trace");
     group.throughput(Throughput::Elements(plane.num_pixels() as u64));
@@ -63,7 +63,7 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
 /// One body of more and more triangles.
 fn rooms(criterion: &mut Criterion) {
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {
-        let snapshot = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        let snapshot = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
         cast(criterion, &format!("room_{}", common::size_id(size)), &snapshot);
     }
 }
@@ -97,11 +97,11 @@ fn two_levels(criterion: &mut Criterion) {
                 vertices.extend(surface.corners(triangle).map(|corner| pose.point(corner)));
             }
         }
-        let flat = Snapshot::new(vec![self::surface(&(vertices, triangles))], vec![Pose::IDENTITY]);
+        let flat = PosedScene::new(vec![self::surface(&(vertices, triangles))], vec![Pose::IDENTITY]);
         cast(
             criterion,
             &format!("spheres/{num_bodies}_bodies"),
-            &Snapshot::new(surfaces, poses),
+            &PosedScene::new(surfaces, poses),
         );
         cast(criterion, &format!("spheres/{num_bodies}_bodies_as_one"), &flat);
     }
@@ -116,8 +116,8 @@ fn walks(criterion: &mut Criterion) {
     let pool = common::pool(1);
     let mut group = criterion.benchmark_group("walks");
     for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
-        let room = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
-        let sphere = Snapshot::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
+        let room = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        let sphere = PosedScene::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
         for (name, snapshot) in [("room", room), ("sphere", sphere)] {
             for side in common::sizes([128, 256, 512], 8) {
                 let plane = square(side);
@@ -148,9 +148,9 @@ fn motion(criterion: &mut Criterion) {
     let sphere = surface(&common::sphere(0.1, common::sizes([10_000], 100)[0]));
     let (surfaces, poses) = furnished(room, &sphere, common::sizes([50], 3)[0]);
     criterion.bench_function("motion/50_bodies", |bencher| {
-        bencher.iter(|| Snapshot::new(surfaces.clone(), poses.clone()));
+        bencher.iter(|| PosedScene::new(surfaces.clone(), poses.clone()));
     });
-    cast(criterion, "motion/50_bodies", &Snapshot::new(surfaces, poses));
+    cast(criterion, "motion/50_bodies", &PosedScene::new(surfaces, poses));
 }
 
 /// A sphere that was twisted as far as its tree is kept, and the same built anew.
@@ -166,10 +166,14 @@ fn twisted(criterion: &mut Criterion) {
     cast(
         criterion,
         "twisted/refitted",
-        &Snapshot::new(vec![Arc::new(deformed)], vec![ahead]),
+        &PosedScene::new(vec![Arc::new(deformed)], vec![ahead]),
     );
     let rebuilt = surface(&(bent, triangles));
-    cast(criterion, "twisted/rebuilt", &Snapshot::new(vec![rebuilt], vec![ahead]));
+    cast(
+        criterion,
+        "twisted/rebuilt",
+        &PosedScene::new(vec![rebuilt], vec![ahead]),
+    );
 }
 
 /// Points amid spheres: whether one hides, by the first triangle in the way and by the nearest.
@@ -184,7 +188,7 @@ fn hidden(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(points.len() as u64));
     for num_bodies in common::sizes([10, 200], 3) {
         let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
-        let snapshot = Snapshot::new(surfaces, poses);
+        let snapshot = PosedScene::new(surfaces, poses);
         for (name, ends_early) in [("first", true), ("nearest", false)] {
             group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
                 bencher.iter(|| pool.install(|| snapshot.hide(&points, ends_early)));

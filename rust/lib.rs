@@ -69,7 +69,7 @@
 //! let pose = Pose { translation: DVec3::new(2.0, 0.0, 0.0), ..Pose::IDENTITY };
 //!
 //! // Rays: image of the scene.
-//! let scene = Snapshot::new(vec![plate], vec![pose]);
+//! let scene = PosedScene::new(vec![plate], vec![pose]);
 //! let hits = scene.cast_image(&ImagePlane::centered(64, 64, 0.01, 0.01))?;
 //!
 //! // Scattering: hits to scatterers.
@@ -149,7 +149,7 @@ pub use paths::scatterers::Scatterers;
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
 pub use rays::hits::{Cast, Hits, Walks};
-pub use rays::scene::{Hit, NO_BODY, Snapshot};
+pub use rays::scene::{Hit, NO_BODY, PosedScene};
 pub use rays::smooth_hits::Shown;
 pub use rays::surface::{ShadingMode, Surface};
 pub use rays::tree::{Ray, Tree, WIDTH};

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::model::{Model, PosedScene, RaySampling, Source};
+use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
@@ -13,6 +13,7 @@ use crate::paths::scatterers::Scatterers;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::NO_BODY;
+use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;

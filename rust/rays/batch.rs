@@ -7,7 +7,7 @@ use crate::numeric::simd::{Isa, Kernel};
 use crate::rays::hits::{Cast, Counts};
 use crate::rays::image::{Scratch, Touch};
 use crate::rays::packet::{MOST_RAYS, PACKET};
-use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::tree::Tree;
 
 /// Bundles that one thread casts in a row.
@@ -49,7 +49,7 @@ impl Found {
 
 /// What is known of rays from another time.
 pub struct Known<'a, F> {
-    /// Boxes where it may not be taken over; see [`Snapshot::moved`].
+    /// Boxes where it may not be taken over; see [`PosedScene::moved`].
     pub moved: &'a Tree,
     /// What the ray of a number hit then, if it was cast.
     pub found: F,
@@ -61,7 +61,7 @@ pub fn whole_bundles(number: usize) -> Vec<usize> {
     ends.collect()
 }
 
-impl Snapshot {
+impl PosedScene {
     /// Hits of rays through points `(u, v)` of the image plane, bundle by bundle in parallel: those of [`Self::cast_image`] at
     /// the same places. `ends` are the numbers of the rays behind each bundle: at most 64 rays, which should be near each other.
     pub fn cast_batch<F>(
@@ -86,7 +86,7 @@ impl Snapshot {
             .into_par_iter()
             .map(|(first, ends, found)| {
                 cast.level.run(CastBlock {
-                    snapshot: self,
+                    scene: self,
                     cast,
                     known,
                     first,
@@ -102,7 +102,7 @@ impl Snapshot {
 
 /// Casts rays, bundle by bundle.
 struct CastBlock<'a, F> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     cast: &'a Cast<'a>,
     known: Option<&'a Known<'a, F>>,
     /// Number of the first ray.
@@ -121,7 +121,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(self) -> Counts {
         let Self {
-            snapshot,
+            scene,
             cast,
             known,
             first,
@@ -129,7 +129,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             points,
             found,
         } = self;
-        let mut scratch = Scratch::new(snapshot.num_bodies());
+        let mut scratch = Scratch::new(scene.num_bodies());
         let mut counts = Counts::default();
         let mut start = first;
         for end in ends {
@@ -153,16 +153,16 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
                     continue;
                 }
             }
-            if snapshot.search::<I>(&mut scratch, cast) {
+            if scene.search::<I>(&mut scratch, cast) {
                 counts.tiles_skipped += 1;
                 continue;
             }
             counts.rays += points.len();
-            snapshot.measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            scene.measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
             let (best, distance) = (&scratch.best, &scratch.distance);
             scratch
                 .shade
-                .fill::<I, true>(snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+                .fill::<I, true>(scene, &scratch.fan, &best.body, &best.triangle, distance);
             for (ray, found) in found.iter_mut().enumerate() {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn rays_in_any_order_find_and_show_what_those_of_an_image_do() {
         let (surfaces, poses) = furnished();
-        let scene = Snapshot::new(surfaces, poses);
+        let scene = PosedScene::new(surfaces, poses);
         let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
         for level in Level::available() {
             let cast = Cast {

@@ -3,7 +3,7 @@
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::Fan;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 
 /// Hits of all pixels of an image, row by row.
 pub struct Hits {
@@ -60,7 +60,7 @@ pub struct Cast<'a> {
     /// How the rays of a tile search the tree of a body.
     pub walks: Walks,
     /// Hits of another time with the same directions outside. Tiles are taken over if no body has moved there.
-    pub previous: Option<(&'a Snapshot, &'a Hits)>,
+    pub previous: Option<(&'a PosedScene, &'a Hits)>,
 }
 
 /// How the rays of a tile search the tree of a body.

@@ -10,7 +10,7 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::hits::{Cast, Counts, Hits, Walks};
 use crate::rays::packet::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::rays::scene::{NEAREST, NO_BODY, Snapshot, bounds};
+use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
 use crate::rays::traversal::Visit;
 use crate::rays::tree::{Node, Tree};
@@ -20,7 +20,7 @@ use crate::rays::triangle_block::Table;
 /// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- walks`).
 const MANY_LEAVES: usize = 24;
 
-impl Snapshot {
+impl PosedScene {
     /// Hits of all pixels, tile by tile in parallel: those of rays one by one, [`Self::cast`], to the last bit.
     pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
         self.cast_image_at(plane, Level::best())
@@ -54,10 +54,10 @@ impl Snapshot {
             cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
             counts: Counts::default(),
         };
-        let previous = cast.previous.and_then(|(snapshot, before)| {
+        let previous = cast.previous.and_then(|(scene, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
             let is_alike = before.plane == *plane && has_all;
-            let moved = if is_alike { self.moved(snapshot) } else { None };
+            let moved = if is_alike { self.moved(scene) } else { None };
             moved.map(|moved| (before, moved))
         });
         let band = TILE * plane.columns;
@@ -75,7 +75,7 @@ impl Snapshot {
             .enumerate()
             .map(|(index, (((distance, body), triangle), cosine))| {
                 cast.level.run(CastBand {
-                    snapshot: self,
+                    scene: self,
                     cast,
                     previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
@@ -90,7 +90,7 @@ impl Snapshot {
         Ok(hits)
     }
 
-    /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
+    /// Boxes, before and now, of bodies that are not what or where they were in another scene of the same bodies. None
     /// where that is all of them.
     pub fn moved(&self, before: &Self) -> Option<Tree> {
         if self.surfaces.len() != before.surfaces.len() {
@@ -104,7 +104,7 @@ impl Snapshot {
         if moved.len() == self.surfaces.len() {
             return None;
         }
-        let of = |snapshot: &Self, body: usize| bounds(&snapshot.surfaces[body], &snapshot.poses[body]);
+        let of = |scene: &Self, body: usize| bounds(&scene.surfaces[body], &scene.poses[body]);
         let both = moved.iter().flat_map(|body| [of(self, *body), of(before, *body)]);
         let boxes: Vec<Bounds> = both.filter(|b| b.min.is_finite()).collect();
         Some(Tree::build(boxes.len(), 1, |i| boxes[i]).0)
@@ -113,7 +113,7 @@ impl Snapshot {
 
 /// Casts the rays of a row of tiles.
 struct CastBand<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     cast: &'a Cast<'a>,
     /// Hits of another time, and boxes where these may not be taken over.
     previous: Option<(&'a Hits, &'a Tree)>,
@@ -132,7 +132,7 @@ impl Kernel for CastBand<'_> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(mut self) -> Counts {
         let tiles = self.plane.columns.div_ceil(TILE);
-        let mut scratch = Scratch::new(self.snapshot.num_bodies());
+        let mut scratch = Scratch::new(self.scene.num_bodies());
         let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
@@ -151,20 +151,20 @@ impl Kernel for CastBand<'_> {
                     continue;
                 }
             }
-            let is_empty = self.snapshot.search::<I>(&mut scratch, self.cast);
+            let is_empty = self.scene.search::<I>(&mut scratch, self.cast);
             if is_empty {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
             }
             counts.rays += tile.rows * tile.columns;
-            self.snapshot
+            self.scene
                 .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
             if self.cosine.is_some() {
                 let (best, distance) = (&scratch.best, &scratch.distance);
                 scratch
                     .shade
-                    .fill::<I, false>(self.snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+                    .fill::<I, false>(self.scene, &scratch.fan, &best.body, &best.triangle, distance);
             }
             self.write(&tile, &scratch);
         }
@@ -284,14 +284,14 @@ impl Scratch {
     }
 }
 
-impl Snapshot {
+impl PosedScene {
     /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
     #[inline(always)]
     pub(super) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
         let fan = &scratch.fan;
         let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
-            snapshot: self,
+            scene: self,
             fan,
             bundle: &mut scratch.bundle,
             best: &mut scratch.best,
@@ -380,7 +380,7 @@ impl Snapshot {
 
 /// Casts the rays of a tile at bodies.
 struct Bodies<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     fan: &'a Fan,
     bundle: &'a mut Bundle,
     best: &'a mut Best,
@@ -404,13 +404,13 @@ impl Visit for Bodies<'_> {
             self.best.clear::<I>(&self.fan.valid);
             self.is_empty = false;
         }
-        let body = self.snapshot.bodies[leaf];
-        let surface = self.snapshot.surface(body);
-        let view = &self.snapshot.views[body as usize];
+        let body = self.scene.bodies[leaf];
+        let surface = self.scene.surface(body);
+        let view = &self.scene.views[body as usize];
         self.bundle
             .aim::<I>(self.fan, view, surface.middle(), surface.is_fine());
         let exact = ExactRays {
-            snapshot: self.snapshot,
+            scene: self.scene,
             fan: self.fan,
         };
         let (bundle, best, start) = (&*self.bundle, &mut *self.best, NEAREST as f32);
@@ -439,13 +439,13 @@ impl Visit for Bodies<'_> {
 
 /// Exact tests of the rays of a tile.
 struct ExactRays<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     fan: &'a Fan,
 }
 
 impl Exact for ExactRays<'_> {
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
-        let crossing = self.snapshot.cross(self.fan.direction(ray), body, triangle)?;
+        let crossing = self.scene.cross(self.fan.direction(ray), body, triangle)?;
         Some((crossing.distance, crossing.is_edge_on))
     }
 }

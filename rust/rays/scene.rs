@@ -21,7 +21,7 @@ pub const NO_BODY: u32 = u32::MAX;
 pub(super) const NEAREST: f64 = 1e-9;
 
 /// Surfaces at their places in the sensor frame at one time.
-pub struct Snapshot {
+pub struct PosedScene {
     pub(super) surfaces: Vec<Arc<Surface>>,
     pub(super) poses: Vec<Pose>,
     pub(super) views: Vec<View>,
@@ -61,7 +61,7 @@ pub struct Hidden {
     pub ended_early: usize,
 }
 
-impl Snapshot {
+impl PosedScene {
     /// Put surface `i` at pose `i`. Trees of surfaces stay as they are; only the few boxes above are sorted anew.
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
         let with_triangles = |i: &u32| surfaces[*i as usize].num_triangles() > 0;
@@ -106,7 +106,7 @@ impl Snapshot {
     /// The same with an instruction set.
     pub fn cast_at(&self, ray: &Ray, level: Level) -> Hit {
         let one = CastOne {
-            snapshot: self,
+            scene: self,
             ray,
             far: f64::INFINITY,
             is_any_enough: false,
@@ -118,7 +118,7 @@ impl Snapshot {
     /// that is found.
     pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
         let one = CastOne {
-            snapshot: self,
+            scene: self,
             ray,
             far,
             is_any_enough: true,
@@ -137,7 +137,7 @@ impl Snapshot {
             };
             // A point of a surface does not hide behind it.
             let one = CastOne {
-                snapshot: self,
+                scene: self,
                 ray: &ray,
                 far: 1.0 - 1e-9,
                 is_any_enough: ends_early,
@@ -194,7 +194,7 @@ pub(super) fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
 
 /// Casts one ray: the hit, its body [`NO_BODY`] where there is none, and whether boxes in front of it were left out.
 struct CastOne<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     ray: &'a Ray,
     /// Nothing beyond is wanted.
     far: f64,
@@ -208,7 +208,7 @@ impl Kernel for CastOne<'_> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(self) -> (Hit, bool) {
         let mut visitor = OneAtBodies {
-            snapshot: self.snapshot,
+            scene: self.scene,
             ray: self.ray,
             best: Hit {
                 distance: self.far,
@@ -219,7 +219,7 @@ impl Kernel for CastOne<'_> {
         };
         let single = Single::new(self.ray.origin, self.ray.direction);
         single.walk::<I>(
-            &self.snapshot.top,
+            &self.scene.top,
             above(self.far),
             &mut Vec::with_capacity(64),
             &mut visitor,
@@ -229,7 +229,7 @@ impl Kernel for CastOne<'_> {
 }
 
 struct OneAtBodies<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     ray: &'a Ray,
     best: Hit,
     is_any_enough: bool,
@@ -244,15 +244,15 @@ impl Visit for OneAtBodies<'_> {
 
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
-        let body = self.snapshot.bodies[leaf];
-        let pose = self.snapshot.pose(body);
+        let body = self.scene.bodies[leaf];
+        let pose = self.scene.pose(body);
         let ray = Ray {
             origin: pose.point_to_body(self.ray.origin),
             direction: pose.direction_to_body(self.ray.direction),
             start: self.ray.start,
         };
         let nearest = Nearest {
-            surface: self.snapshot.surface(body),
+            surface: self.scene.surface(body),
             ray: &ray,
             far: self.best.distance,
             is_any_enough: self.is_any_enough,

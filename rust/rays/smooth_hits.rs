@@ -8,7 +8,7 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{TILE, Tile};
 use crate::rays::hits::Hits;
 use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::scene::{NO_BODY, PosedScene};
 
 /// What all pixels show, row by row.
 pub struct Shown {
@@ -22,12 +22,12 @@ pub struct Shown {
 
 impl Shown {
     /// Of the hits of an image.
-    pub fn new(snapshot: &Snapshot, hits: &Hits) -> Self {
-        Self::at(snapshot, hits, Level::best())
+    pub fn new(scene: &PosedScene, hits: &Hits) -> Self {
+        Self::at(scene, hits, Level::best())
     }
 
     /// The same with an instruction set.
-    pub fn at(snapshot: &Snapshot, hits: &Hits, level: Level) -> Self {
+    pub fn at(scene: &PosedScene, hits: &Hits, level: Level) -> Self {
         let num_pixels = hits.plane.num_pixels();
         let mut shown = Self {
             cosine: vec![0.0; num_pixels],
@@ -41,7 +41,7 @@ impl Shown {
         let bands = cosine.zip_eq(distance).zip_eq(normal).enumerate();
         bands.for_each(|(index, ((cosine, distance), normal))| {
             level.run(ShadeBand {
-                snapshot,
+                scene,
                 hits,
                 index,
                 cosine,
@@ -55,7 +55,7 @@ impl Shown {
 
 /// Shades the pixels of a row of tiles.
 struct ShadeBand<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     hits: &'a Hits,
     /// Number of the row of tiles.
     index: usize,
@@ -78,7 +78,7 @@ impl Kernel for ShadeBand<'_> {
             let tile = plane.tile(self.index * tiles + index);
             fan.aim::<I>(plane, &tile);
             seen.read(self.hits, &tile);
-            shade.fill::<I, true>(self.snapshot, &fan, &seen.body, &seen.triangle, &seen.distance);
+            shade.fill::<I, true>(self.scene, &fan, &seen.body, &seen.triangle, &seen.distance);
             self.write(&tile, &shade);
         }
     }
@@ -157,7 +157,7 @@ impl Shade {
     #[inline(always)]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
-        snapshot: &Snapshot,
+        scene: &PosedScene,
         fan: &Fan,
         bodies: &[[u32; PACKET]; PACKETS],
         triangles: &[[u32; PACKET]; PACKETS],
@@ -182,8 +182,8 @@ impl Shade {
             while rest[packet] != 0 {
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (bodies[packet][lane], triangles[packet][lane]);
-                let facet = Facet::new(snapshot, body, triangle);
-                let view = snapshot.view(body);
+                let facet = Facet::new(scene, body, triangle);
+                let view = scene.view(body);
                 for other in packet..PACKETS {
                     let same = rest[other] & I::equal(&triangles[other], triangle) & I::equal(&bodies[other], body);
                     rest[other] &= !same;
@@ -203,7 +203,7 @@ impl Shade {
                             let keep = I::F64::load(&self.distance[first..]);
                             let corrected = distance.add(correction);
                             corrected.select(bits, keep).store(&mut self.distance[first..]);
-                            let normal = turn(&snapshot.pose(body).rotation, normal);
+                            let normal = turn(&scene.pose(body).rotation, normal);
                             for axis in 0..3 {
                                 let keep = I::F64::load(&self.normal[axis][first..]);
                                 normal[axis].select(bits, keep).store(&mut self.normal[axis][first..]);
@@ -239,8 +239,8 @@ struct Smooth {
 
 impl Facet {
     #[inline(always)]
-    fn new(snapshot: &Snapshot, body: u32, triangle: u32) -> Self {
-        let (surface, view) = (snapshot.surface(body), snapshot.view(body));
+    fn new(scene: &PosedScene, body: u32, triangle: u32) -> Self {
+        let (surface, view) = (scene.surface(body), scene.view(body));
         let [a, b, c] = surface.corners(triangle);
         let (first, second) = (b - a, c - a);
         let face = first.cross(second);
@@ -380,7 +380,7 @@ mod tests {
             translation: DVec3::new(x, 0.1, 0.0),
         };
         let poses = vec![turned(0.5, 2.0), turned(3.5, 3.0)];
-        let scene = Snapshot::new(vec![surface.clone(), surface], poses);
+        let scene = PosedScene::new(vec![surface.clone(), surface], poses);
         let plane = ImagePlane::centered(61, 83, 0.7, 0.6);
         for level in Level::available() {
             let cast = Cast {

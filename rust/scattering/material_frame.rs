@@ -6,7 +6,7 @@ use crate::geometry::moving_triangle::Facet;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
 use crate::paths::scatterers::Edges;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 
 /// Surface points in one cube of this edge share their diffuse phase [m]. It is a sixteenth of a wavelength at 60 GHz:
 /// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
@@ -27,7 +27,7 @@ pub(crate) struct Ground<'a> {
 
 impl<'a> Ground<'a> {
     /// A triangle of a body.
-    pub(crate) fn of_mesh(snapshot: &'a Snapshot, body: u32, triangle: u32, seed: u64) -> Self {
+    pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
         let surface = snapshot.surface(body);
         let carrier = surface.is_deformed().then(|| Carrier {
             vertices: surface.vertices_of(triangle),

@@ -18,8 +18,8 @@ fn at(x: f64, angle: f64) -> Pose {
 
 const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 
-/// Every pixel as [`Snapshot::cast`] sees it, whatever the instruction set, on one walk per tile and on four.
-fn check(scene: &Snapshot, plane: &ImagePlane) -> usize {
+/// Every pixel as [`PosedScene::cast`] sees it, whatever the instruction set, on one walk per tile and on four.
+fn check(scene: &PosedScene, plane: &ImagePlane) -> usize {
     let mut count = 0;
     for level in Level::available() {
         let [hits, apart] = [Walks::Together, Walks::Apart].map(|walks| {
@@ -93,7 +93,7 @@ fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
         }
         let half = 0.3 + 0.6 * unit().abs();
         let plane = ImagePlane::centered(19 + seed as usize % 9, 22, half, 0.5);
-        count += check(&Snapshot::new(surfaces, poses), &plane);
+        count += check(&PosedScene::new(surfaces, poses), &plane);
     }
     assert!(count > 10_000, "{count}");
 }
@@ -122,10 +122,10 @@ fn rays_at_edges_and_corners_of_a_grid_are_met_by_bundles() {
         let wall = Arc::new(Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap());
         let mut plane = ImagePlane::centered(cells, cells, 1.0, 1.0);
         (plane.axis_row, plane.axis_column) = (plane.axis_row - 0.5, plane.axis_column - 0.5);
-        let scene = Snapshot::new(vec![wall.clone()], vec![Pose::IDENTITY]);
+        let scene = PosedScene::new(vec![wall.clone()], vec![Pose::IDENTITY]);
         let hits = check(&scene, &plane) / Level::available().len();
         assert_eq!(hits, cells * cells);
-        check(&Snapshot::new(vec![wall], vec![at(-distance, 0.3)]), &plane);
+        check(&PosedScene::new(vec![wall], vec![at(-distance, 0.3)]), &plane);
     }
 }
 
@@ -147,7 +147,7 @@ pub fn furnished() -> (Vec<Arc<Surface>>, Vec<Pose>) {
 #[test]
 fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
     let (surfaces, poses) = furnished();
-    let scene = Snapshot::new(surfaces, poses);
+    let scene = PosedScene::new(surfaces, poses);
     let mut state = 5;
     let mut unit = || 2.0 * random(&mut state) - 1.0;
     let points: Vec<DVec3> = (0..5000)
@@ -167,7 +167,7 @@ fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
 fn searches_end_early_where_boxes_overlap() {
     // Slanting squares one behind the other: a ray enters the boxes of all before it meets the first.
     let poses = [3.0, 3.1, 3.2].map(|x| at(x, 0.8)).to_vec();
-    let scene = Snapshot::new(vec![square(1.0); 3], poses);
+    let scene = PosedScene::new(vec![square(1.0); 3], poses);
     let points: Vec<DVec3> = (0..100).map(|i| DVec3::new(6.0, 0.01 * f64::from(i), 0.0)).collect();
     let [first, nearest] = [true, false].map(|ends_early| scene.hide(&points, ends_early));
     assert_eq!((first.ended_early, nearest.ended_early), (100, 0));
@@ -180,7 +180,7 @@ fn searches_end_early_where_boxes_overlap() {
 
 #[test]
 fn nearer_body_hides_the_one_behind() {
-    let scene = Snapshot::new(vec![square(2.0), square(0.1)], vec![at(3.0, 0.0), at(2.0, 0.0)]);
+    let scene = PosedScene::new(vec![square(2.0), square(0.1)], vec![at(3.0, 0.0), at(2.0, 0.0)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     let middle = 8 * 23 + 11;
     assert_eq!((hits.body[middle], hits.distance[middle]), (1, 2.0));
@@ -191,17 +191,17 @@ fn nearer_body_hides_the_one_behind() {
 
 #[test]
 fn misses_are_data() {
-    let scene = Snapshot::new(vec![square(0.5)], vec![at(-1.0, 0.0)]);
+    let scene = PosedScene::new(vec![square(0.5)], vec![at(-1.0, 0.0)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     assert!(hits.distance.iter().all(|d| d.is_infinite()) && hits.body.iter().all(|b| *b == NO_BODY));
-    let empty = Snapshot::new(vec![], vec![]).cast_image(&PLANE).unwrap();
+    let empty = PosedScene::new(vec![], vec![]).cast_image(&PLANE).unwrap();
     assert!(empty.body.iter().all(|b| *b == NO_BODY));
 }
 
 #[test]
 fn a_turned_body_is_met_at_its_turned_plane() {
     let angle = 0.7_f64;
-    let scene = Snapshot::new(vec![square(5.0)], vec![at(2.0, angle)]);
+    let scene = PosedScene::new(vec![square(5.0)], vec![at(2.0, angle)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     let normal = DVec3::new(angle.cos(), angle.sin(), 0.0);
     for row in 0..PLANE.rows {
