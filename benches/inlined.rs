@@ -18,13 +18,13 @@ fn main() {
 mod linux {
     use std::hint::black_box;
 
-    use radarcore::{Level, PosedScene, Shown, beat_signal};
+    use radarcore::{Level, PosedScene, SmoothHits, beat_signal};
 
     pub fn check() {
         // What is never named is not linked: these lead to every kernel, at every level.
         black_box(PosedScene::cast_image_at as *const ());
         black_box(PosedScene::cast as *const ());
-        black_box(Shown::new as *const ());
+        black_box(SmoothHits::new as *const ());
         black_box(beat_signal as *const ());
 
         let executable = std::env::current_exe().and_then(std::fs::read).expect("own executable");

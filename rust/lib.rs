@@ -83,7 +83,7 @@
 //!     frequency: 60e9,
 //!     polarization: None,
 //! };
-//! let shown = Shown::new(&scene, &hits);
+//! let shown = SmoothHits::new(&scene, &hits);
 //! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
@@ -150,7 +150,7 @@ pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
 pub use rays::hits::{Cast, Hits, Walks};
 pub use rays::scene::{Hit, NO_BODY, PosedScene};
-pub use rays::smooth_hits::Shown;
+pub use rays::smooth_hits::SmoothHits;
 pub use rays::surface::{ShadingMode, Surface};
 pub use rays::tree::{Ray, Tree, WIDTH};
 pub use scattering::material::{CONDUCTOR, Material};

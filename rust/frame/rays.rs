@@ -14,7 +14,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::NO_BODY;
 use crate::rays::scene::PosedScene;
-use crate::rays::smooth_hits::Shown;
+use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
@@ -28,7 +28,7 @@ pub struct Image {
     /// The hits.
     pub hits: Hits,
     beam: Option<Beam>,
-    smooth: OnceLock<Shown>,
+    smooth: OnceLock<SmoothHits>,
 }
 
 impl Image {
@@ -61,8 +61,8 @@ impl Image {
     }
 
     /// Distances and normals of the curved surfaces that facets stand for; computed once.
-    pub fn smooth(&self) -> &Shown {
-        self.smooth.get_or_init(|| Shown::new(&self.scene, &self.hits))
+    pub fn smooth(&self) -> &SmoothHits {
+        self.smooth.get_or_init(|| SmoothHits::new(&self.scene, &self.hits))
     }
 }
 

@@ -458,7 +458,7 @@ mod tests {
     use crate::rays::camera::ImagePlane;
     use crate::rays::hits::Cast;
     use crate::rays::scene::PosedScene;
-    use crate::rays::smooth_hits::Shown;
+    use crate::rays::smooth_hits::SmoothHits;
     use crate::rays::surface::{ShadingMode, Surface};
     use crate::scattering::material::{Material, Response};
     use crate::scattering::physical_optics::Sampling;
@@ -515,7 +515,7 @@ mod tests {
             let array = array(&pattern);
             let materials = vec![half_matt; 2];
             let hits = snapshot.cast_image(&plane).unwrap();
-            let shown = Shown::at(&snapshot, &hits, Level::best());
+            let shown = SmoothHits::at(&snapshot, &hits, Level::best());
             let of_pixels = Scatterers::new(
                 &snapshot,
                 &hits,

@@ -199,7 +199,7 @@ mod tests {
     use crate::numeric::simd::Level;
     use crate::rays::camera::ImagePlane;
     use crate::rays::scene::tests::furnished;
-    use crate::rays::smooth_hits::Shown;
+    use crate::rays::smooth_hits::SmoothHits;
 
     /// Rays that need not be of any other time.
     type Unknown = fn(usize) -> Option<Found>;
@@ -215,7 +215,7 @@ mod tests {
                 ..Cast::default()
             };
             let hits = scene.cast_image_with(&plane, &cast).unwrap();
-            let shown = Shown::at(&scene, &hits, level);
+            let shown = SmoothHits::at(&scene, &hits, level);
             // Every seventh pixel after the other: bundles that reach all over the image.
             let pixels: Vec<usize> = (0..plane.num_pixels()).map(|i| i * 7 % plane.num_pixels()).collect();
             let points: Vec<[f64; 2]> = pixels

@@ -11,7 +11,7 @@ use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::{NO_BODY, PosedScene};
 
 /// What all pixels show, row by row.
-pub struct Shown {
+pub struct SmoothHits {
     /// Cosine of the angle of incidence; zero where nothing was hit.
     pub cosine: Vec<f64>,
     /// Distance along the ray to the surface that the facets stand for [m]; infinite where nothing was hit.
@@ -20,7 +20,7 @@ pub struct Shown {
     pub normal: Vec<DVec3>,
 }
 
-impl Shown {
+impl SmoothHits {
     /// Of the hits of an image.
     pub fn new(scene: &PosedScene, hits: &Hits) -> Self {
         Self::at(scene, hits, Level::best())
@@ -29,15 +29,15 @@ impl Shown {
     /// The same with an instruction set.
     pub fn at(scene: &PosedScene, hits: &Hits, level: Level) -> Self {
         let num_pixels = hits.plane.num_pixels();
-        let mut shown = Self {
+        let mut smooth = Self {
             cosine: vec![0.0; num_pixels],
             distance: vec![0.0; num_pixels],
             normal: vec![DVec3::ZERO; num_pixels],
         };
         let band = TILE * hits.plane.columns;
-        let cosine = shown.cosine.par_chunks_mut(band);
-        let distance = shown.distance.par_chunks_mut(band);
-        let normal = shown.normal.par_chunks_mut(band);
+        let cosine = smooth.cosine.par_chunks_mut(band);
+        let distance = smooth.distance.par_chunks_mut(band);
+        let normal = smooth.normal.par_chunks_mut(band);
         let bands = cosine.zip_eq(distance).zip_eq(normal).enumerate();
         bands.for_each(|(index, ((cosine, distance), normal))| {
             level.run(ShadeBand {
@@ -49,7 +49,7 @@ impl Shown {
                 normal,
             });
         });
-        shown
+        smooth
     }
 }
 
@@ -128,7 +128,7 @@ impl Seen {
     }
 }
 
-/// What the rays of a tile see; see [`Shown`].
+/// What the rays of a tile see; see [`SmoothHits`].
 pub struct Shade {
     /// Cosine of incidence.
     pub cosine: [f64; MOST_RAYS],
@@ -390,13 +390,13 @@ mod tests {
             };
             let hits = scene.cast_image_with(&plane, &cast).unwrap();
             let cosines = hits.cosine.as_ref().unwrap();
-            let shown = Shown::at(&scene, &hits, level);
+            let smooth = SmoothHits::at(&scene, &hits, level);
             let (mut num_curved, mut num_flat) = (0, 0);
             for pixel in 0..plane.num_pixels() {
                 let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);
                 if body == NO_BODY {
-                    assert_eq!((shown.cosine[pixel], shown.normal[pixel]), (0.0, DVec3::ZERO));
-                    assert!(shown.distance[pixel].is_infinite());
+                    assert_eq!((smooth.cosine[pixel], smooth.normal[pixel]), (0.0, DVec3::ZERO));
+                    assert!(smooth.distance[pixel].is_infinite());
                     continue;
                 }
                 let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
@@ -412,10 +412,10 @@ mod tests {
                     pose.direction_to_body(direction.normalize()),
                 );
                 let normal = pose.direction(normal);
-                assert!((shown.normal[pixel] - normal).length() < 1e-11, "{pixel} {level:?}");
-                assert!((shown.distance[pixel] - hits.distance[pixel] - correction).abs() < 1e-12);
+                assert!((smooth.normal[pixel] - normal).length() < 1e-11, "{pixel} {level:?}");
+                assert!((smooth.distance[pixel] - hits.distance[pixel] - correction).abs() < 1e-12);
                 let cosine = (-normal.dot(direction.normalize())).clamp(0.0, 1.0);
-                assert!((shown.cosine[pixel] - cosine).abs() < 1e-11);
+                assert!((smooth.cosine[pixel] - cosine).abs() < 1e-11);
                 assert!((cosines[pixel] - cosine).abs() < 1e-11);
                 num_curved += usize::from(correction != 0.0);
                 num_flat += usize::from(correction == 0.0);

@@ -16,7 +16,7 @@ use crate::paths::scatterers::Scatterers;
 use crate::rays::batch::Found;
 use crate::rays::hits::Hits;
 use crate::rays::scene::PosedScene;
-use crate::rays::smooth_hits::Shown;
+use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::Ground;
@@ -30,7 +30,7 @@ impl Scatterers {
     pub fn new(
         snapshot: &PosedScene,
         hits: &Hits,
-        shown: &Shown,
+        shown: &SmoothHits,
         materials: &[Material],
         array: Array,
         sampling: Sampling,

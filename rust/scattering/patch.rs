@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::rays::camera::Cell;
 use crate::rays::hits::Hits;
 use crate::rays::scene::{NO_BODY, PosedScene};
-use crate::rays::smooth_hits::Shown;
+use crate::rays::smooth_hits::SmoothHits;
 
 /// Surfaces seen at a smaller cosine of incidence return nothing.
 pub(crate) const MIN_COSINE: f64 = 1e-6;
@@ -70,7 +70,7 @@ pub fn place_on_mesh(snapshot: &PosedScene, cell: &Cell, body: u32, triangle: u3
 }
 
 /// What the hit of one pixel shows.
-pub(crate) fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
+pub(crate) fn patch(hits: &Hits, shown: &SmoothHits, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
     let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
     (body != NO_BODY).then(|| Patch {
