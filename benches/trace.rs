@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, Surface, Walks};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, Surface, Traversals};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
@@ -122,13 +122,13 @@ fn walks(criterion: &mut Criterion) {
             for side in common::sizes([128, 256, 512], 8) {
                 let plane = square(side);
                 group.throughput(Throughput::Elements(plane.num_pixels() as u64));
-                for (way, walks) in [
-                    ("chosen", Walks::Chosen),
-                    ("together", Walks::Together),
-                    ("apart", Walks::Apart),
+                for (way, traversals) in [
+                    ("chosen", Traversals::Chosen),
+                    ("together", Traversals::Together),
+                    ("apart", Traversals::Apart),
                 ] {
                     let cast = Cast {
-                        walks,
+                        traversals,
                         ..Cast::default()
                     };
                     let id = BenchmarkId::new(format!("{name}_{}_{side}", common::size_id(size)), way);

@@ -148,7 +148,7 @@ pub use paths::kinematics::Places;
 pub use paths::scatterers::Scatterers;
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
-pub use rays::hits::{Cast, Hits, Walks};
+pub use rays::hits::{Cast, Hits, Traversals};
 pub use rays::scene::{Hit, NO_BODY, PosedScene};
 pub use rays::smooth_hits::SmoothHits;
 pub use rays::surface::{ShadingMode, Surface};

@@ -58,14 +58,14 @@ pub struct Cast<'a> {
     /// Whether cosines of incidence are wanted as well.
     pub with_cosines: bool,
     /// How the rays of a tile search the tree of a body.
-    pub walks: Walks,
+    pub traversals: Traversals,
     /// Hits of another time with the same directions outside. Tiles are taken over if no body has moved there.
     pub previous: Option<(&'a PosedScene, &'a Hits)>,
 }
 
 /// How the rays of a tile search the tree of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Walks {
+pub enum Traversals {
     /// As is faster, by how many leaves of the body were in the tiles before.
     Chosen,
     /// 8 x 8 rays on one walk.
@@ -89,7 +89,7 @@ impl Default for Cast<'_> {
             skip_empty: true,
             outside: None,
             with_cosines: false,
-            walks: Walks::Chosen,
+            traversals: Traversals::Chosen,
             previous: None,
         }
     }

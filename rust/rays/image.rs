@@ -8,7 +8,7 @@ use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
-use crate::rays::hits::{Cast, Counts, Hits, Walks};
+use crate::rays::hits::{Cast, Counts, Hits, Traversals};
 use crate::rays::packet::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
@@ -297,7 +297,7 @@ impl PosedScene {
             best: &mut scratch.best,
             table: &mut scratch.table,
             stack,
-            walks: cast.walks,
+            traversals: cast.traversals,
             num_leaves: &mut scratch.num_leaves,
             is_empty: true,
         };
@@ -386,7 +386,7 @@ struct Bodies<'a> {
     best: &'a mut Best,
     table: &'a mut Table,
     stack: &'a mut Vec<u64>,
-    walks: Walks,
+    traversals: Traversals,
     num_leaves: &'a mut [usize],
     /// Whether no body was visited.
     is_empty: bool,
@@ -415,10 +415,10 @@ impl Visit for Bodies<'_> {
         };
         let (bundle, best, start) = (&*self.bundle, &mut *self.best, NEAREST as f32);
         let mean = &mut self.num_leaves[body as usize];
-        let goes_apart = match self.walks {
-            Walks::Chosen => *mean > MANY_LEAVES,
-            Walks::Together => false,
-            Walks::Apart => true,
+        let goes_apart = match self.traversals {
+            Traversals::Chosen => *mean > MANY_LEAVES,
+            Traversals::Together => false,
+            Traversals::Apart => true,
         };
         let mut num_leaves = 0;
         if goes_apart {

@@ -1,4 +1,4 @@
-//! Walks of a tree: all children of a node at a time, for one ray or for all directions of a box.
+//! Traversal of a tree: all children of a node at a time, for one ray or for all directions of a box.
 //!
 //! Boxes are in single precision with bounds on every rounding: no box that a ray meets is passed over.
 

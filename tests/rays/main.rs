@@ -9,7 +9,7 @@ use std::sync::Arc;
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
-use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Walks};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Traversals};
 use rayon::prelude::*;
 
 /// Where rays of images start [m].
@@ -40,14 +40,15 @@ impl Scene {
     fn cast(&self, plane: &ImagePlane, mut judge: impl FnMut(Level, &Ray, usize, Answer) -> Result<(), String>) {
         let rays = rays(plane);
         for level in Level::available() {
-            let [hits, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
-                let cast = Cast {
-                    level,
-                    walks,
-                    ..Cast::default()
-                };
-                self.snapshot.cast_image_with(plane, &cast).unwrap()
-            });
+            let [hits, together, apart] =
+                [Traversals::Chosen, Traversals::Together, Traversals::Apart].map(|traversals| {
+                    let cast = Cast {
+                        level,
+                        traversals,
+                        ..Cast::default()
+                    };
+                    self.snapshot.cast_image_with(plane, &cast).unwrap()
+                });
             assert_eq!(hits.distance.len(), rays.len());
             for other in [together, apart] {
                 assert_eq!(hits.distance, other.distance);

@@ -84,14 +84,15 @@ fn walks_change_neither_images_nor_counts() {
     let scene = PosedScene::new(surfaces, poses);
     let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
     for level in Level::available() {
-        let [chosen, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
-            let cast = Cast {
-                level,
-                walks,
-                ..Cast::default()
-            };
-            scene.cast_image_with(&plane, &cast).unwrap()
-        });
+        let [chosen, together, apart] =
+            [Traversals::Chosen, Traversals::Together, Traversals::Apart].map(|traversals| {
+                let cast = Cast {
+                    level,
+                    traversals,
+                    ..Cast::default()
+                };
+                scene.cast_image_with(&plane, &cast).unwrap()
+            });
         assert!(chosen.body.iter().filter(|body| **body == 11).count() > 600);
         for other in [together, apart] {
             assert_eq!(chosen.distance, other.distance);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{Cast, Walks};
+use crate::rays::hits::{Cast, Traversals};
 use crate::rays::surface::ShadingMode;
 use glam::DMat3;
 
@@ -22,10 +22,10 @@ const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 fn check(scene: &PosedScene, plane: &ImagePlane) -> usize {
     let mut count = 0;
     for level in Level::available() {
-        let [hits, apart] = [Walks::Together, Walks::Apart].map(|walks| {
+        let [hits, apart] = [Traversals::Together, Traversals::Apart].map(|traversals| {
             let cast = Cast {
                 level,
-                walks,
+                traversals,
                 ..Cast::default()
             };
             scene.cast_image_with(plane, &cast).unwrap()
