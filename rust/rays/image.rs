@@ -326,7 +326,7 @@ impl PosedScene {
         }
         for packet in 0..PACKETS {
             while rest[packet] != 0 {
-                // All rays that meet one triangle; as `Woop::intersect` does.
+                // All rays that meet one triangle; as `WatertightTest::intersect` does.
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (best.body[packet][lane], best.triangle[packet][lane]);
                 let view = &self.views[body as usize];

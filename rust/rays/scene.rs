@@ -12,7 +12,7 @@ use crate::rays::packet::View;
 use crate::rays::surface::{Nearest, Surface, above};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{Node, Ray, Tree};
-use crate::rays::watertight::{Crossing, Woop};
+use crate::rays::watertight::{Crossing, WatertightTest};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
@@ -170,7 +170,7 @@ impl PosedScene {
     /// Where a ray `(1, u, v)` meets a triangle.
     pub(super) fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
         let ray = self.ray_to_body(body, direction);
-        Woop::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
+        WatertightTest::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
     }
 
     /// A ray from the sensor as a body sees it.

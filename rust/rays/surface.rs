@@ -19,7 +19,7 @@ use crate::rays::packet::{Best, Bundle, Exact, Search};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
 use crate::rays::triangle_block::{Leaf, Table};
-use crate::rays::watertight::{Crossing, Woop};
+use crate::rays::watertight::{Crossing, WatertightTest};
 
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
@@ -501,7 +501,7 @@ impl Kernel for Nearest<'_> {
         let mut visitor = NearestVisitor {
             surface,
             single: &single,
-            woop: Woop::new(self.ray),
+            woop: WatertightTest::new(self.ray),
             best: None,
             far: self.far,
             is_any_enough: self.is_any_enough,
@@ -529,7 +529,7 @@ pub fn above(distance: f64) -> f32 {
 struct NearestVisitor<'a> {
     surface: &'a Surface,
     single: &'a Single,
-    woop: Woop,
+    woop: WatertightTest,
     best: Option<TriangleHit>,
     far: f64,
     is_any_enough: bool,

@@ -8,13 +8,13 @@ use crate::rays::tree::Ray;
 ///
 /// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
 /// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
-pub struct Woop {
+pub struct WatertightTest {
     ray: Ray,
     axes: [usize; 3],
     shear: DVec3,
 }
 
-impl Woop {
+impl WatertightTest {
     /// Prepare a ray.
     pub fn new(ray: &Ray) -> Self {
         let d = ray.direction;
