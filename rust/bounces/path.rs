@@ -10,7 +10,7 @@ use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
-use crate::geometry::moving_triangle::Facet;
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::paths::kinematics::Places;
 use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::PosedScene;
@@ -65,7 +65,7 @@ impl Point {
         Self {
             body: place.body,
             facet: Some(surface.vertices_of(place.triangle)),
-            position: Facet::new(surface.corners(place.triangle)).coordinates(position),
+            position: MovingTriangle::new(surface.corners(place.triangle)).coordinates(position),
         }
     }
 }
@@ -267,11 +267,11 @@ impl Bounces {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<Facet> {
+    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<MovingTriangle> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
         let vertices = &places.vertices[index][node * self.deforming[index].1..];
-        Some(Facet::new(
+        Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// The frame of a triangle: a material point keeps its coordinates in it, wherever the corners go.
 #[derive(Clone, Copy, Debug)]
-pub struct Facet {
+pub struct MovingTriangle {
     /// The first corner.
     origin: DVec3,
     /// From there to the others.
@@ -15,7 +15,7 @@ pub struct Facet {
     normal: DVec3,
 }
 
-impl Facet {
+impl MovingTriangle {
     /// Of a triangle's corners.
     pub fn new([a, b, c]: [DVec3; 3]) -> Self {
         let edges = [b - a, c - a];
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_weights_and_height() {
-        let facet = Facet::new(CORNERS);
+        let facet = MovingTriangle::new(CORNERS);
         let [a, b, c] = CORNERS;
         let normal = (b - a).cross(c - a).normalize();
         let coordinates = facet.coordinates(0.5 * a + 0.2 * b + 0.3 * c - 0.04 * normal);
@@ -114,8 +114,8 @@ mod tests {
     fn points_and_normals_turn_with_their_facet() {
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, -1.1, 2.0);
         let shift = DVec3::new(3.0, -1.0, 0.5);
-        let before = Facet::new(CORNERS);
-        let after = Facet::new(CORNERS.map(|corner| turn * corner + shift));
+        let before = MovingTriangle::new(CORNERS);
+        let after = MovingTriangle::new(CORNERS.map(|corner| turn * corner + shift));
         let point = after.point(before.coordinates(POINT));
         assert!(point.distance(turn * POINT + shift) < 4e-15);
         let tilted = DVec3::new(0.2, -0.5, 0.7).normalize();
@@ -129,17 +129,17 @@ mod tests {
             DVec3::new(-0.7, 0.3, 2.0),
             DVec3::new(0.1, 0.9, -1.5),
         ];
-        let at = |time: f64| Facet::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
+        let at = |time: f64| MovingTriangle::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
         let coordinates = at(0.0).coordinates(POINT);
         let step = 1e-5;
         let difference = (at(step).point(coordinates) - at(-step).point(coordinates)) / (2.0 * step);
-        let velocity = at(0.0).velocity(&Facet::new(rates), coordinates);
+        let velocity = at(0.0).velocity(&MovingTriangle::new(rates), coordinates);
         assert!(velocity.distance(difference) < 1e-8, "{velocity} {difference}"); // step^2 times a third derivative
     }
 
     #[test]
     fn a_facet_without_area_has_no_normal_and_finite_places() {
-        let needle = Facet::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
+        let needle = MovingTriangle::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
         assert_eq!(needle.normal(DVec3::new(0.1, 0.2, 0.9)), DVec3::ZERO);
         assert_eq!(needle.point(DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);
         assert_eq!(needle.velocity(&needle, DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);

@@ -182,7 +182,7 @@ impl Shade {
             while rest[packet] != 0 {
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (bodies[packet][lane], triangles[packet][lane]);
-                let facet = Facet::new(scene, body, triangle);
+                let facet = ShadedTriangle::new(scene, body, triangle);
                 let view = scene.view(body);
                 for other in packet..PACKETS {
                     let same = rest[other] & I::equal(&triangles[other], triangle) & I::equal(&bodies[other], body);
@@ -217,7 +217,7 @@ impl Shade {
 }
 
 /// A triangle in the frame of its body, prepared for all rays that meet it.
-struct Facet {
+struct ShadedTriangle {
     /// First corner relative to the sensor [m].
     corner: DVec3,
     /// Normal, and its inverse length.
@@ -237,7 +237,7 @@ struct Smooth {
     heights: [f64; 2],
 }
 
-impl Facet {
+impl ShadedTriangle {
     #[inline(always)]
     fn new(scene: &PosedScene, body: u32, triangle: u32) -> Self {
         let (surface, view) = (scene.surface(body), scene.view(body));

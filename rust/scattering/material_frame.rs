@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::geometry::moving_triangle::Facet;
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
 use crate::paths::scatterers::Edges;
@@ -31,8 +31,8 @@ impl<'a> Ground<'a> {
         let surface = snapshot.surface(body);
         let carrier = surface.is_deformed().then(|| Carrier {
             vertices: surface.vertices_of(triangle),
-            facet: Facet::new(surface.corners(triangle)),
-            rest: Facet::new(surface.rest_corners(triangle)),
+            facet: MovingTriangle::new(surface.corners(triangle)),
+            rest: MovingTriangle::new(surface.rest_corners(triangle)),
         });
         Self {
             pose: snapshot.pose(body),
@@ -76,9 +76,9 @@ impl<'a> Ground<'a> {
 pub(crate) struct Carrier {
     pub(crate) vertices: [u32; 3],
     /// When the rays were cast.
-    pub(crate) facet: Facet,
+    pub(crate) facet: MovingTriangle,
     /// Before the body was deformed.
-    pub(crate) rest: Facet,
+    pub(crate) rest: MovingTriangle,
 }
 
 /// A random number that belongs to a cube of the surface: the same in every chirp, frame and cell.
