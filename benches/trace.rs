@@ -2,7 +2,7 @@
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
 //! `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
-//! cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
+//! cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per second.
 
 mod common;
 
@@ -176,22 +176,22 @@ fn twisted(criterion: &mut Criterion) {
     );
 }
 
-/// Points amid spheres: whether one hides, by the first triangle in the way and by the nearest.
-fn hidden(criterion: &mut Criterion) {
+/// Points amid spheres: occlusion of each, by the first triangle in the way and by the nearest.
+fn occluded(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
     let plane = plane();
     let point = |pixel: usize| 3.0 * plane.direction(pixel / plane.columns, pixel % plane.columns);
     let points: Vec<DVec3> = (0..plane.num_pixels()).map(point).collect();
     let pool = common::pool(1);
-    let mut group = criterion.benchmark_group("hide");
+    let mut group = criterion.benchmark_group("occluded");
     group.throughput(Throughput::Elements(points.len() as u64));
     for num_bodies in common::sizes([10, 200], 3) {
         let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
         let snapshot = PosedScene::new(surfaces, poses);
         for (name, ends_early) in [("first", true), ("nearest", false)] {
             group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
-                bencher.iter(|| pool.install(|| snapshot.hide(&points, ends_early)));
+                bencher.iter(|| pool.install(|| snapshot.occluded(&points, ends_early)));
             });
         }
     }
@@ -205,6 +205,6 @@ fn main() {
     walks(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
-    hidden(&mut criterion);
+    occluded(&mut criterion);
     criterion.final_summary();
 }

@@ -54,9 +54,9 @@ impl Hit {
 }
 
 /// Which points hide behind bodies.
-pub struct Hidden {
+pub struct Occlusion {
     /// For every point.
-    pub is_hidden: Vec<bool>,
+    pub is_occluded: Vec<bool>,
     /// Searches that ended at a triangle in the way while there were boxes in front of it.
     pub ended_early: usize,
 }
@@ -128,7 +128,7 @@ impl PosedScene {
 
     /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
     /// nearest is asked for, which gives the same answer.
-    pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Hidden {
+    pub fn occluded(&self, points: &[DVec3], ends_early: bool) -> Occlusion {
         let search = |point: &DVec3| {
             let ray = Ray {
                 origin: DVec3::ZERO,
@@ -145,9 +145,9 @@ impl PosedScene {
             let (hit, has_ended_early) = Level::best().run(one);
             (hit.body != NO_BODY, has_ended_early)
         };
-        let (is_hidden, early): (Vec<bool>, Vec<bool>) = points.par_iter().map(search).unzip();
-        Hidden {
-            is_hidden,
+        let (is_occluded, early): (Vec<bool>, Vec<bool>) = points.par_iter().map(search).unzip();
+        Occlusion {
+            is_occluded,
             ended_early: early.into_iter().filter(|early| *early).count(),
         }
     }

@@ -145,7 +145,7 @@ pub fn furnished() -> (Vec<Arc<Surface>>, Vec<Pose>) {
 }
 
 #[test]
-fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
+fn points_are_occluded_by_bodies_whether_searches_end_early_or_not() {
     let (surfaces, poses) = furnished();
     let scene = PosedScene::new(surfaces, poses);
     let mut state = 5;
@@ -153,14 +153,14 @@ fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
     let points: Vec<DVec3> = (0..5000)
         .map(|_| DVec3::new(4.0 + 4.0 * unit(), 2.0 * unit(), 2.0 * unit()))
         .collect();
-    let hidden = scene.hide(&points, true).is_hidden;
-    assert_eq!(hidden, scene.hide(&points, false).is_hidden);
-    let behind_wall = points.iter().zip(&hidden).filter(|(p, _)| p.x > 6.0);
-    assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, hidden)| *hidden));
-    let before = points.iter().zip(&hidden).filter(|(p, _)| p.x < 2.9);
-    assert!(before.clone().count() > 500 && before.clone().all(|(_, hidden)| !hidden));
-    let between = points.iter().zip(&hidden).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
-    assert!(between.clone().any(|(_, hidden)| *hidden) && between.clone().any(|(_, hidden)| !hidden));
+    let occluded = scene.occluded(&points, true).is_occluded;
+    assert_eq!(occluded, scene.occluded(&points, false).is_occluded);
+    let behind_wall = points.iter().zip(&occluded).filter(|(p, _)| p.x > 6.0);
+    assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, occluded)| *occluded));
+    let before = points.iter().zip(&occluded).filter(|(p, _)| p.x < 2.9);
+    assert!(before.clone().count() > 500 && before.clone().all(|(_, occluded)| !occluded));
+    let between = points.iter().zip(&occluded).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
+    assert!(between.clone().any(|(_, occluded)| *occluded) && between.clone().any(|(_, occluded)| !occluded));
 }
 
 #[test]
@@ -169,17 +169,17 @@ fn searches_end_early_where_boxes_overlap() {
     let poses = [3.0, 3.1, 3.2].map(|x| at(x, 0.8)).to_vec();
     let scene = PosedScene::new(vec![square(1.0); 3], poses);
     let points: Vec<DVec3> = (0..100).map(|i| DVec3::new(6.0, 0.01 * f64::from(i), 0.0)).collect();
-    let [first, nearest] = [true, false].map(|ends_early| scene.hide(&points, ends_early));
+    let [first, nearest] = [true, false].map(|ends_early| scene.occluded(&points, ends_early));
     assert_eq!((first.ended_early, nearest.ended_early), (100, 0));
-    assert!(first.is_hidden == [true; 100] && nearest.is_hidden == [true; 100]);
+    assert!(first.is_occluded == [true; 100] && nearest.is_occluded == [true; 100]);
     // Where nothing is in the way a search goes to its end.
     let above: Vec<DVec3> = points.iter().map(|p| p.with_z(4.0)).collect();
-    let free = scene.hide(&above, true);
-    assert!(free.ended_early == 0 && free.is_hidden == [false; 100]);
+    let free = scene.occluded(&above, true);
+    assert!(free.ended_early == 0 && free.is_occluded == [false; 100]);
 }
 
 #[test]
-fn nearer_body_hides_the_one_behind() {
+fn nearer_body_occludes_the_one_behind() {
     let scene = PosedScene::new(vec![square(2.0), square(0.1)], vec![at(3.0, 0.0), at(2.0, 0.0)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     let middle = 8 * 23 + 11;
