@@ -137,8 +137,8 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             start = *end;
             let points = &points[bundle.clone()];
             let found = &mut found[bundle.start - first..bundle.end - first];
-            scratch.fan.hold(points);
-            if cast.is_outside(&scratch.fan) {
+            scratch.rays.hold(points);
+            if cast.is_outside(&scratch.rays) {
                 counts.tiles_skipped += 1;
                 for found in found {
                     found.is_seen = false;
@@ -147,7 +147,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             }
             if let Some(known) = known {
                 let mut touch = Touch(false);
-                scratch.fan.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
+                scratch.rays.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
                 if !touch.0 && take_over(found, known, bundle.start) {
                     counts.tiles_reused += 1;
                     continue;
@@ -158,11 +158,11 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
                 continue;
             }
             counts.rays += points.len();
-            scene.measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            scene.measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
             let (best, distance) = (&scratch.best, &scratch.distance);
             scratch
                 .shade
-                .fill::<I, true>(scene, &scratch.fan, &best.body, &best.triangle, distance);
+                .fill::<I, true>(scene, &scratch.rays, &best.body, &best.triangle, distance);
             for (ray, found) in found.iter_mut().enumerate() {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {

@@ -2,7 +2,7 @@
 
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
-use crate::rays::packet::Fan;
+use crate::rays::packet::TileRays;
 use crate::rays::scene::PosedScene;
 
 /// Hits of all pixels of an image, row by row.
@@ -76,8 +76,8 @@ pub enum Traversals {
 
 impl Cast<'_> {
     /// Whether no ray of a tile is of interest.
-    pub(super) fn is_outside(&self, fan: &Fan) -> bool {
-        let [u, v] = fan.ranges();
+    pub(super) fn is_outside(&self, rays: &TileRays) -> bool {
+        let [u, v] = rays.ranges();
         self.outside.is_some_and(|is_outside| is_outside(u, v))
     }
 }

@@ -9,7 +9,7 @@ use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::hits::{Cast, Counts, Hits, Traversals};
-use crate::rays::packet::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::rays::packet::{Best, Bundle, Exact, MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
 use crate::rays::traversal::Visit;
@@ -136,15 +136,15 @@ impl Kernel for CastBand<'_> {
         let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
-            scratch.fan.aim::<I>(self.plane, &tile);
-            if self.cast.is_outside(&scratch.fan) {
+            scratch.rays.aim::<I>(self.plane, &tile);
+            if self.cast.is_outside(&scratch.rays) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
             }
             if let Some((hits, moved)) = self.previous {
                 let mut touch = Touch(false);
-                scratch.fan.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
+                scratch.rays.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
                 if !touch.0 {
                     self.take_over(&tile, hits);
                     counts.tiles_reused += 1;
@@ -159,12 +159,12 @@ impl Kernel for CastBand<'_> {
             }
             counts.rays += tile.rows * tile.columns;
             self.scene
-                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+                .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
             if self.cosine.is_some() {
                 let (best, distance) = (&scratch.best, &scratch.distance);
                 scratch
                     .shade
-                    .fill::<I, false>(self.scene, &scratch.fan, &best.body, &best.triangle, distance);
+                    .fill::<I, false>(self.scene, &scratch.rays, &best.body, &best.triangle, distance);
             }
             self.write(&tile, &scratch);
         }
@@ -213,7 +213,7 @@ impl CastBand<'_> {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
             for first in (0..tile.columns).step_by(TILE / 2) {
-                let (from, to) = (Fan::ray(row, first), pixel + first);
+                let (from, to) = (TileRays::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
                 copy(&mut self.distance[to..], &scratch.distance[from..], number);
                 copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
@@ -257,7 +257,7 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
 
 /// What the rays of a tile are and find, kept from tile to tile.
 pub(super) struct Scratch {
-    pub fan: Fan,
+    pub rays: TileRays,
     bundle: Bundle,
     pub best: Best,
     table: Table,
@@ -272,7 +272,7 @@ pub(super) struct Scratch {
 impl Scratch {
     pub fn new(num_bodies: usize) -> Self {
         Self {
-            fan: Fan::EMPTY,
+            rays: TileRays::EMPTY,
             bundle: Bundle::EMPTY,
             best: Best::EMPTY,
             table: Table::EMPTY,
@@ -288,11 +288,11 @@ impl PosedScene {
     /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
     #[inline(always)]
     pub(super) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
-        let fan = &scratch.fan;
+        let rays = &scratch.rays;
         let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
             scene: self,
-            fan,
+            rays,
             bundle: &mut scratch.bundle,
             best: &mut scratch.best,
             table: &mut scratch.table,
@@ -302,10 +302,10 @@ impl PosedScene {
             is_empty: true,
         };
         if cast.skip_empty {
-            fan.walk::<I>(&self.top, top, &mut bodies);
+            rays.walk::<I>(&self.top, top, &mut bodies);
             return bodies.is_empty;
         }
-        bodies.best.clear::<I>(&fan.valid);
+        bodies.best.clear::<I>(&rays.valid);
         bodies.is_empty = false;
         for leaf in 0..self.bodies.len() {
             bodies.visit::<I>(leaf, 1, 0.0);
@@ -315,12 +315,12 @@ impl PosedScene {
 
     /// Distances of the triangles that were found [m], infinite where there is none.
     #[inline(always)]
-    pub(super) fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+    pub(super) fn measure<I: Isa>(&self, rays: &TileRays, best: &Best, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         let lanes = I::F64::LANES;
         let mut height = [f64::INFINITY; MOST_RAYS];
         let mut slope = [1.0; MOST_RAYS];
-        let mut rest = fan.valid;
+        let mut rest = rays.valid;
         for packet in 0..PACKETS {
             rest[packet] &= !I::equal(&best.body[packet], NO_BODY);
         }
@@ -345,7 +345,7 @@ impl PosedScene {
                             continue;
                         }
                         let first = other * PACKET + half * lanes;
-                        let direction = view.direction(I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let direction = view.direction(I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
                         let [dx, dy, dz] = direction;
                         let along = x.mul(dx).add(y.mul(dy)).add(z.mul(dz));
                         along
@@ -359,7 +359,7 @@ impl PosedScene {
             }
         }
         for first in (0..MOST_RAYS).step_by(lanes) {
-            let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+            let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
             let length = splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
             let t = I::F64::load(&height[first..]).div(I::F64::load(&slope[first..]));
             t.mul(length).store(&mut distance[first..]);
@@ -369,7 +369,7 @@ impl PosedScene {
             while edge_on != 0 {
                 let lane = edge_on.trailing_zeros() as usize;
                 edge_on &= edge_on - 1;
-                let direction = fan.direction(packet * PACKET + lane);
+                let direction = rays.direction(packet * PACKET + lane);
                 let crossing = self.cross(direction, best.body[packet][lane], best.triangle[packet][lane]);
                 let t = crossing.map_or(f64::INFINITY, |crossing| crossing.distance);
                 distance[packet * PACKET + lane] = t * direction.length();
@@ -381,7 +381,7 @@ impl PosedScene {
 /// Casts the rays of a tile at bodies.
 struct Bodies<'a> {
     scene: &'a PosedScene,
-    fan: &'a Fan,
+    rays: &'a TileRays,
     bundle: &'a mut Bundle,
     best: &'a mut Best,
     table: &'a mut Table,
@@ -401,17 +401,17 @@ impl Visit for Bodies<'_> {
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
         if self.is_empty {
-            self.best.clear::<I>(&self.fan.valid);
+            self.best.clear::<I>(&self.rays.valid);
             self.is_empty = false;
         }
         let body = self.scene.bodies[leaf];
         let surface = self.scene.surface(body);
         let view = &self.scene.views[body as usize];
         self.bundle
-            .aim::<I>(self.fan, view, surface.middle(), surface.is_fine());
+            .aim::<I>(self.rays, view, surface.middle(), surface.is_fine());
         let exact = ExactRays {
             scene: self.scene,
-            fan: self.fan,
+            rays: self.rays,
         };
         let (bundle, best, start) = (&*self.bundle, &mut *self.best, NEAREST as f32);
         let mean = &mut self.num_leaves[body as usize];
@@ -440,12 +440,12 @@ impl Visit for Bodies<'_> {
 /// Exact tests of the rays of a tile.
 struct ExactRays<'a> {
     scene: &'a PosedScene,
-    fan: &'a Fan,
+    rays: &'a TileRays,
 }
 
 impl Exact for ExactRays<'_> {
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
-        let crossing = self.scene.cross(self.fan.direction(ray), body, triangle)?;
+        let crossing = self.scene.cross(self.rays.direction(ray), body, triangle)?;
         Some((crossing.distance, crossing.is_edge_on))
     }
 }

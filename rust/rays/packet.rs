@@ -37,7 +37,7 @@ const PLACES: [[f64; MOST_RAYS]; 2] = {
 
 /// Directions `(1, u, v)` of the rays of a tile, in the sensor frame.
 #[repr(C, align(64))]
-pub struct Fan {
+pub struct TileRays {
     /// To the left.
     pub u: [f64; MOST_RAYS],
     /// Up.
@@ -49,7 +49,7 @@ pub struct Fan {
     half: [[f64; 2]; PACKETS + 1],
 }
 
-impl Fan {
+impl TileRays {
     /// Without rays.
     pub const EMPTY: Self = Self {
         u: [0.0; MOST_RAYS],
@@ -196,7 +196,7 @@ impl View {
     }
 }
 
-/// A [`Fan`] as a tree sees it.
+/// A [`TileRays`] as a tree sees it.
 #[repr(C, align(64))]
 pub struct Bundle {
     origin: [f32; 3],
@@ -229,17 +229,17 @@ impl Bundle {
 
     /// In the frame of a body, relative to a point of it.
     #[inline(always)]
-    pub fn aim<I: Isa>(&mut self, fan: &Fan, view: &View, middle: DVec3, is_fine: bool) {
+    pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3, is_fine: bool) {
         let origin = view.origin - middle;
         let axes = &view.axes;
         self.origin = [origin.x as f32, origin.y as f32, origin.z as f32];
         self.reach = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
-        self.valid = fan.valid;
+        self.valid = rays.valid;
         for packet in 0..PACKETS {
             let first = packet * PACKET;
             let middle = first + PACKET / 2;
-            let u = I::narrow(I::F64::load(&fan.u[first..]), I::F64::load(&fan.u[middle..]));
-            let v = I::narrow(I::F64::load(&fan.v[first..]), I::F64::load(&fan.v[middle..]));
+            let u = I::narrow(I::F64::load(&rays.u[first..]), I::F64::load(&rays.u[middle..]));
+            let v = I::narrow(I::F64::load(&rays.v[first..]), I::F64::load(&rays.v[middle..]));
             for axis in 0..3 {
                 let x = <I::F32 as Vector>::splat(axes[0][axis] as f32);
                 let y = <I::F32 as Vector>::splat(axes[1][axis] as f32);
@@ -255,10 +255,10 @@ impl Bundle {
             }
         }
         // More than directions are rounded.
-        let length = fan.length();
+        let length = rays.length();
         let pad = 8.0 * f64::from(UNIT) * length;
         for packet in 0..=PACKETS {
-            let ([u, v], [du, dv]) = (fan.middle[packet], fan.half[packet]);
+            let ([u, v], [du, dv]) = (rays.middle[packet], rays.half[packet]);
             for axis in 0..3 {
                 let (x, y, z) = (axes[0][axis], axes[1][axis], axes[2][axis]);
                 self.center[packet][axis] = (x + y * u + z * v) as f32;

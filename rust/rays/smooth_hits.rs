@@ -7,7 +7,7 @@ use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{TILE, Tile};
 use crate::rays::hits::Hits;
-use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::{NO_BODY, PosedScene};
 
 /// What all pixels show, row by row.
@@ -71,14 +71,14 @@ impl Kernel for ShadeBand<'_> {
     fn run<I: Isa>(mut self) {
         let plane = &self.hits.plane;
         let tiles = plane.columns.div_ceil(TILE);
-        let mut fan = Fan::EMPTY;
+        let mut rays = TileRays::EMPTY;
         let mut seen = Seen::NOTHING;
         let mut shade = Shade::NOTHING;
         for index in 0..tiles {
             let tile = plane.tile(self.index * tiles + index);
-            fan.aim::<I>(plane, &tile);
+            rays.aim::<I>(plane, &tile);
             seen.read(self.hits, &tile);
-            shade.fill::<I, true>(self.scene, &fan, &seen.body, &seen.triangle, &seen.distance);
+            shade.fill::<I, true>(self.scene, &rays, &seen.body, &seen.triangle, &seen.distance);
             self.write(&tile, &shade);
         }
     }
@@ -90,7 +90,7 @@ impl ShadeBand<'_> {
         let columns = self.hits.plane.columns;
         for row in 0..tile.rows {
             for column in 0..tile.columns {
-                let (ray, pixel) = (Fan::ray(row, column), row * columns + tile.column + column);
+                let (ray, pixel) = (TileRays::ray(row, column), row * columns + tile.column + column);
                 self.cosine[pixel] = shade.cosine[ray];
                 self.distance[pixel] = shade.distance[ray];
                 self.normal[pixel] = shade.normal_of(ray);
@@ -118,7 +118,7 @@ impl Seen {
         self.body = [[NO_BODY; PACKET]; PACKETS];
         for row in 0..tile.rows {
             for column in 0..tile.columns {
-                let ray = Fan::ray(row, column);
+                let ray = TileRays::ray(row, column);
                 let pixel = (tile.row + row) * hits.plane.columns + tile.column + column;
                 self.body[ray / PACKET][ray % PACKET] = hits.body[pixel];
                 self.triangle[ray / PACKET][ray % PACKET] = hits.triangle[pixel];
@@ -158,7 +158,7 @@ impl Shade {
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
         scene: &PosedScene,
-        fan: &Fan,
+        rays: &TileRays,
         bodies: &[[u32; PACKET]; PACKETS],
         triangles: &[[u32; PACKET]; PACKETS],
         distances: &[f64; MOST_RAYS],
@@ -167,7 +167,7 @@ impl Shade {
         let zero = <I::F64 as Vector>::splat(0.0);
         let mut rest = [0; PACKETS];
         for packet in 0..PACKETS {
-            rest[packet] = fan.valid[packet] & !I::equal(&bodies[packet], NO_BODY);
+            rest[packet] = rays.valid[packet] & !I::equal(&bodies[packet], NO_BODY);
             for first in (packet * PACKET..(packet + 1) * PACKET).step_by(lanes) {
                 zero.store(&mut self.cosine[first..]);
                 if ALL {
@@ -193,7 +193,7 @@ impl Shade {
                             continue;
                         }
                         let first = other * PACKET + half * lanes;
-                        let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
                         let length = <I::F64 as Vector>::splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
                         let distance = I::F64::load(&distances[first..]);
                         let (cosine, correction, normal) = facet.shade(view.direction(u, v), length, distance);
