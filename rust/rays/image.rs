@@ -9,7 +9,7 @@ use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::hits::{Cast, Counts, Hits, Traversals};
-use crate::rays::packet::{Best, Bundle, Exact, MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::rays::packet::{Bundle, Exact, MOST_RAYS, PACKET, PACKETS, PacketHits, TileRays};
 use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
 use crate::rays::traversal::Visit;
@@ -259,7 +259,7 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
 pub(super) struct Scratch {
     pub rays: TileRays,
     bundle: Bundle,
-    pub best: Best,
+    pub best: PacketHits,
     table: Table,
     pub stacks: [Vec<u64>; 2],
     /// [m]
@@ -274,7 +274,7 @@ impl Scratch {
         Self {
             rays: TileRays::EMPTY,
             bundle: Bundle::EMPTY,
-            best: Best::EMPTY,
+            best: PacketHits::EMPTY,
             table: Table::EMPTY,
             stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
             distance: [0.0; MOST_RAYS],
@@ -315,7 +315,7 @@ impl PosedScene {
 
     /// Distances of the triangles that were found [m], infinite where there is none.
     #[inline(always)]
-    pub(super) fn measure<I: Isa>(&self, rays: &TileRays, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+    pub(super) fn measure<I: Isa>(&self, rays: &TileRays, best: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         let lanes = I::F64::LANES;
         let mut height = [f64::INFINITY; MOST_RAYS];
@@ -383,7 +383,7 @@ struct Bodies<'a> {
     scene: &'a PosedScene,
     rays: &'a TileRays,
     bundle: &'a mut Bundle,
-    best: &'a mut Best,
+    best: &'a mut PacketHits,
     table: &'a mut Table,
     stack: &'a mut Vec<u64>,
     traversals: Traversals,

@@ -282,7 +282,7 @@ impl Bundle {
 
 /// Nearest triangles of the rays of a bundle, over all bodies.
 #[repr(C, align(64))]
-pub struct Best {
+pub struct PacketHits {
     /// Least distance in lengths of the direction, where something was met.
     near: [f32; MOST_RAYS],
     /// Largest distance.
@@ -297,7 +297,7 @@ pub struct Best {
     pub edge_on: [u32; PACKETS],
 }
 
-impl Best {
+impl PacketHits {
     /// Of no rays.
     pub const EMPTY: Self = Self {
         near: [f32::INFINITY; MOST_RAYS],
@@ -394,7 +394,7 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
     }
 }
 
-impl Best {
+impl PacketHits {
     /// Ask the exact test whether a triangle is the nearest of a ray so far; of several at the same distance the first is.
     #[inline(never)]
     fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
@@ -445,7 +445,7 @@ pub struct Search<'a, E, const P: usize> {
     /// Nothing is nearer.
     pub start: f32,
     /// What was found so far.
-    pub best: &'a mut Best,
+    pub best: &'a mut PacketHits,
     /// The exact test.
     pub exact: &'a E,
     /// Of the leaf at hand.

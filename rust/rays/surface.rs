@@ -15,7 +15,7 @@ use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
-use crate::rays::packet::{Best, Bundle, Exact, Search};
+use crate::rays::packet::{Bundle, Exact, PacketHits, Search};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
 use crate::rays::triangle_block::{Leaf, Table};
@@ -362,7 +362,7 @@ impl Surface {
         body: u32,
         (bundle, from): (&Bundle, usize),
         start: f32,
-        best: &mut Best,
+        best: &mut PacketHits,
         exact: &E,
         (table, stack): (&mut Table, &mut Vec<u64>),
     ) -> usize {
