@@ -1,7 +1,7 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
+//! `traversals`: tiles in one traversal through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
 //! cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per second.
 
 mod common;
@@ -108,13 +108,13 @@ fn two_levels(criterion: &mut Criterion) {
 }
 
 /// Triangles from larger than tiles to far smaller, in all directions and in some.
-fn walks(criterion: &mut Criterion) {
+fn traversals(criterion: &mut Criterion) {
     let ahead = Pose {
         translation: DVec3::new(2.0, 0.0, 0.0),
         ..Pose::IDENTITY
     };
     let pool = common::pool(1);
-    let mut group = criterion.benchmark_group("walks");
+    let mut group = criterion.benchmark_group("traversals");
     for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
         let room = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
         let sphere = PosedScene::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
@@ -202,7 +202,7 @@ fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
-    walks(&mut criterion);
+    traversals(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
     occluded(&mut criterion);

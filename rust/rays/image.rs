@@ -9,7 +9,7 @@ use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::hits::{Cast, Counts, Hits, Traversals};
-use crate::rays::packet::{Bundle, Exact, MOST_RAYS, PACKET, PACKETS, PacketHits, TileRays};
+use crate::rays::packet::{BodyRays, Exact, MOST_RAYS, PACKET, PACKETS, PacketHits, TileRays};
 use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
 use crate::rays::traversal::Visit;
@@ -17,7 +17,7 @@ use crate::rays::tree::{Node, Tree};
 use crate::rays::triangle_block::Table;
 
 /// Leaves that a walk of 8 x 8 rays through the tree of a body looks at from which on four walks are faster: each looks at
-/// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- walks`).
+/// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- traversals`).
 const MANY_LEAVES: usize = 24;
 
 impl PosedScene {
@@ -258,7 +258,7 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
 /// What the rays of a tile are and find, kept from tile to tile.
 pub(super) struct Scratch {
     pub rays: TileRays,
-    bundle: Bundle,
+    body_rays: BodyRays,
     pub best: PacketHits,
     table: Table,
     pub stacks: [Vec<u64>; 2],
@@ -273,7 +273,7 @@ impl Scratch {
     pub fn new(num_bodies: usize) -> Self {
         Self {
             rays: TileRays::EMPTY,
-            bundle: Bundle::EMPTY,
+            body_rays: BodyRays::EMPTY,
             best: PacketHits::EMPTY,
             table: Table::EMPTY,
             stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
@@ -293,7 +293,7 @@ impl PosedScene {
         let mut bodies = Bodies {
             scene: self,
             rays,
-            bundle: &mut scratch.bundle,
+            body_rays: &mut scratch.body_rays,
             best: &mut scratch.best,
             table: &mut scratch.table,
             stack,
@@ -382,7 +382,7 @@ impl PosedScene {
 struct Bodies<'a> {
     scene: &'a PosedScene,
     rays: &'a TileRays,
-    bundle: &'a mut Bundle,
+    body_rays: &'a mut BodyRays,
     best: &'a mut PacketHits,
     table: &'a mut Table,
     stack: &'a mut Vec<u64>,
@@ -407,13 +407,13 @@ impl Visit for Bodies<'_> {
         let body = self.scene.bodies[leaf];
         let surface = self.scene.surface(body);
         let view = &self.scene.views[body as usize];
-        self.bundle
+        self.body_rays
             .aim::<I>(self.rays, view, surface.middle(), surface.is_fine());
         let exact = ExactRays {
             scene: self.scene,
             rays: self.rays,
         };
-        let (bundle, best, start) = (&*self.bundle, &mut *self.best, NEAREST as f32);
+        let (body_rays, best, start) = (&*self.body_rays, &mut *self.best, NEAREST as f32);
         let mean = &mut self.num_leaves[body as usize];
         let goes_apart = match self.traversals {
             Traversals::Chosen => *mean > MANY_LEAVES,
@@ -424,13 +424,13 @@ impl Visit for Bodies<'_> {
         if goes_apart {
             for packet in 0..PACKETS {
                 let scratch = (&mut *self.table, &mut *self.stack);
-                num_leaves += surface.search::<I, _, 1>(body, (bundle, packet), start, best, &exact, scratch);
+                num_leaves += surface.search::<I, _, 1>(body, (body_rays, packet), start, best, &exact, scratch);
             }
             // Where both ways are as fast, four walks look at a leaf 1.5 times.
             num_leaves = num_leaves * 2 / 3;
         } else {
             let scratch = (&mut *self.table, &mut *self.stack);
-            num_leaves = surface.search::<I, _, PACKETS>(body, (bundle, 0), start, best, &exact, scratch);
+            num_leaves = surface.search::<I, _, PACKETS>(body, (body_rays, 0), start, best, &exact, scratch);
         }
         *mean = usize::midpoint(*mean, num_leaves);
         self.best.farthest()

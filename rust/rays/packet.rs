@@ -14,9 +14,9 @@ use crate::rays::triangle_block::{Leaf, Table, UNIT};
 
 /// Rays whose tests are one vector.
 pub const PACKET: usize = 16;
-/// Packets of a bundle.
+/// Packets of a tile.
 pub const PACKETS: usize = 4;
-/// Most rays of a bundle: those of a tile of an image.
+/// Most rays of a tile: those of a tile of an image.
 pub const MOST_RAYS: usize = PACKET * PACKETS;
 
 /// Side of the square of pixels that a packet holds.
@@ -198,7 +198,7 @@ impl View {
 
 /// A [`TileRays`] as a tree sees it.
 #[repr(C, align(64))]
-pub struct Bundle {
+pub struct BodyRays {
     origin: [f32; 3],
     /// Bounds coordinates of the origin.
     reach: f32,
@@ -214,7 +214,7 @@ pub struct Bundle {
     half: [[f32; 3]; PACKETS + 1],
 }
 
-impl Bundle {
+impl BodyRays {
     /// Without rays.
     pub const EMPTY: Self = Self {
         origin: [0.0; 3],
@@ -280,7 +280,7 @@ impl Bundle {
     }
 }
 
-/// Nearest triangles of the rays of a bundle, over all bodies.
+/// Nearest triangles of the rays of a tile, over all bodies.
 #[repr(C, align(64))]
 pub struct PacketHits {
     /// Least distance in lengths of the direction, where something was met.
@@ -337,7 +337,7 @@ impl PacketHits {
 }
 
 impl<E: Exact, const P: usize> Search<'_, E, P> {
-    /// Number of the box round all directions; see [`Bundle::center`].
+    /// Number of the box round all directions; see [`BodyRays::center`].
     #[inline(always)]
     fn all(&self) -> usize {
         const { assert!(P == PACKETS || P == 1) };
@@ -357,7 +357,7 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
     /// Visit all leaves whose boxes some ray may meet, near ones first.
     #[inline(always)]
     pub fn walk<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
-        let (slabs, far) = (self.bundle.slabs(self.all()), self.farthest());
+        let (slabs, far) = (self.rays.slabs(self.all()), self.farthest());
         walk::<I>(&slabs, tree, far, stack, self);
     }
 
@@ -365,28 +365,28 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
     #[inline(always)]
     fn some_ray_meets<I: Isa>(&self, node: &Node, place: usize) -> bool {
         let splat = <I::F32 as Vector>::splat;
-        let bundle = self.bundle;
+        let rays = self.rays;
         // Directions are rounded: by less than that where a ray is within reach.
-        let pad = 32.0 * UNIT * (self.reach + bundle.reach);
+        let pad = 32.0 * UNIT * (self.reach + rays.reach);
         let mut sides = [[splat(0.0); 2]; 3];
         for axis in 0..3 {
             sides[axis] = [
-                splat(node.min[axis][place] - bundle.origin[axis] - pad),
-                splat(node.max[axis][place] - bundle.origin[axis] + pad),
+                splat(node.min[axis][place] - rays.origin[axis] - pad),
+                splat(node.max[axis][place] - rays.origin[axis] + pad),
             ];
         }
         for packet in self.from..self.from + P {
             let first = packet * PACKET;
             let (mut entry, mut exit) = (splat(0.0), I::F32::load(&self.best.far[first..]));
             for axis in 0..3 {
-                let inverse = I::F32::load(&bundle.inverses[axis][first..]);
+                let inverse = I::F32::load(&rays.inverses[axis][first..]);
                 let (a, b) = (sides[axis][0].mul(inverse), sides[axis][1].mul(inverse));
                 (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
             }
             let is_met = entry
                 .mul(splat(1.0 - 16.0 * UNIT))
                 .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
-            if is_met & bundle.valid[packet] != 0 {
+            if is_met & rays.valid[packet] != 0 {
                 return true;
             }
         }
@@ -428,10 +428,10 @@ pub trait Exact {
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }
 
-/// Looks for the nearest triangles of one body, for all packets of a bundle together or for one: `P` of them.
+/// Looks for the nearest triangles of one body, for all packets of a tile together or for one: `P` of them.
 pub struct Search<'a, E, const P: usize> {
     /// The rays.
-    pub bundle: &'a Bundle,
+    pub rays: &'a BodyRays,
     /// The first packet.
     pub from: usize,
     /// The triangles of every leaf.
@@ -467,9 +467,9 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32 {
         self.num_leaves += 1;
-        let (bundle, leaf) = (self.bundle, &self.leaves[leaf]);
-        let planes = leaf.planes::<I>(&bundle.origin, self.reach + bundle.reach, bundle.length);
-        let all = planes.may_meet(&bundle.center[self.all()], &bundle.half[self.all()]) & ((1 << count) - 1);
+        let (rays, leaf) = (self.rays, &self.leaves[leaf]);
+        let planes = leaf.planes::<I>(&rays.origin, self.reach + rays.reach, rays.length);
+        let all = planes.may_meet(&rays.center[self.all()], &rays.half[self.all()]) & ((1 << count) - 1);
         if all == 0 {
             return self.farthest();
         }
@@ -481,7 +481,7 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
             }
             let mut triangles = all;
             if P > 1 {
-                triangles &= planes.may_meet(&bundle.center[packet], &bundle.half[packet]);
+                triangles &= planes.may_meet(&rays.center[packet], &rays.half[packet]);
                 if triangles == 0 {
                     continue;
                 }
@@ -489,7 +489,7 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
             let first = packet * PACKET;
             let mut directions = [<I::F32 as Vector>::splat(0.0); 3];
             for axis in 0..3 {
-                directions[axis] = I::F32::load(&bundle.directions[axis][first..]);
+                directions[axis] = I::F32::load(&rays.directions[axis][first..]);
             }
             let mut has_changed = false;
             while triangles != 0 {
@@ -498,9 +498,9 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
                 let number = leaf.triangles[lane];
                 let (mut unsure, least) = table.meet(lane, &directions);
                 if planes.unclear >> lane & 1 == 1 {
-                    unsure = table.meet_unclear(lane, &directions) & bundle.valid[packet];
+                    unsure = table.meet_unclear(lane, &directions) & rays.valid[packet];
                 } else {
-                    unsure &= bundle.valid[packet];
+                    unsure &= rays.valid[packet];
                     if unsure == 0 {
                         continue;
                     }

@@ -15,7 +15,7 @@ use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
-use crate::rays::packet::{Bundle, Exact, PacketHits, Search};
+use crate::rays::packet::{BodyRays, Exact, PacketHits, Search};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
 use crate::rays::triangle_block::{Leaf, Table};
@@ -344,7 +344,7 @@ impl Surface {
         Level::best().run(nearest).hit.is_some()
     }
 
-    /// Whether leaves are so many that rays of a bundle may pass between.
+    /// Whether leaves are so many that rays of a rays may pass between.
     pub fn is_fine(&self) -> bool {
         self.leaves.len() > FINE
     }
@@ -354,20 +354,20 @@ impl Surface {
         self.middle
     }
 
-    /// Look for triangles that are nearer than those that `P` packets of a bundle, from one on, have met so far; see
+    /// Look for triangles that are nearer than those that `P` packets of a rays, from one on, have met so far; see
     /// [`Search`]. Returns how many leaves were looked at.
     #[inline(always)]
     pub fn search<I: Isa, E: Exact, const P: usize>(
         &self,
         body: u32,
-        (bundle, from): (&Bundle, usize),
+        (rays, from): (&BodyRays, usize),
         start: f32,
         best: &mut PacketHits,
         exact: &E,
         (table, stack): (&mut Table, &mut Vec<u64>),
     ) -> usize {
         let mut search = Search::<E, P> {
-            bundle,
+            rays,
             from,
             leaves: &self.leaves,
             reach: self.reach,
