@@ -48,9 +48,9 @@ PAIRS = {
     },
     **{
         f"{side} x {side} pixels of a room of {size}, auto packets": (
-            f"walks/room_{size}_{side}/chosen",
+            f"traversals/room_{size}_{side}/chosen",
             "8 x 8 rays per traversal",
-            f"walks/room_{size}_{side}/together",
+            f"traversals/room_{size}_{side}/together",
         )
         for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
     },

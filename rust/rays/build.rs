@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use crate::geometry::aabb::Bounds;
 use crate::rays::tree::{Child, Kind, Node, Primitives, Tree, WIDTH};
 
-/// obvhs preset. Larger search distances and reinsertion make builds two to three times longer and images of the rooms of
-/// `cargo bench --bench trace` no shorter: change it here and run that again.
+/// obvhs preset. Larger search distances and reinsertion make builds two to three times longer and images of the rooms
+/// of `cargo bench --bench trace` no shorter: change it here and run that again.
 const BUILD: BvhBuildParams = BvhBuildParams {
     pre_split: false,
     ploc_search_distance: PlocSearchDistance::VeryLow,

@@ -16,8 +16,9 @@ use crate::rays::traversal::Visit;
 use crate::rays::tree::{Node, Tree};
 use crate::rays::triangle_block::Table;
 
-/// Leaves that a walk of 8 x 8 rays through the tree of a body looks at from which on four walks are faster: each looks at
-/// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- traversals`).
+/// Leaves that a walk of 8 x 8 rays through the tree of a body looks at from which on four walks are faster: each looks
+/// at fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace --
+/// traversals`).
 const MANY_LEAVES: usize = 24;
 
 impl PosedScene {

@@ -5,8 +5,8 @@ use glam::DVec3;
 use crate::geometry::triangle::distance_to_point;
 use crate::rays::tree::{Kind, Tree, WIDTH};
 
-/// Distance [m] of a point of the tree's frame from the nearest triangle that is not all behind the plane through the point
-/// across `forward`; `limit` where that is farther. `corners` of the triangles of a leaf.
+/// Distance [m] of a point of the tree's frame from the nearest triangle that is not all behind the plane through the
+/// point across `forward`; `limit` where that is farther. `corners` of the triangles of a leaf.
 pub fn distance_in_front<Triangles: Iterator<Item = [DVec3; 3]>>(
     tree: &Tree,
     point: DVec3,

@@ -1,7 +1,7 @@
 //! Rays of one origin that search a tree together: all children of a node, and 16 rays, at a time.
 //!
-//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a triangle,
-//! or which of two triangles is nearer, an exact test decides: what is found is what rays one by one find.
+//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a
+//! triangle, or which of two triangles is nearer, an exact test decides: what is found is what rays one by one find.
 
 use glam::DVec3;
 
@@ -395,7 +395,8 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
 }
 
 impl PacketHits {
-    /// Ask the exact test whether a triangle is the nearest of a ray so far; of several at the same distance the first is.
+    /// Ask the exact test whether a triangle is the nearest of a ray so far; of several at the same distance the first
+    /// is.
     #[inline(never)]
     fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
         let ray = packet * PACKET + lane;
@@ -423,8 +424,8 @@ impl PacketHits {
 
 /// The exact test.
 pub trait Exact {
-    /// Distance of a triangle of a body in lengths of the direction, none where the ray misses, and whether the ray lies in its
-    /// plane.
+    /// Distance of a triangle of a body in lengths of the direction, none where the ray misses, and whether the ray
+    /// lies in its plane.
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }
 

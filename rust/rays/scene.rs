@@ -1,4 +1,4 @@
-//! Two levels of trees: surfaces with poses, and what the rays of an image hit.
+//! Scene of posed bodies: a tree over their boxes above the trees of their surfaces.
 
 use std::sync::Arc;
 
@@ -17,16 +17,17 @@ use crate::rays::watertight::{Crossing, WatertightTest};
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
 
-/// Nearer than this a camera ray does not hit: the antenna's own place [m].
+/// Distance below which a ray from the antenna does not hit [m].
 pub(super) const NEAREST: f64 = 1e-9;
 
-/// Surfaces at their places in the sensor frame at one time.
+/// Surfaces of bodies at their poses in the sensor frame, at one time.
 pub struct PosedScene {
     pub(super) surfaces: Vec<Arc<Surface>>,
     pub(super) poses: Vec<Pose>,
     pub(super) views: Vec<View>,
-    /// Over the boxes of the bodies that have triangles: one body per leaf.
+    /// Tree over the boxes of the bodies that have triangles: one body per leaf.
     pub(super) top: Tree,
+    /// Body of every leaf of `top`.
     pub(super) bodies: Vec<u32>,
 }
 
@@ -39,12 +40,12 @@ pub struct Hit {
     pub body: u32,
     /// Number of the triangle in the body's surface.
     pub triangle: u32,
-    /// Weights of the triangle's corners.
+    /// Barycentric weights of the triangle's corners.
     pub barycentric: [f64; 3],
 }
 
 impl Hit {
-    /// Nothing was hit.
+    /// Hit of a ray that meets nothing.
     pub const MISS: Self = Self {
         distance: f64::INFINITY,
         body: NO_BODY,
@@ -53,16 +54,16 @@ impl Hit {
     };
 }
 
-/// Which points hide behind bodies.
+/// Occlusion of points by bodies, seen from the sensor.
 pub struct Occlusion {
-    /// For every point.
+    /// For every point, whether a body is in front of it.
     pub is_occluded: Vec<bool>,
-    /// Searches that ended at a triangle in the way while there were boxes in front of it.
+    /// Number of searches that ended at an occluding triangle while boxes in front of it were not yet searched.
     pub ended_early: usize,
 }
 
 impl PosedScene {
-    /// Put surface `i` at pose `i`. Trees of surfaces stay as they are; only the few boxes above are sorted anew.
+    /// Put surface `i` at pose `i`. Surfaces keep their trees; only the tree over bodies is built.
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
         let with_triangles = |i: &u32| surfaces[*i as usize].num_triangles() > 0;
         let all: Vec<u32> = (0..surfaces.len() as u32).filter(with_triangles).collect();
@@ -78,7 +79,7 @@ impl PosedScene {
         }
     }
 
-    /// The sensor as a body sees it.
+    /// View of the sensor from the frame of a body.
     pub fn view(&self, body: u32) -> &View {
         &self.views[body as usize]
     }
@@ -103,7 +104,7 @@ impl PosedScene {
         self.cast_at(ray, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::cast`] with a given instruction set.
     pub fn cast_at(&self, ray: &Ray, level: Level) -> Hit {
         let one = CastOne {
             scene: self,
@@ -114,8 +115,8 @@ impl PosedScene {
         level.run(one).0
     }
 
-    /// Whether one ray of the sensor frame meets any triangle before `far`, in lengths of its direction; ends at the first
-    /// that is found.
+    /// True if a ray of the sensor frame meets any triangle before `far`, in lengths of its direction. The search ends
+    /// at the first triangle that it finds.
     pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
         let one = CastOne {
             scene: self,
@@ -126,8 +127,8 @@ impl PosedScene {
         Level::best().run(one).0.body != NO_BODY
     }
 
-    /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
-    /// nearest is asked for, which gives the same answer.
+    /// Occlusion of points [m] of the sensor frame. With `ends_early` a search ends at the first triangle that it
+    /// finds, otherwise at the nearest; the answers are equal.
     pub fn occluded(&self, points: &[DVec3], ends_early: bool) -> Occlusion {
         let search = |point: &DVec3| {
             let ray = Ray {
@@ -135,7 +136,7 @@ impl PosedScene {
                 direction: *point,
                 start: NEAREST / point.length(),
             };
-            // A point of a surface does not hide behind it.
+            // A surface does not occlude its own points.
             let one = CastOne {
                 scene: self,
                 ray: &ray,
@@ -161,19 +162,19 @@ impl PosedScene {
         })
     }
 
-    /// Weights of the corners of a triangle where a ray `(1, u, v)` meets it; those of its middle if it does not.
+    /// Barycentric weights of the point at which a ray `(1, u, v)` meets a triangle; of the centroid if the ray misses.
     pub fn barycentric(&self, body: u32, triangle: u32, direction: DVec3) -> [f64; 3] {
         let crossing = self.cross(direction, body, triangle);
         crossing.map_or([1.0 / 3.0; 3], |crossing| crossing.barycentric)
     }
 
-    /// Where a ray `(1, u, v)` meets a triangle.
+    /// Intersection of a ray `(1, u, v)` with a triangle.
     pub(super) fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
         let ray = self.ray_to_body(body, direction);
         WatertightTest::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
     }
 
-    /// A ray from the sensor as a body sees it.
+    /// Ray from the sensor in the frame of a body.
     pub(super) fn ray_to_body(&self, body: u32, direction: DVec3) -> Ray {
         let pose = &self.poses[body as usize];
         Ray {
@@ -192,13 +193,14 @@ pub(super) fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
     Bounds::of(surface.bounds().corners().map(|corner| pose.point(corner)))
 }
 
-/// Casts one ray: the hit, its body [`NO_BODY`] where there is none, and whether boxes in front of it were left out.
+/// Search for one ray. Returns the hit, with body [`NO_BODY`] if there is none, and whether boxes in front of it were
+/// left out.
 struct CastOne<'a> {
     scene: &'a PosedScene,
     ray: &'a Ray,
-    /// Nothing beyond is wanted.
+    /// Distance at which the search ends.
     far: f64,
-    /// Whether to end at the first that is found.
+    /// Whether the first triangle found is enough, nearest or not.
     is_any_enough: bool,
 }
 
@@ -228,6 +230,7 @@ impl Kernel for CastOne<'_> {
     }
 }
 
+/// Visitor of the bodies that one ray may hit.
 struct OneAtBodies<'a> {
     scene: &'a PosedScene,
     ray: &'a Ray,

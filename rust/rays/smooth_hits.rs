@@ -1,4 +1,4 @@
-//! What the pixels of an image show: the curved surface that a facet stands for, its distance and its normal, tile by tile.
+//! Smooth hits: distance and normal of the curved surface that a mesh approximates, tile by tile.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -10,23 +10,23 @@ use crate::rays::hits::Hits;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::{NO_BODY, PosedScene};
 
-/// What all pixels show, row by row.
+/// Hits on the curved surface that a mesh approximates, for all pixels of an image, row by row.
 pub struct SmoothHits {
     /// Cosine of the angle of incidence; zero where nothing was hit.
     pub cosine: Vec<f64>,
-    /// Distance along the ray to the surface that the facets stand for [m]; infinite where nothing was hit.
+    /// Distance along the ray to the curved surface [m]; infinite where nothing was hit.
     pub distance: Vec<f64>,
-    /// Its unit normal towards the incident side in the sensor frame; zero where nothing was hit.
+    /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
     pub normal: Vec<DVec3>,
 }
 
 impl SmoothHits {
-    /// Of the hits of an image.
+    /// Smooth hits from the hits of an image.
     pub fn new(scene: &PosedScene, hits: &Hits) -> Self {
         Self::at(scene, hits, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::new`] with a given instruction set.
     pub fn at(scene: &PosedScene, hits: &Hits, level: Level) -> Self {
         let num_pixels = hits.plane.num_pixels();
         let mut smooth = Self {
@@ -53,7 +53,7 @@ impl SmoothHits {
     }
 }
 
-/// Shades the pixels of a row of tiles.
+/// Kernel that shades the pixels of a row of tiles.
 struct ShadeBand<'a> {
     scene: &'a PosedScene,
     hits: &'a Hits,
@@ -128,32 +128,32 @@ impl Seen {
     }
 }
 
-/// What the rays of a tile see; see [`SmoothHits`].
+/// Smooth hits of the rays of a tile; see [`SmoothHits`].
 pub struct Shade {
     /// Cosine of incidence.
     pub cosine: [f64; MOST_RAYS],
-    /// Distance to the surface that the facets stand for [m].
+    /// Distance to the curved surface [m].
     pub distance: [f64; MOST_RAYS],
-    /// In the sensor frame, axis by axis.
+    /// Unit normal in the sensor frame, axis by axis.
     normal: [[f64; MOST_RAYS]; 3],
 }
 
 impl Shade {
-    /// Of nothing.
+    /// Shade of rays that hit nothing.
     pub const NOTHING: Self = Self {
         cosine: [0.0; MOST_RAYS],
         distance: [f64::INFINITY; MOST_RAYS],
         normal: [[0.0; MOST_RAYS]; 3],
     };
 
-    /// Unit normal that a ray sees, in the sensor frame.
+    /// Unit normal at the hit of a ray, in the sensor frame.
     pub fn normal_of(&self, ray: usize) -> DVec3 {
         let [x, y, z] = &self.normal;
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// Shading of all rays that meet one triangle, by [`crate::geometry::curved_triangle::shade`]; distances and normals
-    /// only where `ALL` are wanted.
+    /// Shade the hits of a tile, all rays of one triangle together, as [`crate::geometry::curved_triangle::shade`]
+    /// does. Distances and normals are computed only if `ALL`.
     #[inline(always)]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
@@ -216,24 +216,25 @@ impl Shade {
     }
 }
 
-/// A triangle in the frame of its body, prepared for all rays that meet it.
+/// Triangle in the frame of its body, prepared to shade all rays that meet it.
 struct ShadedTriangle {
     /// First corner relative to the sensor [m].
     corner: DVec3,
-    /// Normal, and its inverse length.
+    /// Normal of twice the area's length, and the inverse of that length.
     face: DVec3,
     inverse: f64,
     smooth: Option<Smooth>,
 }
 
-/// What a facet of a curved surface has besides.
+/// Data of a triangle that approximates a curved surface.
 struct Smooth {
-    /// Weight of the second and the third corner: scalar products with the place relative to the first corner.
+    /// Vectors whose scalar products with a point relative to the first corner are the weights of the second and the
+    /// third.
     weights: [DVec3; 2],
-    /// Normal at the first corner, and what the others differ by.
+    /// Normal at the first corner, and differences of the other two from it.
     normal: DVec3,
     turns: [DVec3; 2],
-    /// Of the second and the third corner over the planes of their normals through the first.
+    /// Heights of the second and the third corner over the first, along the normals at them [m].
     heights: [f64; 2],
 }
 
@@ -263,15 +264,15 @@ impl ShadedTriangle {
         facet
     }
 
-    /// Cosine of incidence, how much farther the curved surface is, and its normal towards the incident side, from directions
-    /// and their lengths, and distances along them [m].
+    /// Cosine of incidence, distance from the triangle to the curved surface along the ray [m], and unit normal on the
+    /// incident side, from directions, their lengths, and distances along them [m].
     #[inline(always)]
     fn shade<V: Vector<Scalar = f64>>(&self, direction: [V; 3], length: V, distance: V) -> (V, V, [V; 3]) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let inverse = one.div(length);
         let face = vector::<V>(self.face);
         let slope = dot(face, direction);
-        // Which side is lit.
+        // Sign that turns the normal to the incident side.
         let side = V::splat(-1.0).select(zero.at_most(slope), one);
         let turn = side.mul(V::splat(self.inverse));
         let mut normal = scale(face, turn);
@@ -351,7 +352,7 @@ mod tests {
     use crate::rays::hits::Cast;
     use crate::rays::surface::{ShadingMode, Surface};
 
-    /// A bumpy sheet that is curved where its facets meet at small angles, seen from both sides.
+    /// Bumpy sheet, curved where its triangles meet at small angles, seen from both sides.
     fn sheet() -> Surface {
         let side = 24;
         let mut vertices = Vec::new();
@@ -373,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_show_what_shading_one_hit_after_the_other_shows() {
+    fn smooth_hits_are_those_of_shading_one_hit_after_the_other() {
         let surface = Arc::new(sheet());
         let turned = |angle: f64, x: f64| Pose {
             rotation: DMat3::from_rotation_z(angle) * DMat3::from_rotation_x(0.3),

@@ -24,8 +24,8 @@ use crate::rays::watertight::{Crossing, WatertightTest};
 /// Coordinates above this are refused: squares of lengths must stay finite [m].
 const LARGEST: f64 = 1e15;
 
-/// Leaves of a tree from which on rays are tested against their boxes one by one: where leaves are smaller than a tile, rays
-/// pass between them.
+/// Leaves of a tree from which on rays are tested against their boxes one by one: where leaves are smaller than a tile,
+/// rays pass between them.
 const FINE: usize = 2000;
 
 /// How normals follow from triangles.
@@ -75,8 +75,8 @@ struct Mesh {
     fingerprint: u64,
 }
 
-/// A tree that has become so many times dearer than it was is built anew: at that, images take a seventh longer than with a
-/// new tree (`cargo bench --bench trace -- twisted`, a little below it).
+/// A tree that has become so many times dearer than it was is built anew: at that, images take a seventh longer than
+/// with a new tree (`cargo bench --bench trace -- twisted`, a little below it).
 const DECAY: f64 = 2.0;
 
 /// Where a ray meets a triangle.
@@ -172,8 +172,8 @@ impl Surface {
         }
     }
 
-    /// The same triangles between vertices at other places: the tree keeps its shape and gets new boxes, unless it has become
-    /// much worse than it was when it was built; then a new one is built.
+    /// The same triangles between vertices at other places: the tree keeps its shape and gets new boxes, unless it has
+    /// become much worse than it was when it was built; then a new one is built.
     pub fn deform(&self, vertices: Vec<DVec3>) -> Result<Self> {
         if vertices.len() != self.vertices.len() {
             let expected = format!("{} as the mesh has", self.vertices.len());
@@ -323,8 +323,8 @@ impl Surface {
             .hit
     }
 
-    /// Distance of a point from the nearest triangle that is not all behind the plane through the point across `forward`;
-    /// `limit` where that is farther.
+    /// Distance of a point from the nearest triangle that is not all behind the plane through the point across
+    /// `forward`; `limit` where that is farther.
     pub fn distance_in_front(&self, point: DVec3, forward: DVec3, limit: f64) -> f64 {
         let corners = |leaf: usize, count: usize| {
             let triangles = self.leaves[leaf].triangles[..count].iter();
@@ -344,7 +344,7 @@ impl Surface {
         Level::best().run(nearest).hit.is_some()
     }
 
-    /// Whether leaves are so many that rays of a rays may pass between.
+    /// Whether leaves are so many that rays of a tile may pass between.
     pub fn is_fine(&self) -> bool {
         self.leaves.len() > FINE
     }
@@ -354,7 +354,7 @@ impl Surface {
         self.middle
     }
 
-    /// Look for triangles that are nearer than those that `P` packets of a rays, from one on, have met so far; see
+    /// Look for triangles that are nearer than those that `P` packets of a tile, from one on, have met so far; see
     /// [`Search`]. Returns how many leaves were looked at.
     #[inline(always)]
     pub fn search<I: Isa, E: Exact, const P: usize>(

@@ -13,7 +13,8 @@ pub trait Visit {
     /// Whether a leaf, child of a node, is to be visited.
     fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool;
 
-    /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is wanted.
+    /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is
+    /// wanted.
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
 
     /// A box that rays enter at `near` is left out: nothing there is wanted any more.

@@ -1,21 +1,26 @@
-//! Triangles of a leaf in single precision: which of them rays of one origin may meet, and where, with bounds on every rounding.
+//! Triangles of a leaf in single precision: which of them rays of one origin may meet, and where, with bounds on every
+//! rounding.
 //!
-//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, if `D . ((a + b) x (b - a))` and its like for the
-//! other edges have one sign (Plücker coordinates for a common origin). All planes of the leaf are computed at once.
+//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, if `D . ((a + b) x (b - a))` and its like
+//! for the other edges have one sign (Plücker coordinates for a common origin). All planes of the leaf are computed at
+//! once.
 //!
-//! Errors, in units of `u = 2^-24`, where `R` bounds relative coordinates, `L` is the longest edge (sum of coordinates), and `l`
-//! bounds the coordinates of directions. A relative corner is off by `2 u R` along every axis.
+//! Errors, in units of `u = 2^-24`, where `R` bounds relative coordinates, `L` is the longest edge (sum of
+//! coordinates), and `l` bounds the coordinates of directions. A relative corner is off by `2 u R` along every axis.
 //!
-//! - Sides: moving a corner changes `D . n` by twice the distance of the ray from the other corner, at most `L` for a ray that
-//!   meets the triangle: `14 u R L l` for both; the cross product adds 14, the scalar product 10, directions 15: [`SIDE`].
+//! - Sides: moving a corner changes `D . n` by twice the distance of the ray from the other corner, at most `L` for a
+//!   ray that meets the triangle: `14 u R L l` for both; the cross product adds 14, the scalar product 10, directions
+//!   15: [`SIDE`].
 //! - Slopes `D . N`: `37 u R L l`. Distances hold where the slope is at least twice the tolerance of sides.
-//! - Distances: the corner adds `4 u R`, the normal `22 u R L` over at most `L`, the height 6 and the slope 18 `u R`, all along
-//!   the normal: `50 u R L^2 / (D . N)` in `t`, and 1.4 times that with the error of the slope itself: [`DISTANCE`].
+//! - Distances: the corner adds `4 u R`, the normal `22 u R L` over at most `L`, the height 6 and the slope 18 `u R`,
+//!   all along the normal: `50 u R L^2 / (D . N)` in `t`, and 1.4 times that with the error of the slope itself:
+//!   [`DISTANCE`].
 //! - Which side of a triangle the origin is on: `55 u R^2 L`: [`FACE`].
 //!
-//! A ray with all sides above twice the tolerance meets the triangle, wherever it passes: at a distance of `r L` from the triangle
-//! the error of sides is below `(53 + 14 r) u R L l`. For `r < 3` that is less than twice the tolerance. From there on a
-//! barycentric coordinate is below `(1 - r) / 3`, and the side, `2 (D . N)` times that, is below by more than the error grows.
+//! A ray with all sides above twice the tolerance meets the triangle, wherever it passes: at a distance of `r L` from
+//! the triangle the error of sides is below `(53 + 14 r) u R L l`. For `r < 3` that is less than twice the tolerance.
+//! From there on a barycentric coordinate is below `(1 - r) / 3`, and the side, `2 (D . N)` times that, is below by
+//! more than the error grows.
 
 use glam::DVec3;
 
@@ -131,8 +136,8 @@ pub struct Planes<V> {
     tolerance: V,
     /// Error of distances, times `D . normal`.
     slack: V,
-    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be turned the
-    /// wrong way.
+    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be
+    /// turned the wrong way.
     pub unclear: u32,
 }
 
@@ -216,8 +221,8 @@ impl Table {
         slack: [0.0; WIDTH],
     };
 
-    /// A bit per ray that may meet a triangle, and how far it is inside: the least distance from an edge's plane plus the
-    /// tolerance.
+    /// A bit per ray that may meet a triangle, and how far it is inside: the least distance from an edge's plane plus
+    /// the tolerance.
     #[inline(always)]
     pub fn meet<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> (u32, V) {
         let tolerance = V::splat(self.tolerance[triangle]);

@@ -61,7 +61,8 @@ fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
     for seed in 0..60 {
         let mut state = 1000 + seed;
         let mut unit = || 2.0 * random(&mut state) - 1.0;
-        // Bodies of triangle soup, from a tenth of a millimetre to a hundred metres, at, around and far from the sensor.
+        // Bodies of triangle soup, from a tenth of a millimetre to a hundred metres, at, around and far from the
+        // sensor.
         let scale = 10_f64.powf(3.0 * unit() - 1.0);
         let num_bodies = 1 + seed as usize % 5;
         let (mut surfaces, mut poses) = (Vec::new(), Vec::new());
