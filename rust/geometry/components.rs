@@ -1,24 +1,24 @@
-//! Connected parts of a mesh.
+//! Connected components of a mesh.
 
 use glam::DVec3;
 
 use crate::geometry::aabb::Bounds;
 use crate::geometry::topology::{distinct_positions, join, root};
 
-/// Parts that are told apart; of more only the largest are.
+/// Largest number of components that are distinguished; of more only the largest are.
 const MOST: usize = 10_000;
 
-/// Which triangles hang together.
+/// Connected components of the triangles of a mesh.
 #[derive(Debug)]
 pub struct Parts {
-    /// Number of the part of every triangle; empty where there is one part.
+    /// Component number of every triangle; empty if there is one component.
     part: Vec<u32>,
-    /// How many there are.
+    /// Number of components.
     number: usize,
 }
 
 impl Parts {
-    /// Triangles that share a vertex, or have vertices at the same place, are of one part.
+    /// Find components: triangles that share a vertex, or have vertices at one position, belong together.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let places = distinct_positions(vertices);
         let mut parents: Vec<u32> = (0..places.len() as u32).collect();
@@ -47,7 +47,7 @@ impl Parts {
         }
     }
 
-    /// Boxes round the parts, of which at most ten thousand; of the corners of the triangles.
+    /// Boxes of the components, at most ten thousand, from the corners of their triangles.
     pub fn bounds(&self, whole: Bounds, corners: impl Fn(usize) -> [DVec3; 3]) -> Vec<Bounds> {
         if self.number <= 1 {
             return vec![whole; self.number];

@@ -1,22 +1,22 @@
-//! A triangle that moves and changes its shape, and what stays with it.
+//! Frame of a triangle that moves and deforms, in which material points keep their coordinates.
 
 use glam::DVec3;
 
-/// The frame of a triangle: a material point keeps its coordinates in it, wherever the corners go.
+/// Frame of a moving triangle: a material point keeps its coordinates in it, wherever the corners move.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingTriangle {
-    /// The first corner.
+    /// First corner [m].
     origin: DVec3,
-    /// From there to the others.
+    /// Edges from the first corner to the others [m].
     edges: [DVec3; 2],
-    /// Normal with the length of twice the area.
+    /// Normal with the length of twice the area [m^2].
     area_normal: DVec3,
     /// Unit normal; zero where there is no area.
     normal: DVec3,
 }
 
 impl MovingTriangle {
-    /// Of a triangle's corners.
+    /// Frame from the corners of a triangle [m].
     pub fn new([a, b, c]: [DVec3; 3]) -> Self {
         let edges = [b - a, c - a];
         let area_normal = edges[0].cross(edges[1]);
@@ -28,15 +28,15 @@ impl MovingTriangle {
         }
     }
 
-    /// Coordinates of a point: the weights of the second and third corner at its foot, and its height above the plane [m].
-    /// The triangle has an area.
+    /// Coordinates of a point: weights of the second and the third corner at its projection onto the plane, and height
+    /// above the plane [m]. The triangle must have an area.
     pub fn coordinates(&self, point: DVec3) -> DVec3 {
         let offset = point - self.origin;
         let [e, f] = self.duals();
         DVec3::new(offset.dot(e), offset.dot(f), 0.0) / self.area_normal.length() + DVec3::Z * offset.dot(self.normal)
     }
 
-    /// The point with these coordinates.
+    /// Point with given coordinates.
     pub fn point(&self, coordinates: DVec3) -> DVec3 {
         self.origin + self.vector(coordinates)
     }
@@ -46,13 +46,13 @@ impl MovingTriangle {
         self.coordinates(self.origin + vector)
     }
 
-    /// The vector with these coordinates.
+    /// Vector with given coordinates.
     pub fn vector(&self, coordinates: DVec3) -> DVec3 {
         let [e, f] = self.edges;
         coordinates.x * e + coordinates.y * f + coordinates.z * self.normal
     }
 
-    /// Velocity of that point; `rate` is the frame of the velocities of the corners.
+    /// Velocity of the point with given coordinates; `rate` is the frame of the velocities of the corners.
     pub fn velocity(&self, rate: &Self, coordinates: DVec3) -> DVec3 {
         let [e, f] = rate.edges;
         let along = rate.origin + coordinates.x * e + coordinates.y * f;
@@ -60,12 +60,13 @@ impl MovingTriangle {
         if length == 0.0 {
             return along;
         }
-        // The unit normal turns by what its change is across it.
+        // Derivative of the unit normal: the part of the change that is perpendicular to the normal.
         let turning = (e.cross(self.edges[1]) + self.edges[0].cross(f)) / length;
         along + coordinates.z * (turning - self.normal * self.normal.dot(turning))
     }
 
-    /// Slopes of a surface with this normal along the edges, and its rise above the plane.
+    /// Components of a surface normal along the edges and along the normal of the triangle: coordinates that deform
+    /// with it.
     pub fn slopes(&self, normal: DVec3) -> DVec3 {
         DVec3::new(
             normal.dot(self.edges[0]),
@@ -74,13 +75,14 @@ impl MovingTriangle {
         )
     }
 
-    /// The unit normal of the surface with these slopes; zero where the triangle has no area.
+    /// Unit normal with given slopes, inverse of [`Self::slopes`]; zero if the triangle has no area.
     pub fn normal(&self, slopes: DVec3) -> DVec3 {
         let [e, f] = self.duals();
         (slopes.x * e + slopes.y * f + slopes.z * self.area_normal).normalize_or_zero()
     }
 
-    /// Across the other edge each, in the plane; the product with its own edge is twice the area.
+    /// Dual vectors of the edges in the plane: each perpendicular to the other edge, with a product of twice the area
+    /// with its own.
     fn duals(&self) -> [DVec3; 2] {
         [self.edges[1].cross(self.normal), self.normal.cross(self.edges[0])]
     }
@@ -111,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn points_and_normals_turn_with_their_facet() {
+    fn points_and_normals_turn_with_their_triangle() {
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, -1.1, 2.0);
         let shift = DVec3::new(3.0, -1.0, 0.5);
         let before = MovingTriangle::new(CORNERS);
@@ -138,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_facet_without_area_has_no_normal_and_finite_places() {
+    fn a_triangle_without_area_has_no_normal_and_finite_points() {
         let needle = MovingTriangle::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
         assert_eq!(needle.normal(DVec3::new(0.1, 0.2, 0.9)), DVec3::ZERO);
         assert_eq!(needle.point(DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);

@@ -1,10 +1,10 @@
 //! Shading of triangle meshes: which facets stand for a curved surface, its normal there and its distance from them.
 //!
 //! A facet of a curved surface is a chord: a coherent sum over it would see facets, not the surface. Normals at
-//! the corners say where the surface lies, to second order (README, Model). The normals are area-weighted, as weights by
-//! angle would bend planes next to fillets, less what area weights get wrong round a vertex of even curvature: there they
-//! lean towards large facets. Triangles in one plane are one facet, whichever way its diagonals run, and facets much smaller
-//! than one have no say in how that bends.
+//! the corners say where the surface lies, to second order (README, Model). The normals are area-weighted, as weights
+//! by angle would bend planes next to fillets, less what area weights get wrong round a vertex of even curvature: there
+//! they lean towards large facets. Triangles in one plane are one facet, whichever way its diagonals run, and facets
+//! much smaller than one have no say in how that bends.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -27,8 +27,8 @@ pub struct Shading {
 /// Places of a triangle without normals of its own.
 const FLAT: [u32; 3] = [u32::MAX; 3];
 
-/// How far the corners of an edge may stand off the surface that its normals describe [m], rms over a triangle, and still
-/// count as on it: rounding of files written with a few digits.
+/// How far the corners of an edge may stand off the surface that its normals describe [m], rms over a triangle, and
+/// still count as on it: rounding of files written with a few digits.
 const EDGE_TOLERANCE: f64 = 16e-6;
 
 /// Edges that meet at just the crease angle are sharp, whatever their rounding [rad].
@@ -37,7 +37,8 @@ const CREASE_MARGIN: f64 = 1e-6;
 /// Triangles whose normals are this much apart across an edge lie in one plane [rad]: rounding of files again.
 const PLANE_ANGLE: f64 = 1e-3;
 
-/// Facets up to this part of a facet's area are too small to say how that bends; just a tenth is, whatever the rounding.
+/// Facets up to this part of a facet's area are too small to say how that bends; just a tenth is, whatever the
+/// rounding.
 const SMALL_FACET: f64 = 0.1 * (1.0 + 1e-6);
 
 impl Shading {
@@ -54,8 +55,8 @@ impl Shading {
     /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have
     /// normals less than the crease angle apart. Vertices at equal positions count as one. The normal at a corner
     /// is that of the triangles connected to it through smooth edges round its vertex: their area-weighted mean, and
-    /// on a sphere the radius. Facets of a tenth of its own area or less have no say: a tube is straight up to the chamfers
-    /// at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
+    /// on a sphere the radius. Facets of a tenth of its own area or less have no say: a tube is straight up to the
+    /// chamfers at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
     pub fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
@@ -236,18 +237,19 @@ struct Star {
     area: f64,
     /// Sum of the offsets of the circumcentres from the vertex.
     offset: DVec3,
-    /// Sums of the squares of how far normals turn along the edges, of that times their lengths, and of the squares of these.
+    /// Sums of the squares of how far normals turn along the edges, of that times their lengths, and of the squares of
+    /// these.
     turn: [f64; 3],
 }
 
 impl Star {
     /// Unit normal at the vertex.
     ///
-    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the mean
-    /// leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in proportion to the
-    /// length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere and two thirds on a
-    /// cylinder, less where facets are long; from there on down, as where a plane ends in a fillet, the mean is left alone. So
-    /// it is where all facets are one plane: what turns is not here.
+    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the
+    /// mean leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in
+    /// proportion to the length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere
+    /// and two thirds on a cylinder, less where facets are long; from there on down, as where a plane ends in a fillet,
+    /// the mean is left alone. So it is where all facets are one plane: what turns is not here.
     fn unit_normal(&self) -> DVec3 {
         if self.normal.length() >= (1.0 - 0.5 * PLANE_ANGLE * PLANE_ANGLE) * self.area {
             return self.normal.normalize_or_zero();

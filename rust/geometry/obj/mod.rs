@@ -5,7 +5,8 @@
 //! ```
 //!
 //! tobj reads the numbers. `statements` hands it vertices and faces, and keeps what it would lose: the line of a fault
-//! and the names of objects, groups and materials. `polygon` cuts faces into triangles. `fault` finds the lines of errors.
+//! and the names of objects, groups and materials. `polygon` cuts faces into triangles. `fault` finds the lines of
+//! errors.
 
 use std::path::Path;
 
