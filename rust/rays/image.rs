@@ -1,4 +1,4 @@
-//! Images: which tiles are cast, and what their rays hit.
+//! Images of a posed scene: selection of the tiles to cast, and hits of their rays.
 
 use std::sync::Arc;
 
@@ -16,18 +16,18 @@ use crate::rays::traversal::Visit;
 use crate::rays::tree::{Node, Tree};
 use crate::rays::triangle_block::Table;
 
-/// Leaves that a walk of 8 x 8 rays through the tree of a body looks at from which on four walks are faster: each looks
-/// at fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace --
-/// traversals`).
+/// Number of leaves that a traversal for 8 x 8 rays visits, above which four traversals for 4 x 4 rays are faster: each
+/// visits fewer. It is 15 for rooms, and 25 for spheres, whose coarse images lose less
+/// (`cargo bench --bench trace -- traversals`).
 const MANY_LEAVES: usize = 24;
 
 impl PosedScene {
-    /// Hits of all pixels, tile by tile in parallel: those of rays one by one, [`Self::cast`], to the last bit.
+    /// Hits of all pixels, tile by tile in parallel; bit for bit those of [`Self::cast`], ray by ray.
     pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
         self.cast_image_at(plane, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::cast_image`] with a given instruction set.
     pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
         self.cast_image_with(
             plane,
@@ -38,7 +38,7 @@ impl PosedScene {
         )
     }
 
-    /// The same, leaving out what need not be cast.
+    /// [`Self::cast_image`] with options.
     pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
         fits_memory(
@@ -91,8 +91,8 @@ impl PosedScene {
         Ok(hits)
     }
 
-    /// Boxes, before and now, of bodies that are not what or where they were in another scene of the same bodies. None
-    /// where that is all of them.
+    /// Tree over the boxes, before and now, of bodies whose surface or pose differs from another scene of the same
+    /// bodies. None if all bodies differ.
     pub fn moved(&self, before: &Self) -> Option<Tree> {
         if self.surfaces.len() != before.surfaces.len() {
             return None;
@@ -112,11 +112,11 @@ impl PosedScene {
     }
 }
 
-/// Casts the rays of a row of tiles.
+/// Kernel that casts the rays of a row of tiles.
 struct CastBand<'a> {
     scene: &'a PosedScene,
     cast: &'a Cast<'a>,
-    /// Hits of another time, and boxes where these may not be taken over.
+    /// Hits of another time, and boxes where bodies have moved.
     previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
     /// Number of the row of tiles.
@@ -174,13 +174,13 @@ impl Kernel for CastBand<'_> {
 }
 
 impl CastBand<'_> {
-    /// Rows of the tile, as ranges of pixels of this row of tiles.
+    /// Pixel ranges of the rows of a tile, counted in this row of tiles.
     fn rows(&self, tile: &Tile) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
         let (columns, first, number) = (self.plane.columns, tile.column, tile.columns);
         (0..tile.rows).map(move |row| row * columns + first..row * columns + first + number)
     }
 
-    /// Nothing was hit.
+    /// Write a tile without hits.
     fn clear(&mut self, tile: &Tile) {
         for pixels in self.rows(tile) {
             self.distance[pixels.clone()].fill(f64::INFINITY);
@@ -192,7 +192,7 @@ impl CastBand<'_> {
         }
     }
 
-    /// What was hit before.
+    /// Copy the hits of a tile from another time.
     fn take_over(&mut self, tile: &Tile, hits: &Hits) {
         let first = self.index * TILE * self.plane.columns;
         for pixels in self.rows(tile) {
@@ -206,7 +206,7 @@ impl CastBand<'_> {
         }
     }
 
-    /// What was found.
+    /// Write the hits of a tile.
     #[inline(always)]
     fn write(&mut self, tile: &Tile, scratch: &Scratch) {
         let best = &scratch.best;
@@ -227,7 +227,7 @@ impl CastBand<'_> {
     }
 }
 
-/// Whether rays may meet any box of a tree.
+/// Visitor that tests whether rays may meet any box of a tree.
 pub(super) struct Touch(pub bool);
 
 impl Visit for Touch {
@@ -243,7 +243,7 @@ impl Visit for Touch {
     }
 }
 
-/// The first numbers, nearly always half a tile's row of them.
+/// Copy the first `number` values; nearly always half a row of a tile, copied as one block.
 #[inline(always)]
 fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
     const ALL: usize = TILE / 2;
@@ -256,17 +256,18 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
     }
 }
 
-/// What the rays of a tile are and find, kept from tile to tile.
+/// Rays of a tile and their hits; memory kept from tile to tile.
 pub(super) struct Scratch {
     pub rays: TileRays,
     body_rays: BodyRays,
     pub best: PacketHits,
     table: Table,
     pub stacks: [Vec<u64>; 2],
-    /// [m]
+    /// Distances [m].
     pub distance: [f64; MOST_RAYS],
     pub shade: Shade,
-    /// For every body, how many leaves the last tiles looked at: a mean that halves the weight of the one before.
+    /// For every body, number of leaves that the last tiles visited: a running mean with weights halved from tile to
+    /// tile.
     num_leaves: Vec<usize>,
 }
 
@@ -286,7 +287,7 @@ impl Scratch {
 }
 
 impl PosedScene {
-    /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
+    /// Search for the nearest triangles of the rays of a tile. Returns true if no body is in the tile.
     #[inline(always)]
     pub(super) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
         let rays = &scratch.rays;
@@ -314,7 +315,7 @@ impl PosedScene {
         false
     }
 
-    /// Distances of the triangles that were found [m], infinite where there is none.
+    /// Measure the distances of the triangles that were found [m]; infinite where there is none.
     #[inline(always)]
     pub(super) fn measure<I: Isa>(&self, rays: &TileRays, best: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
@@ -327,7 +328,7 @@ impl PosedScene {
         }
         for packet in 0..PACKETS {
             while rest[packet] != 0 {
-                // All rays that meet one triangle; as `WatertightTest::intersect` does.
+                // All rays that meet one triangle, with the operations of `WatertightTest::intersect`.
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (best.body[packet][lane], best.triangle[packet][lane]);
                 let view = &self.views[body as usize];
@@ -379,7 +380,7 @@ impl PosedScene {
     }
 }
 
-/// Casts the rays of a tile at bodies.
+/// Visitor of the bodies that the rays of a tile may hit.
 struct Bodies<'a> {
     scene: &'a PosedScene,
     rays: &'a TileRays,
@@ -427,7 +428,7 @@ impl Visit for Bodies<'_> {
                 let scratch = (&mut *self.table, &mut *self.stack);
                 num_leaves += surface.search::<I, _, 1>(body, (body_rays, packet), start, best, &exact, scratch);
             }
-            // Where both ways are as fast, four walks look at a leaf 1.5 times.
+            // Where both choices are equally fast, four traversals visit a leaf 1.5 times.
             num_leaves = num_leaves * 2 / 3;
         } else {
             let scratch = (&mut *self.table, &mut *self.stack);
@@ -438,7 +439,7 @@ impl Visit for Bodies<'_> {
     }
 }
 
-/// Exact tests of the rays of a tile.
+/// Exact tests for the rays of a tile.
 struct ExactRays<'a> {
     scene: &'a PosedScene,
     rays: &'a TileRays,

@@ -37,7 +37,7 @@ fn only_tiles_that_a_moved_body_touches_are_cast_again() {
         assert_eq!(fresh.counts.tiles_reused, 0);
         assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
         assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
-        // Every pixel that shows something else was cast.
+        // Every pixel with another hit was cast.
         let changed = (0..plane.num_pixels())
             .filter(|i| hits.distance[*i] != fresh.distance[*i])
             .count();
@@ -144,7 +144,7 @@ fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
     }
 }
 
-/// How many pixels show something else behind a beam; of these, no pair of antennas sees what is there above the floor.
+/// Number of pixels whose hits change with a beam; at none of them has any pair of antennas a gain above the floor.
 fn num_out_of_beam(scene: &PosedScene, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
     let whole = scene.cast_image(plane).unwrap();
     let [u, v] = plane.ranges();

@@ -18,7 +18,8 @@ fn at(x: f64, angle: f64) -> Pose {
 
 const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 
-/// Every pixel as [`PosedScene::cast`] sees it, whatever the instruction set, on one walk per tile and on four.
+/// Assert that every pixel has the hit of [`PosedScene::cast`] on every instruction set, in one traversal per tile and
+/// in four.
 fn check(scene: &PosedScene, plane: &ImagePlane) -> usize {
     let mut count = 0;
     for level in Level::available() {
