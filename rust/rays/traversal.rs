@@ -13,8 +13,8 @@ pub trait Visit {
     /// True if a leaf, child of a node, is to be visited.
     fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool;
 
-    /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is
-    /// wanted.
+    /// Visit a leaf of `count` primitives that rays enter at `near`. Returns the distance at which the search
+    /// ends.
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
 
     /// Note a box that rays enter at `near` and that is left out, as the search ends before it.
