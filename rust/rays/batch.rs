@@ -26,7 +26,7 @@ pub struct Found {
     pub body: u32,
     /// Number of the triangle in the body's surface.
     pub triangle: u32,
-    /// Whether the direction is within the beam of the antennas; otherwise it was not cast.
+    /// True if the direction is within the beam of the antennas; otherwise it was not cast.
     pub is_seen: bool,
 }
 

@@ -51,11 +51,11 @@ pub type Outside<'a> = dyn Fn([f64; 2], [f64; 2]) -> bool + Sync + 'a;
 pub struct Cast<'a> {
     /// Instruction set.
     pub level: Level,
-    /// Whether tiles without bodies are left out.
+    /// Option to leave out tiles without bodies.
     pub skip_empty: bool,
     /// Predicate of directions that are not cast.
     pub outside: Option<&'a Outside<'a>>,
-    /// Whether to compute cosines of incidence.
+    /// Option to compute cosines of incidence.
     pub with_cosines: bool,
     /// Number of traversals for the rays of a tile.
     pub traversals: Traversals,

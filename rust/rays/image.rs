@@ -390,7 +390,7 @@ struct Bodies<'a> {
     stack: &'a mut Vec<u64>,
     traversals: Traversals,
     num_leaves: &'a mut [usize],
-    /// Whether no body was visited.
+    /// True if no body was visited.
     is_empty: bool,
 }
 

@@ -442,7 +442,7 @@ pub struct Search<'a, E, const P: usize> {
     pub reach: f32,
     /// Number of the body.
     pub body: u32,
-    /// Whether leaves are so small that rays of a tile may pass between them.
+    /// True if leaves are so small that rays of a tile may pass between them.
     pub is_fine: bool,
     /// Distance at or below which there are no hits.
     pub start: f32,

@@ -200,7 +200,7 @@ struct CastOne<'a> {
     ray: &'a Ray,
     /// Distance at which the search ends.
     far: f64,
-    /// Whether the first triangle found is enough, nearest or not.
+    /// True if the first triangle found is enough, nearest or not.
     is_any_enough: bool,
 }
 

@@ -479,7 +479,7 @@ pub struct Nearest<'a> {
     pub ray: &'a Ray,
     /// Distance at which the search ends.
     pub far: f64,
-    /// Whether the first triangle found is enough, nearest or not.
+    /// True if the first triangle found is enough, nearest or not.
     pub is_any_enough: bool,
 }
 
@@ -487,7 +487,7 @@ pub struct Nearest<'a> {
 pub struct Found {
     /// Triangle that was hit.
     pub hit: Option<TriangleHit>,
-    /// Whether boxes that the ray enters before the triangle were left out because any triangle is enough.
+    /// True if boxes that the ray enters before the triangle were left out because any triangle is enough.
     pub ended_early: bool,
 }
 

@@ -81,7 +81,7 @@ pub struct Crossing {
     pub distance: f64,
     /// Barycentric weights of the corners; their sum is one.
     pub barycentric: [f64; 3],
-    /// Whether the ray lies in the triangle's plane, to rounding: then it meets an edge.
+    /// True if the ray lies in the triangle's plane, to rounding: then it meets an edge.
     pub is_edge_on: bool,
 }
 

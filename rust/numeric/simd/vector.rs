@@ -150,7 +150,7 @@ pub fn add_patch<V: Vector, const W: usize, const N: usize>(
 pub trait Isa {
     /// Number of registers of a vector.
     const REGISTERS: usize;
-    /// Whether `mul_add` rounds once.
+    /// True if `mul_add` rounds once.
     const IS_FUSED: bool;
     /// Vector of 16 f32.
     type F32: Vector<Scalar = f32>;
