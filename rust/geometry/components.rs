@@ -10,14 +10,14 @@ const MOST: usize = 10_000;
 
 /// Connected components of the triangles of a mesh.
 #[derive(Debug)]
-pub struct Parts {
+pub struct Components {
     /// Component number of every triangle; empty if there is one component.
     part: Vec<u32>,
     /// Number of components.
     number: usize,
 }
 
-impl Parts {
+impl Components {
     /// Find components: triangles that share a vertex, or have vertices at one position, belong together.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let places = distinct_positions(vertices);
@@ -82,16 +82,20 @@ mod tests {
             .map(|[x, y]| DVec3::new(f64::from(x), f64::from(y), 2.0))
             .to_vec();
         let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8]];
-        let parts = Parts::new(&vertices, &triangles);
+        let parts = Components::new(&vertices, &triangles);
         let corners = |t: usize| triangles[t].map(|vertex: u32| vertices[vertex as usize]);
         let whole = Bounds::of(vertices.iter().copied());
         let bounds = parts.bounds(whole, corners);
         assert_eq!(bounds.len(), 2);
         assert_eq!(bounds[0].max, DVec3::new(1.0, 1.0, 2.0));
         assert_eq!(bounds[1].min, DVec3::new(5.0, 5.0, 2.0));
-        let one = Parts::new(&vertices, &triangles[..2]);
+        let one = Components::new(&vertices, &triangles[..2]);
         assert_eq!(one.memory(), 0);
         assert_eq!(one.bounds(bounds[0], corners).len(), 1);
-        assert!(Parts::new(&vertices, &[]).bounds(Bounds::EMPTY, corners).is_empty());
+        assert!(
+            Components::new(&vertices, &[])
+                .bounds(Bounds::EMPTY, corners)
+                .is_empty()
+        );
     }
 }

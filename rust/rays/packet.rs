@@ -11,7 +11,7 @@ use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::traversal::{Slabs, Visit, walk};
 use crate::rays::tree::{Node, Tree};
-use crate::rays::triangle_block::{Leaf, Table, UNIT};
+use crate::rays::triangle_block::{Table, TriangleBlock, UNIT};
 
 /// Rays of a packet, tested at once in vectors.
 pub const PACKET: usize = 16;
@@ -437,7 +437,7 @@ pub struct Search<'a, E, const P: usize> {
     /// First packet.
     pub from: usize,
     /// Triangle block of every leaf.
-    pub leaves: &'a [Leaf],
+    pub leaves: &'a [TriangleBlock],
     /// Bound of the coordinates of the triangles.
     pub reach: f32,
     /// Number of the body.

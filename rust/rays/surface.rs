@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
-use crate::geometry::components::Parts;
+use crate::geometry::components::Components;
 use crate::geometry::quality::Quality;
 use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::triangle::{MIN_AREA, area};
@@ -18,7 +18,7 @@ use crate::rays::nearest_point;
 use crate::rays::packet::{BodyRays, Exact, PacketHits, Search};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
-use crate::rays::triangle_block::{Leaf, Table};
+use crate::rays::triangle_block::{Table, TriangleBlock};
 use crate::rays::watertight::{Crossing, WatertightTest};
 
 /// Largest coordinate that is accepted [m]: squares of lengths must stay finite.
@@ -47,7 +47,7 @@ pub struct Surface {
     vertices: Arc<Vec<DVec3>>,
     /// Tree over boxes relative to `middle`.
     tree: Tree,
-    leaves: Vec<Leaf>,
+    leaves: Vec<TriangleBlock>,
     /// Cost of the tree when it was built.
     built_cost: f64,
     /// Largest coordinate relative to the middle.
@@ -71,7 +71,7 @@ struct Mesh {
     /// Corners that share a normal; for surfaces that were deformed.
     groups: OnceLock<Groups>,
     /// Connected components of the triangles; if asked for.
-    parts: OnceLock<Parts>,
+    parts: OnceLock<Components>,
     fingerprint: u64,
 }
 
@@ -230,7 +230,7 @@ impl Surface {
         size_of_val(mesh.triangles.as_slice())
             + mesh.kept.as_ref().map_or(0, |kept| size_of_val(kept.as_slice()))
             + mesh.groups.get().map_or(0, Groups::memory)
-            + mesh.parts.get().map_or(0, Parts::memory)
+            + mesh.parts.get().map_or(0, Components::memory)
             + self
                 .part_bounds
                 .get()
@@ -275,7 +275,7 @@ impl Surface {
     pub fn parts(&self) -> &[Bounds] {
         let mesh = &self.mesh;
         self.part_bounds.get_or_init(|| {
-            let parts = mesh.parts.get_or_init(|| Parts::new(&mesh.rest, &mesh.triangles));
+            let parts = mesh.parts.get_or_init(|| Components::new(&mesh.rest, &mesh.triangles));
             parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
         })
     }
@@ -425,7 +425,7 @@ fn check_vertices(vertices: &[DVec3]) -> Result<()> {
 
 /// Triangle blocks of the leaves, relative to a point, and their boxes.
 struct Fitted {
-    leaves: Vec<Leaf>,
+    leaves: Vec<TriangleBlock>,
     boxes: Vec<Bounds>,
     /// Box of all leaves.
     bounds: Bounds,
@@ -440,14 +440,14 @@ impl Fitted {
     ) -> Self {
         let fit = |triangles: Primitives| {
             let mut bounds = Bounds::EMPTY;
-            let leaf = Leaf::new(triangles, |triangle| {
+            let leaf = TriangleBlock::new(triangles, |triangle| {
                 let corners = mesh.relative(vertices, triangle as usize, middle);
                 bounds = bounds.union(&Bounds::of_triangle(&corners));
                 corners
             });
             (leaf, bounds)
         };
-        let (leaves, boxes): (Vec<Leaf>, Vec<Bounds>) = primitives.map(fit).unzip();
+        let (leaves, boxes): (Vec<TriangleBlock>, Vec<Bounds>) = primitives.map(fit).unzip();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         Self { leaves, boxes, bounds }
     }

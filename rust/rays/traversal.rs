@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::tree::{Child, Kind, Node, Tree, WIDTH};
-use crate::rays::triangle_block::{Leaf, UNIT};
+use crate::rays::triangle_block::{TriangleBlock, UNIT};
 
 /// Visitor of the leaves of a tree.
 pub trait Visit {
@@ -103,7 +103,7 @@ impl Single {
 
     /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.
     #[inline(always)]
-    pub fn may_meet<I: Isa>(&self, leaf: &Leaf, count: usize, reach: f32) -> u32 {
+    pub fn may_meet<I: Isa>(&self, leaf: &TriangleBlock, count: usize, reach: f32) -> u32 {
         let planes = leaf.planes::<I>(&self.origin, reach + self.reach, self.length);
         planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
     }

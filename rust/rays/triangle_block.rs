@@ -37,13 +37,13 @@ const FACE: f32 = 64.0 * UNIT;
 /// Triangle block: up to 16 triangles of a leaf in single precision, axis by axis.
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub struct Leaf {
+pub struct TriangleBlock {
     corners: [[[f32; WIDTH]; 3]; 3],
     /// Numbers of the triangles; the last one repeated.
     pub triangles: [u32; WIDTH],
 }
 
-impl Leaf {
+impl TriangleBlock {
     /// Block from the corners of [`WIDTH`] triangles, relative to the middle of the surface.
     pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
         let mut leaf = Self {

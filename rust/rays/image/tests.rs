@@ -58,7 +58,7 @@ fn only_tiles_that_a_moved_body_touches_are_cast_again() {
 }
 
 #[test]
-fn walks_change_neither_images_nor_counts() {
+fn traversals_change_neither_images_nor_counts() {
     // Squares of a quarter of a pixel in front of coarse ones: many leaves per tile here, few there.
     let cells = 120;
     let place = |i: u32| f64::from(i) / f64::from(cells) - 0.5;
