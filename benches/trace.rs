@@ -1,8 +1,9 @@
 //! Rays of an image against a room: rays per second.
 //!
-//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all as one;
-//! `traversals`: tiles in one traversal through a tree or on four, where these are chosen and everywhere; `motion`: what new poses
-//! cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per second.
+//! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
+//! as one; `traversals`: tiles in one traversal through a tree or on four, where these are chosen and everywhere;
+//! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per
+//! second.
 
 mod common;
 
@@ -84,7 +85,8 @@ fn furnished(room: Arc<Surface>, sphere: &Arc<Surface>, num_bodies: usize) -> (V
     (surfaces, poses)
 }
 
-/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles, every one a body; and all of them as one.
+/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles, every one a body; and all of them as
+/// one.
 fn two_levels(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
