@@ -1,11 +1,11 @@
-//! Check of the compiled kernels: fails if an intrinsic in its own symbols was not inlined. Measures no time.
+//! No bench: looks through its own symbols for intrinsics that were not inlined, and fails if it finds one.
 //!
-//! A closure inside a kernel, those of `map` and `from_fn` as well, does not inherit the kernel's instruction set:
-//! intrinsics that it uses become calls, two to three times slower, and nothing else tells (`numeric::simd`). An
-//! intrinsic that is called is a function of its own in the executable.
+//! A closure inside a kernel, those of `map` and `from_fn` as well, does not inherit the kernel's instruction set: intrinsics
+//! that it uses become calls, two to three times slower, and nothing else tells (`numeric::simd`). An intrinsic that is called
+//! is a function of its own in the executable.
 //!
-//! It is a bench because only benches are compiled as users run the code: checks of the test profile (debug assertions)
-//! keep the compiler from inlining loads and stores.
+//! It is a bench because only benches are compiled as users run the code: checks of the test profile (debug assertions) keep
+//! the compiler from inlining loads and stores.
 
 fn main() {
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -18,13 +18,13 @@ fn main() {
 mod linux {
     use std::hint::black_box;
 
-    use radarcore::{Level, Shown, Snapshot, beat_signal};
+    use radarcore::{Level, PosedScene, SmoothHits, beat_signal};
 
     pub fn check() {
-        // Functions that are never named are not linked: these reach every kernel at every level.
-        black_box(Snapshot::cast_image_at as *const ());
-        black_box(Snapshot::cast as *const ());
-        black_box(Shown::new as *const ());
+        // What is never named is not linked: these lead to every kernel, at every level.
+        black_box(PosedScene::cast_image_at as *const ());
+        black_box(PosedScene::cast as *const ());
+        black_box(SmoothHits::new as *const ());
         black_box(beat_signal as *const ());
 
         let executable = std::env::current_exe().and_then(std::fs::read).expect("own executable");
@@ -49,8 +49,8 @@ mod linux {
         );
     }
 
-    /// Intrinsic of a mangled name, `..core_arch..avx512f15_mm512_fmadd_ps..`. Registers, `__m512`, are types of that
-    /// module as well.
+    /// The intrinsic whose mangled name this is, `..core_arch..avx512f15_mm512_fmadd_ps..`. Registers are types of that
+    /// module as well, `__m512`.
     fn intrinsic(name: &str) -> Option<&str> {
         let start = ["_mm_", "_mm256_", "_mm512_"]
             .iter()

@@ -25,7 +25,7 @@ SIDE = 256  # pixels of an image in benches/trace.rs
 SHORT = ["--warm-up-time", "0.2", "--measurement-time", "0.5"]
 """Criterion's options: several short runs, so that what is compared is measured at nearly the same time."""
 
-FEW = ["--quick", "5k|/10_bodies|hide/10"]
+FEW = ["--quick", "5k|/10_bodies|occluded/10"]
 """Those for `--tiny`."""
 
 LEVELS = {"avx512": "AVX-512", "avx2": "AVX2", "baseline": "baseline"}
@@ -48,9 +48,9 @@ PAIRS = {
     },
     **{
         f"{side} x {side} pixels of a room of {size}, auto packets": (
-            f"walks/room_{size}_{side}/chosen",
+            f"traversals/room_{size}_{side}/chosen",
             "8 x 8 rays per traversal",
-            f"walks/room_{size}_{side}/together",
+            f"traversals/room_{size}_{side}/together",
         )
         for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
     },
@@ -70,9 +70,9 @@ PAIRS = {
     },
     **{
         f"points amid {number} bodies, up to any triangle": (
-            f"hide/{number}_bodies/first",
+            f"occluded/{number}_bodies/first",
             "up to the nearest",
-            f"hide/{number}_bodies/nearest",
+            f"occluded/{number}_bodies/nearest",
         )
         for number in (10, 200)
     },

@@ -1,8 +1,9 @@
-//! Ray casting of images of a room: rays per second.
+//! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
-//! as one; `walks`: tiles on one walk through a tree or on four, where these are chosen and everywhere; `motion`: what
-//! new poses cost; `twisted`: a tree that was refitted far; `hide`: points behind spheres, per second.
+//! as one; `traversals`: tiles in one traversal through a tree or on four, where these are chosen and everywhere;
+//! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per
+//! second.
 
 mod common;
 
@@ -10,14 +11,14 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::{Cast, ImagePlane, Level, Pose, Ray, ShadingMode, Snapshot, Surface, Walks};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, Surface, Traversals};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
     square(common::sizes([256], 8)[0])
 }
 
-/// Square image of 60 degrees with `side` pixels per side.
+/// The same of other sizes.
 fn square(side: usize) -> ImagePlane {
     let half = 30_f64.to_radians().tan();
     ImagePlane::centered(side, side, half, half)
@@ -27,8 +28,8 @@ fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {
     Arc::new(Surface::new(vertices, triangles, ShadingMode::Flat).unwrap())
 }
 
-/// Rays per second through `Snapshot::cast_image` on one thread, at every level and on two; and of rays one by one.
-fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
+/// Rays per second through `PosedScene::cast_image` on one thread, at every level and on two; and of rays one by one.
+fn cast(criterion: &mut Criterion, name: &str, snapshot: &PosedScene) {
     let plane = plane();
     let mut group = criterion.benchmark_group("trace");
     group.throughput(Throughput::Elements(plane.num_pixels() as u64));
@@ -60,10 +61,10 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &Snapshot) {
     group.finish();
 }
 
-/// Rooms of one body with an increasing number of triangles.
+/// One body of more and more triangles.
 fn rooms(criterion: &mut Criterion) {
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {
-        let snapshot = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        let snapshot = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
         cast(criterion, &format!("room_{}", common::size_id(size)), &snapshot);
     }
 }
@@ -84,8 +85,8 @@ fn furnished(room: Arc<Surface>, sphere: &Arc<Surface>, num_bodies: usize) -> (V
     (surfaces, poses)
 }
 
-/// Scenes of an increasing number of bodies: a room of 5 k triangles and spheres of 1 k triangles, as separate bodies
-/// and as one.
+/// More and more bodies: the room of 5 k triangles, then spheres of 1 k triangles, every one a body; and all of them as
+/// one.
 fn two_levels(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
@@ -98,38 +99,38 @@ fn two_levels(criterion: &mut Criterion) {
                 vertices.extend(surface.corners(triangle).map(|corner| pose.point(corner)));
             }
         }
-        let flat = Snapshot::new(vec![self::surface(&(vertices, triangles))], vec![Pose::IDENTITY]);
+        let flat = PosedScene::new(vec![self::surface(&(vertices, triangles))], vec![Pose::IDENTITY]);
         cast(
             criterion,
             &format!("spheres/{num_bodies}_bodies"),
-            &Snapshot::new(surfaces, poses),
+            &PosedScene::new(surfaces, poses),
         );
         cast(criterion, &format!("spheres/{num_bodies}_bodies_as_one"), &flat);
     }
 }
 
 /// Triangles from larger than tiles to far smaller, in all directions and in some.
-fn walks(criterion: &mut Criterion) {
+fn traversals(criterion: &mut Criterion) {
     let ahead = Pose {
         translation: DVec3::new(2.0, 0.0, 0.0),
         ..Pose::IDENTITY
     };
     let pool = common::pool(1);
-    let mut group = criterion.benchmark_group("walks");
+    let mut group = criterion.benchmark_group("traversals");
     for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
-        let room = Snapshot::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
-        let sphere = Snapshot::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
+        let room = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        let sphere = PosedScene::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
         for (name, snapshot) in [("room", room), ("sphere", sphere)] {
             for side in common::sizes([128, 256, 512], 8) {
                 let plane = square(side);
                 group.throughput(Throughput::Elements(plane.num_pixels() as u64));
-                for (way, walks) in [
-                    ("chosen", Walks::Chosen),
-                    ("together", Walks::Together),
-                    ("apart", Walks::Apart),
+                for (way, traversals) in [
+                    ("chosen", Traversals::Chosen),
+                    ("together", Traversals::Together),
+                    ("apart", Traversals::Apart),
                 ] {
                     let cast = Cast {
-                        walks,
+                        traversals,
                         ..Cast::default()
                     };
                     let id = BenchmarkId::new(format!("{name}_{}_{side}", common::size_id(size)), way);
@@ -143,15 +144,15 @@ fn walks(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Cost of moving 50 bodies of 10 k triangles before rays are cast.
+/// What moving 50 bodies of 10 k triangles costs before they are cast.
 fn motion(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([10_000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([10_000], 100)[0]));
     let (surfaces, poses) = furnished(room, &sphere, common::sizes([50], 3)[0]);
     criterion.bench_function("motion/50_bodies", |bencher| {
-        bencher.iter(|| Snapshot::new(surfaces.clone(), poses.clone()));
+        bencher.iter(|| PosedScene::new(surfaces.clone(), poses.clone()));
     });
-    cast(criterion, "motion/50_bodies", &Snapshot::new(surfaces, poses));
+    cast(criterion, "motion/50_bodies", &PosedScene::new(surfaces, poses));
 }
 
 /// A sphere that was twisted as far as its tree is kept, and the same built anew.
@@ -167,28 +168,32 @@ fn twisted(criterion: &mut Criterion) {
     cast(
         criterion,
         "twisted/refitted",
-        &Snapshot::new(vec![Arc::new(deformed)], vec![ahead]),
+        &PosedScene::new(vec![Arc::new(deformed)], vec![ahead]),
     );
     let rebuilt = surface(&(bent, triangles));
-    cast(criterion, "twisted/rebuilt", &Snapshot::new(vec![rebuilt], vec![ahead]));
+    cast(
+        criterion,
+        "twisted/rebuilt",
+        &PosedScene::new(vec![rebuilt], vec![ahead]),
+    );
 }
 
-/// Occlusion of points amid spheres, by any triangle in the way and by the nearest.
-fn hidden(criterion: &mut Criterion) {
+/// Points amid spheres: occlusion of each, by the first triangle in the way and by the nearest.
+fn occluded(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
     let plane = plane();
     let point = |pixel: usize| 3.0 * plane.direction(pixel / plane.columns, pixel % plane.columns);
     let points: Vec<DVec3> = (0..plane.num_pixels()).map(point).collect();
     let pool = common::pool(1);
-    let mut group = criterion.benchmark_group("hide");
+    let mut group = criterion.benchmark_group("occluded");
     group.throughput(Throughput::Elements(points.len() as u64));
     for num_bodies in common::sizes([10, 200], 3) {
         let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
-        let snapshot = Snapshot::new(surfaces, poses);
+        let snapshot = PosedScene::new(surfaces, poses);
         for (name, ends_early) in [("first", true), ("nearest", false)] {
             group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
-                bencher.iter(|| pool.install(|| snapshot.hide(&points, ends_early)));
+                bencher.iter(|| pool.install(|| snapshot.occluded(&points, ends_early)));
             });
         }
     }
@@ -199,9 +204,9 @@ fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
-    walks(&mut criterion);
+    traversals(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
-    hidden(&mut criterion);
+    occluded(&mut criterion);
     criterion.final_summary();
 }

@@ -20,7 +20,7 @@ use glam::DVec3;
 
 use crate::error::{Result, fits_memory};
 use crate::paths::placement::World;
-use crate::rays::scene::Hidden;
+use crate::rays::scene::Occlusion;
 use crate::synthesis::beat::Samples;
 
 pub use model::{Cancel, DepthImage, Model, RaySampling, Scene, Settings, Source};
@@ -165,10 +165,16 @@ pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image
 }
 
 /// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.
-pub fn occluded(model: &Model, at: &World, points: &[DVec3], ends_early: bool, memory: &mut Memory) -> Result<Hidden> {
+pub fn occluded(
+    model: &Model,
+    at: &World,
+    points: &[DVec3],
+    ends_early: bool,
+    memory: &mut Memory,
+) -> Result<Occlusion> {
     let placement = model.placement(at)?;
     let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
-    Ok(scene.hide(points, ends_early))
+    Ok(scene.occluded(points, ends_early))
 }
 
 /// A frame that grows part by part.

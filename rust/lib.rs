@@ -70,7 +70,7 @@
 //! let pose = Pose { translation: DVec3::new(2.0, 0.0, 0.0), ..Pose::IDENTITY };
 //!
 //! // Rays: image of the scene.
-//! let scene = Snapshot::new(vec![plate], vec![pose]);
+//! let scene = PosedScene::new(vec![plate], vec![pose]);
 //! let hits = scene.cast_image(&ImagePlane::centered(64, 64, 0.01, 0.01))?;
 //!
 //! // Scattering: hits to scatterers.
@@ -84,7 +84,7 @@
 //!     frequency: 60e9,
 //!     polarization: None,
 //! };
-//! let shown = Shown::new(&scene, &hits);
+//! let shown = SmoothHits::new(&scene, &hits);
 //! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
@@ -149,9 +149,9 @@ pub use paths::kinematics::Places;
 pub use paths::scatterers::Scatterers;
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
-pub use rays::hits::{Cast, Hits, Walks};
-pub use rays::scene::{Hit, NO_BODY, Snapshot};
-pub use rays::smooth_hits::Shown;
+pub use rays::hits::{Cast, Hits, Traversals};
+pub use rays::scene::{Hit, NO_BODY, PosedScene};
+pub use rays::smooth_hits::SmoothHits;
 pub use rays::surface::{ShadingMode, Surface};
 pub use rays::tree::{Ray, Tree, WIDTH};
 pub use scattering::material::{CONDUCTOR, Material};

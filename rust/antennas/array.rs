@@ -1,4 +1,4 @@
-//! Antennas of the sensor: where they are, what they see of a point.
+//! Antenna array of the sensor: positions and patterns, and gain towards a point.
 
 use glam::DVec3;
 
@@ -20,11 +20,11 @@ pub struct Array {
     pub power: f64,
     /// Centre of the sampled band [Hz].
     pub frequency: f64,
-    /// Unit vector along the field of every element, as far as it is transverse; none: antennas without a polarisation.
+    /// Unit vector along the field of every element, projected across the ray; none: antennas without a polarisation.
     pub polarization: Option<DVec3>,
 }
 
-/// One antenna's view of a point.
+/// View of a point from one antenna.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight {
     /// Distance [m].
@@ -36,7 +36,7 @@ pub struct Sight {
 }
 
 impl Array {
-    /// Field that is sent to a direction `(1, u, v)` and received from there, relative to the peaks; of the best pair.
+    /// Two-way field gain in a direction `(1, u, v)`, relative to the peaks, of the pair with the most.
     pub fn relative_gain(&self, u: f64, v: f64) -> f64 {
         let least = |patterns: &[Pattern]| {
             let others = (0..patterns.len()).filter(|i| *i == 0 || !patterns[*i].is_same(&patterns[*i - 1]));
@@ -46,7 +46,7 @@ impl Array {
         (-0.5 * (least(&self.tx_patterns) + least(&self.rx_patterns))).exp()
     }
 
-    /// Refuses other numbers of patterns than of antennas.
+    /// Refuse other numbers of patterns than of antennas.
     pub fn check(&self) -> Result<()> {
         for (name, antennas, patterns) in [
             ("tx_patterns", &self.tx, &self.tx_patterns),
@@ -73,7 +73,7 @@ impl Array {
         })
     }
 
-    /// What transmitter and receiver of a channel see of a point of the sensor frame.
+    /// Views of a point of the sensor frame from transmitter and receiver of a channel.
     pub fn pair(&self, channel: usize, point: DVec3) -> (Sight, Sight) {
         let sight = |antenna: DVec3, pattern: &Pattern| {
             let offset = point - antenna;

@@ -1,29 +1,29 @@
-//! Directions that antennas hardly see: what is there is not cast.
+//! Beam of an array: directions outside of it are not cast.
 //!
-//! Rays start at the centre of the array, but every antenna sees their hits from its own place, in another direction the
-//! nearer they are.
+//! Rays start at the centre of the array, but every antenna sees a hit from its own position: the nearer the hit, the
+//! more its direction differs.
 
 use glam::DVec3;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 
-/// Directions in which some pair of antennas has a gain of interest.
+/// Directions in which any pair of antennas has a gain of interest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beam {
-    /// Patterns of the transmitters and of the receivers, every one once.
+    /// Distinct patterns of the transmitters and of the receivers.
     patterns: [Vec<Pattern>; 2],
     /// Box round the antennas [m].
     low: DVec3,
     high: DVec3,
-    /// ln of the peak over the least gain of interest, there and back.
+    /// Natural logarithm of the peak over the least two-way gain of interest.
     depth: f64,
-    /// 1 / distance of what is in front of the antennas, at most [1/m].
+    /// Upper bound of 1 / distance of bodies in front of the antennas [1/m].
     closeness: f64,
 }
 
 impl Beam {
-    /// Of antennas; `floor` is the least gain of interest, there and back, relative to the product of a pair's peaks.
+    /// Beam of an array; `floor` is the least two-way gain of interest, relative to the product of a pair's peaks.
     pub fn new(array: &Array, floor: f64) -> Self {
         let once = |patterns: &[Pattern]| {
             patterns.iter().fold(Vec::new(), |mut seen: Vec<Pattern>, pattern| {
@@ -43,7 +43,7 @@ impl Beam {
         }
     }
 
-    /// Beam in front of bodies, of which the nearest is at a distance [m]; none if all directions `(1, u, v)` within ranges are
+    /// Beam for bodies of which the nearest is at a distance [m]; none if all directions `(1, u, v)` within ranges are
     /// in it.
     pub fn in_front(&self, nearest: impl FnOnce() -> f64, u: [f64; 2], v: [f64; 2]) -> Option<Self> {
         let [_, most] = self.decay(u, v);
@@ -52,19 +52,19 @@ impl Beam {
         }
         let mut beam = self.clone();
         if self.low != DVec3::ZERO || self.high != DVec3::ZERO {
-            // In powers of two, so that it is the same for most images of things that move: only images with the same beam
-            // take over tiles.
+            // Rounded to a power of two, so that it is equal for most images of moving bodies: only images with equal
+            // beams share tiles.
             beam.closeness = nearest().recip().log2().ceil().exp2();
         }
         Some(beam)
     }
 
-    /// Whether all rays with directions within ranges are out of the beam.
+    /// True if all rays with directions within ranges are out of the beam.
     pub fn misses(&self, u: [f64; 2], v: [f64; 2]) -> bool {
         self.seen(u, v).is_some_and(|[u, v]| self.decay(u, v)[0] > self.depth)
     }
 
-    /// Bounds of ln(peaks / gain), there and back, of the pair with the most gain, over directions within ranges.
+    /// Bounds of two-way ln(peaks / gain) of the pair with the most gain, over directions within ranges.
     fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for patterns in &self.patterns {
@@ -77,7 +77,7 @@ impl Beam {
         sum
     }
 
-    /// Directions `(1, u, v)` in which antennas see what rays within ranges hit; none where these may be any.
+    /// Ranges of directions `(1, u, v)` from antennas to hits of rays within ranges; none if they are unbounded.
     fn seen(&self, u: [f64; 2], v: [f64; 2]) -> Option<[[f64; 2]; 2]> {
         let most = |[low, high]: [f64; 2]| low.abs().max(high.abs());
         // From an antenna at o a hit at x (1, u, v) is in the direction (u - o_y / x) / (1 - o_x / x), likewise v.

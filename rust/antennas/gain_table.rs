@@ -1,31 +1,31 @@
-//! Gains at angles, bilinear in decibels.
+//! Table of gains over angles, interpolated bilinearly in decibels.
 
 use std::f64::consts::{FRAC_PI_2, LN_10, PI, TAU};
 
 use crate::error::{Error, Result};
 
-/// Angles that differ by less are the same [rad]: rounding of degrees and of directions.
+/// Tolerance within which angles are equal [rad]: rounding of degrees and of directions.
 const SAME_ANGLE: f64 = 1e-9;
 
-/// Gains of a table are within this [dB]; their powers stay far from the ends of f64.
+/// Largest magnitude of a gain [dB]; powers stay far from the limits of f64.
 const LARGEST_GAIN_DB: f64 = 1000.0;
 
-/// Gains at angles, bilinear in decibels between them; nothing is seen outside of a table.
+/// Gains at angles, bilinear in decibels between them; the gain is zero outside of the table.
 #[derive(Debug, PartialEq)]
 pub struct Table {
-    /// Increasing angles [rad]; over a whole turn where the table goes round.
+    /// Increasing angles [rad]; over a whole turn if the table is closed.
     azimuth: Vec<f64>,
     /// Increasing angles [rad].
     elevation: Vec<f64>,
-    /// ln of the power gain, `(azimuth, elevation)`.
+    /// Natural logarithm of the power gain, `(azimuth, elevation)`.
     level: Vec<f64>,
     /// Largest of the levels.
     pub peak: f64,
 }
 
 impl Table {
-    /// From angles [rad] and gains [dB] `(azimuth, elevation)`. A table round the whole turn, with no wider a gap behind
-    /// the antenna than between its other azimuths, is closed there.
+    /// Table from angles [rad] and gains [dB] `(azimuth, elevation)`. A table round the whole turn, with no wider a gap
+    /// behind the antenna than between its other azimuths, is closed there.
     pub fn new(azimuth: &[f64], elevation: &[f64], gain_db: &[f64]) -> Result<Self> {
         check_angles("azimuth", azimuth, PI)?;
         check_angles("elevation", elevation, FRAC_PI_2)?;
@@ -58,7 +58,7 @@ impl Table {
         })
     }
 
-    /// ln of the power gain at angles [rad]; none outside of the table.
+    /// Natural logarithm of the power gain at angles [rad]; none outside of the table.
     pub fn level(&self, az: f64, el: f64) -> Option<f64> {
         let (first, last) = (self.azimuth[0], self.azimuth[self.azimuth.len() - 1]);
         let az = if az < first {
@@ -77,8 +77,7 @@ impl Table {
         Some(low + s * (high - low))
     }
 
-    /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges: between the gains of a cell there is none beyond
-    /// them.
+    /// Bounds of ln(peak / gain) over directions `(1, u, v)` within ranges, from the gains at the corners of the cells.
     pub fn decay(&self, u: [f64; 2], v: [f64; 2]) -> [f64; 2] {
         // Elevation atan(v / hypot(1, u)) grows with v, and away from the axis shrinks towards 0 with |u|.
         let most = u[0].abs().max(u[1].abs());
@@ -111,7 +110,7 @@ impl Table {
     }
 }
 
-/// The interval of increasing nodes that a number is in, and where in it, 0 to 1; none outside of all.
+/// Interval of increasing nodes that holds a number, and fraction of the interval, 0 to 1; none outside of all.
 fn between(nodes: &[f64], x: f64) -> Option<(usize, f64)> {
     if !(nodes[0]..=nodes[nodes.len() - 1]).contains(&x) {
         return None;
@@ -120,7 +119,7 @@ fn between(nodes: &[f64], x: f64) -> Option<(usize, f64)> {
     Some((next - 1, (x - nodes[next - 1]) / (nodes[next] - nodes[next - 1])))
 }
 
-/// The ends of all intervals that a range touches.
+/// Nodes of all intervals that a range touches.
 fn touched(nodes: &[f64], [low, high]: [f64; 2]) -> std::ops::Range<usize> {
     if high < nodes[0] || low > nodes[nodes.len() - 1] {
         return 0..0;
@@ -130,7 +129,7 @@ fn touched(nodes: &[f64], [low, high]: [f64; 2]) -> std::ops::Range<usize> {
     first..last + 1
 }
 
-/// Refuses what are no increasing angles within a limit.
+/// Refuse angles that do not increase or exceed a limit.
 fn check_angles(name: &str, angles: &[f64], limit: f64) -> Result<()> {
     if angles.len() < 2 {
         return Err(Error::value(name, "at least two angles", angles.len()));

@@ -1,4 +1,4 @@
-//! Antennas: their places, patterns and polarisation, and the directions that they illuminate.
+//! Antennas: positions, patterns and polarisation of an array, and the directions that it illuminates.
 
 pub mod array;
 pub mod beam;

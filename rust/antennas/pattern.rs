@@ -1,4 +1,4 @@
-//! Patterns: the power gain of an antenna over directions.
+//! Antenna patterns: power gain over directions.
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ pub enum Pattern {
         /// Exponent over elevation [1/rad^2].
         elevation: f64,
     },
-    /// Numbers at angles.
+    /// Table of gains over angles.
     Table(Arc<Table>),
 }
 
 impl Pattern {
-    /// Whether it is known at once that both are the same: tables are not compared number by number.
+    /// True if two patterns are known to be equal without comparing tables number by number.
     pub fn is_same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Table(a), Self::Table(b)) => Arc::ptr_eq(a, b),

@@ -1,34 +1,34 @@
-//! What linearly polarised antennas see of a reflection.
+//! Polarisation: reflections between linearly polarised antennas.
 
 use glam::DVec3;
 
-/// Directions this near to the normal, by the square of the sine between them, have no plane of incidence.
+/// Square of the sine of the angle to the normal below which a direction has no plane of incidence.
 const NORMAL: f64 = 1e-20;
 
-/// How much of both polarisations reaches the receiver: `Gamma = te r_TE - tm r_TM`.
+/// Weights of the two polarisations in the reflection coefficient between antennas: `Gamma = te r_TE - tm r_TM`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
-    /// Of the field across the plane of incidence.
+    /// Weight of the field across the plane of incidence.
     pub te: f64,
-    /// Of the field in it.
+    /// Weight of the field in the plane of incidence.
     pub tm: f64,
 }
 
 impl Seen {
-    /// Antennas without a polarisation, README eq. (5).
+    /// Weights of antennas without a polarisation, docs/theory.md eq. (5).
     pub const SCALAR: Self = Self { te: 0.5, tm: 0.5 };
 
-    /// The field across the plane of incidence alone.
+    /// Weights of the field across the plane of incidence alone.
     pub const TE: Self = Self { te: 1.0, tm: 0.0 };
 
-    /// The field in the plane of incidence alone.
+    /// Weights of the field in the plane of incidence alone.
     pub const TM: Self = Self { te: 0.0, tm: 1.0 };
 
-    /// Of antennas whose fields lie along a unit vector, as far as it is transverse to the rays: unit `normal` of the
+    /// Weights of antennas whose fields lie along a unit vector projected across the rays; unit `normal` of the
     /// surface, unit directions `t` and `r` from transmitter and receiver to the point.
     ///
-    /// With `t = r` this is `|e.s|^2` and `|e.p|^2`, with the mirror's directions what `E_r = r_TE (E.s) s + r_TM (E.p) p'`
-    /// leaves in the receiver; transmitter and receiver may change places.
+    /// With `t = r` this is `|e.s|^2` and `|e.p|^2`, with the mirror's directions what `E_r = r_TE (E.s) s + r_TM (E.p)
+    /// p'` leaves in the receiver; transmitter and receiver may change places.
     pub fn by(polarization: DVec3, normal: DVec3, t: DVec3, r: DVec3) -> Self {
         let transverse = |d: DVec3| (polarization - d * polarization.dot(d)).normalize_or_zero();
         let (e_t, e_r) = (transverse(t), transverse(r));

@@ -12,7 +12,7 @@ use super::tube::Tube;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
@@ -46,7 +46,7 @@ pub fn cross_sections(
     if surface.num_triangles() == 0 {
         return Ok(vec![0.0; aspects.len()]);
     }
-    let snapshot = Snapshot::new(vec![surface.clone()], vec![Pose::IDENTITY]);
+    let snapshot = PosedScene::new(vec![surface.clone()], vec![Pose::IDENTITY]);
     let shooter = Shooter {
         snapshot: &snapshot,
         materials: &[material],

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::geometry::curved_triangle::{bend, shade};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 
 /// How far before a surface rays leave it, of their largest coordinate, and of a metre at least [m].
 const LEAVING: f64 = 1e-7;
@@ -35,7 +35,13 @@ pub struct Place {
 impl Place {
     /// Where a ray with a unit direction meets a triangle, on the plane beyond its edges if need be, and how far that is
     /// [m]. None where the ray is along the facet, or comes from behind the surface.
-    pub fn new(snapshot: &Snapshot, body: u32, triangle: u32, origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
+    pub fn new(
+        snapshot: &PosedScene,
+        body: u32,
+        triangle: u32,
+        origin: DVec3,
+        direction: DVec3,
+    ) -> Option<(Self, f64)> {
         let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
         let (o, d) = (pose.point_to_body(origin), pose.direction_to_body(direction));
         let corners @ [a, b, c] = surface.corners(triangle);

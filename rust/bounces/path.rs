@@ -10,10 +10,10 @@ use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
-use crate::geometry::moving_triangle::Facet;
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::paths::kinematics::Places;
 use crate::paths::series::{Paths, Selection};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 
 /// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
 /// number of reflections.
@@ -52,7 +52,7 @@ pub struct Route {
 
 impl Point {
     /// At a place that stays with its body.
-    fn new(snapshot: &Snapshot, place: &Place) -> Self {
+    fn new(snapshot: &PosedScene, place: &Place) -> Self {
         let surface = snapshot.surface(place.body);
         let position = snapshot.pose(place.body).point_to_body(place.point);
         if !surface.is_deformed() {
@@ -65,14 +65,14 @@ impl Point {
         Self {
             body: place.body,
             facet: Some(surface.vertices_of(place.triangle)),
-            position: Facet::new(surface.corners(place.triangle)).coordinates(position),
+            position: MovingTriangle::new(surface.corners(place.triangle)).coordinates(position),
         }
     }
 }
 
 impl Route {
     /// Over these places, for all antennas where tubes start; nothing comes back yet.
-    pub fn new(way: Way, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
+    pub fn new(way: Way, array: &Array, snapshot: &PosedScene, places: &[Place]) -> Self {
         let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
         Self {
             way,
@@ -88,7 +88,7 @@ impl Route {
     }
 
     /// What comes of the antenna `start`: `weights` per antenna where tubes end.
-    pub fn set(&mut self, array: &Array, snapshot: &Snapshot, start: usize, places: &[Place], weights: &[Complex64]) {
+    pub fn set(&mut self, array: &Array, snapshot: &PosedScene, start: usize, places: &[Place], weights: &[Complex64]) {
         let points = places.iter().map(|place| Point::new(snapshot, place));
         for (i, point) in points.enumerate() {
             self.points[start * self.order + i] = point;
@@ -100,7 +100,7 @@ impl Route {
 }
 
 impl Bounces {
-    pub(super) fn of_routes(snapshot: &Snapshot, array: Array, routes: impl Iterator<Item = Route>) -> Self {
+    pub(super) fn of_routes(snapshot: &PosedScene, array: Array, routes: impl Iterator<Item = Route>) -> Self {
         let mut bounces = Self::empty(array);
         for route in routes {
             bounces.push(route.way, &route.points, &route.weights);
@@ -267,11 +267,11 @@ impl Bounces {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<Facet> {
+    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<MovingTriangle> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
         let vertices = &places.vertices[index][node * self.deforming[index].1..];
-        Some(Facet::new(
+        Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
     }

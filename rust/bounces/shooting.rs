@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::tree::Ray;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
@@ -86,7 +86,7 @@ impl Counts {
 
 /// The scene as ray tubes see it.
 pub(super) struct Shooter<'a> {
-    pub(super) snapshot: &'a Snapshot,
+    pub(super) snapshot: &'a PosedScene,
     /// One per body.
     pub(super) materials: &'a [Material],
     pub(super) wavelength: f64,
@@ -199,7 +199,7 @@ struct Sensor<'a> {
 }
 
 impl<'a> Sensor<'a> {
-    fn new(snapshot: &'a Snapshot, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
+    fn new(snapshot: &'a PosedScene, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
         let shooter = Shooter {
             snapshot,
             materials,
@@ -233,7 +233,7 @@ impl<'a> Sensor<'a> {
 impl Bounces {
     /// Routes of two and more reflections of all cells, in their order, and what they took; one material per body.
     pub fn new(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         launches: &[Launch],
         materials: &[Material],
         array: Array,

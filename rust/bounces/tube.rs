@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use super::field::{Field, Incidence};
 use super::interaction::{Place, leaving};
 use super::launch::Launch;
-use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::tree::Ray;
 
 /// A ray tube where it meets a surface.
@@ -30,7 +30,7 @@ pub struct Tube {
 
 impl Tube {
     /// From an antenna to what the middle of a cell has hit, as seen from the centre of the array.
-    pub fn launch(snapshot: &Snapshot, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
+    pub fn launch(snapshot: &PosedScene, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
         // The patch of surface behind the cell.
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
@@ -64,7 +64,7 @@ impl Tube {
     /// Of a plane wave in a unit direction, from a point in front of everything to what the ray from there hits; plane
     /// coordinates count along `axes`.
     pub fn plane_wave(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         origin: DVec3,
         direction: DVec3,
         axes: [DVec3; 2],
@@ -131,7 +131,7 @@ impl Tube {
     }
 
     /// Go on to the next surface. Returns whether there is one.
-    pub fn advance(&mut self, snapshot: &Snapshot) -> bool {
+    pub fn advance(&mut self, snapshot: &PosedScene) -> bool {
         if self.place.face.dot(self.direction) <= 0.0 {
             return false;
         }

@@ -14,7 +14,7 @@ use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::Level;
 use crate::paths::placement::{Placement, VertexMotion, World};
 use crate::rays::camera::ImagePlane;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::Material;
@@ -22,9 +22,6 @@ use crate::scattering::physical_optics::Sampling;
 use crate::synthesis::beat;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
-
-/// Bodies and point targets at their places in the sensor frame when rays are cast.
-pub type PosedScene = Snapshot;
 
 /// Bodies with surfaces, and point targets.
 #[derive(Clone)]

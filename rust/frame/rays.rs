@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::model::{Model, PosedScene, RaySampling, Source};
+use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
@@ -12,8 +12,8 @@ use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{self, Cast, Hits};
-use crate::rays::scene::NO_BODY;
-use crate::rays::smooth_hits::Shown;
+use crate::rays::scene::{NO_BODY, PosedScene};
+use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
@@ -27,7 +27,7 @@ pub struct Image {
     /// The hits.
     pub hits: Hits,
     beam: Option<Beam>,
-    smooth: OnceLock<Shown>,
+    smooth: OnceLock<SmoothHits>,
 }
 
 impl Image {
@@ -60,8 +60,8 @@ impl Image {
     }
 
     /// Distances and normals of the curved surfaces that facets stand for; computed once.
-    pub fn smooth(&self) -> &Shown {
-        self.smooth.get_or_init(|| Shown::new(&self.scene, &self.hits))
+    pub fn smooth(&self) -> &SmoothHits {
+        self.smooth.get_or_init(|| SmoothHits::new(&self.scene, &self.hits))
     }
 }
 

@@ -12,13 +12,13 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The box that holds nothing.
+    /// Empty box.
     pub const EMPTY: Self = Self {
         min: DVec3::INFINITY,
         max: DVec3::NEG_INFINITY,
     };
 
-    /// The smallest box round some points.
+    /// Smallest box round points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
         let mut bounds = Self::EMPTY;
         for point in points {
@@ -28,7 +28,7 @@ impl Bounds {
         bounds
     }
 
-    /// The smallest box round a triangle.
+    /// Smallest box round a triangle.
     #[inline]
     pub fn of_triangle([a, b, c]: &[DVec3; 3]) -> Self {
         Self {
@@ -37,7 +37,7 @@ impl Bounds {
         }
     }
 
-    /// The smallest box round both.
+    /// Smallest box round two boxes.
     pub fn union(&self, other: &Self) -> Self {
         Self {
             min: self.min.min(other.min),
@@ -45,7 +45,7 @@ impl Bounds {
         }
     }
 
-    /// The same box elsewhere.
+    /// Box moved by an offset.
     pub fn moved(&self, by: DVec3) -> Self {
         Self {
             min: self.min + by,
@@ -53,13 +53,13 @@ impl Bounds {
         }
     }
 
-    /// Halfway between; the origin for the box that holds nothing.
+    /// Centre; the origin for the empty box.
     pub fn middle(&self) -> DVec3 {
         let middle = 0.5 * (self.min + self.max);
         if middle.is_finite() { middle } else { DVec3::ZERO }
     }
 
-    /// The eight corners.
+    /// Eight corners.
     pub fn corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|i| {
             let pick = |axis: usize| {

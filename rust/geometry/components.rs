@@ -1,24 +1,24 @@
-//! Connected parts of a mesh.
+//! Connected components of a mesh.
 
 use glam::DVec3;
 
 use crate::geometry::aabb::Bounds;
 use crate::geometry::topology::{distinct_positions, join, root};
 
-/// Parts that are told apart; of more only the largest are.
+/// Largest number of components that are distinguished; of more only the largest are.
 const MOST: usize = 10_000;
 
-/// Which triangles hang together.
+/// Connected components of the triangles of a mesh.
 #[derive(Debug)]
-pub struct Parts {
-    /// Number of the part of every triangle; empty where there is one part.
+pub struct Components {
+    /// Component number of every triangle; empty if there is one component.
     part: Vec<u32>,
-    /// How many there are.
+    /// Number of components.
     number: usize,
 }
 
-impl Parts {
-    /// Triangles that share a vertex, or have vertices at the same place, are of one part.
+impl Components {
+    /// Find components: triangles that share a vertex, or have vertices at one position, belong together.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let places = distinct_positions(vertices);
         let mut parents: Vec<u32> = (0..places.len() as u32).collect();
@@ -47,7 +47,7 @@ impl Parts {
         }
     }
 
-    /// Boxes round the parts, of which at most ten thousand; of the corners of the triangles.
+    /// Boxes of the components, at most ten thousand, from the corners of their triangles.
     pub fn bounds(&self, whole: Bounds, corners: impl Fn(usize) -> [DVec3; 3]) -> Vec<Bounds> {
         if self.number <= 1 {
             return vec![whole; self.number];
@@ -82,16 +82,20 @@ mod tests {
             .map(|[x, y]| DVec3::new(f64::from(x), f64::from(y), 2.0))
             .to_vec();
         let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8]];
-        let parts = Parts::new(&vertices, &triangles);
+        let parts = Components::new(&vertices, &triangles);
         let corners = |t: usize| triangles[t].map(|vertex: u32| vertices[vertex as usize]);
         let whole = Bounds::of(vertices.iter().copied());
         let bounds = parts.bounds(whole, corners);
         assert_eq!(bounds.len(), 2);
         assert_eq!(bounds[0].max, DVec3::new(1.0, 1.0, 2.0));
         assert_eq!(bounds[1].min, DVec3::new(5.0, 5.0, 2.0));
-        let one = Parts::new(&vertices, &triangles[..2]);
+        let one = Components::new(&vertices, &triangles[..2]);
         assert_eq!(one.memory(), 0);
         assert_eq!(one.bounds(bounds[0], corners).len(), 1);
-        assert!(Parts::new(&vertices, &[]).bounds(Bounds::EMPTY, corners).is_empty());
+        assert!(
+            Components::new(&vertices, &[])
+                .bounds(Bounds::EMPTY, corners)
+                .is_empty()
+        );
     }
 }

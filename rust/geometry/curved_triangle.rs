@@ -1,4 +1,4 @@
-//! Curved surface that a triangle stands for: its normal and its distance from the triangle.
+//! Curved surface that a triangle approximates: normal, and distance from the triangle.
 
 use glam::{DMat3, DVec3};
 
@@ -6,15 +6,15 @@ use glam::{DMat3, DVec3};
 /// the correction along the ray is no longer small.
 pub const MAX_CORRECTED_COSINE: f64 = -0.05;
 
-/// Normal of the surface that a hit facet stands for, and how much farther along the ray it lies (metres).
+/// Unit normal of the curved surface at a hit of its triangle, and distance along the ray from the triangle to it [m].
 ///
-/// The hit is at `barycentric` of the facet with vertices `corners`; `direction` is the ray's unit vector.
-/// The normal points to the incident side, `n.d < 0`: a facet hit from behind is the same surface seen from
+/// The hit is at `barycentric` weights of the triangle with vertices `corners`; `direction` is the ray's unit vector.
+/// The normal points to the incident side, `n.d < 0`: a triangle hit from behind is the same surface seen from
 /// there. `face_normal` is a unit vector on the side of the corner normals.
 ///
-/// With n = normalise(sum `b_i` `n_i`) and h = sum `b_i` (`v_i` - x).`n_i` the surface is h/2 above the facet, and
+/// With n = normalise(sum `b_i` `n_i`) and h = sum `b_i` (`v_i` - x).`n_i` the surface is h/2 above the triangle, and
 /// the ray meets it h / (2 n.d) later; exact for quadrics to second order. Where the ray grazes the surface,
-/// n.d > -0.05, the facet stands for itself.
+/// n.d > -0.05, the triangle counts as flat.
 pub fn shade(
     corners: [DVec3; 3],
     corner_normals: Option<[DVec3; 3]>,
@@ -22,7 +22,7 @@ pub fn shade(
     face_normal: DVec3,
     direction: DVec3,
 ) -> (DVec3, f64) {
-    // Which side is lit: turning all normals round turns h and n.d, and leaves the correction as it is.
+    // Turning all normals to the incident side changes the signs of h and n.d, and leaves the correction as it is.
     let side = if face_normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
     let flat = (side * face_normal, 0.0);
     let Some(normals) = corner_normals else { return flat };
@@ -43,10 +43,10 @@ pub fn shade(
     (normal, height / (2.0 * cosine))
 }
 
-/// How the normal of [`shade`] changes along the surface, as a map of displacements on it: zero where the facet stands
-/// for itself.
+/// Derivative of the normal of [`shade`] along the surface, as a map of displacements on it; zero where the triangle
+/// counts as flat.
 ///
-/// A displacement leads along the ray to one on the facet, and with it the weights of the corners change.
+/// A displacement on the surface leads along the ray to one on the triangle, which changes the weights of the corners.
 pub fn bend(
     corners: [DVec3; 3],
     corner_normals: Option<[DVec3; 3]>,
@@ -76,7 +76,7 @@ pub fn bend(
     turning * change * onto_facet * (side / length)
 }
 
-/// The map `x -> a (b.x)`.
+/// Outer product: the map `x -> a (b.x)`.
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }

@@ -1,19 +1,20 @@
-//! Echoes of facets from far away, to compare what facets and the curved surfaces they stand for send back.
+//! Far-field echoes of triangles, to compare a mesh with the curved surface that it approximates.
 //!
-//! Physical optics of every facet by itself, as seen from its outer side; nothing hides anything.
+//! Physical optics of every triangle by itself, from its outer side, without occlusion.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-/// Sides of a curved facet are cut into at most so many pieces.
+/// Largest number of pieces into which sides of a curved triangle are cut.
 const MOST_PIECES: usize = 16;
 
-/// Cut surfaces lie within this part of a wavelength of the curved one.
+/// Largest distance of the cut surface from the curved one, in wavelengths.
 const CLOSENESS: f64 = 1.0 / 200.0;
 
-/// Integral of (-n.d) exp(-2jk d.x) over a flat facet [m^2], d the unit vector from the radar to it; zero from behind.
+/// Integral of (-n.d) exp(-2jk d.x) over a flat triangle [m^2], with d the unit vector from the radar to it; zero from
+/// behind.
 pub fn of_facet([a, b, c]: [DVec3; 3], direction: DVec3, wavenumber: f64) -> Complex64 {
     let projected = -0.5 * (b - a).cross(c - a).dot(direction);
     if projected <= 0.0 {
@@ -23,7 +24,7 @@ pub fn of_facet([a, b, c]: [DVec3; 3], direction: DVec3, wavenumber: f64) -> Com
     2.0 * projected * divided_difference([phase(a), phase(b), phase(c)])
 }
 
-/// The triangles that a facet with normals at its corners is cut into, their corners on the curved surface.
+/// Cut a triangle with normals at its corners into smaller ones whose corners lie on the curved surface.
 pub fn cut(corners: [DVec3; 3], normals: [DVec3; 3], sagitta: f64, wavelength: f64) -> Vec<[DVec3; 3]> {
     // Every halving of a side quarters the distance.
     let pieces = (sagitta / (CLOSENESS * wavelength)).sqrt().ceil();
@@ -45,7 +46,8 @@ pub fn cut(corners: [DVec3; 3], normals: [DVec3; 3], sagitta: f64, wavelength: f
     pieces
 }
 
-/// A point of a facet, how high the curved surface is above it [m], and the surface's unit normal; as `shading::shade` does.
+/// Point of a triangle, height of the curved surface above it [m], and unit normal of that surface, as in
+/// [`crate::geometry::curved_triangle::shade`].
 pub fn raised(corners: [DVec3; 3], normals: [DVec3; 3], weights: [f64; 3]) -> (DVec3, f64, DVec3) {
     let mean = |values: [DVec3; 3]| -> DVec3 { (0..3).map(|i| weights[i] * values[i]).sum() };
     let point = mean(corners);
@@ -53,8 +55,8 @@ pub fn raised(corners: [DVec3; 3], normals: [DVec3; 3], weights: [f64; 3]) -> (D
     (point, 0.5 * twice, mean(normals).normalize_or_zero())
 }
 
-/// Divided difference of exp(j x): its integral over the triangle of weights is that of exp(j x) with x linear in between
-/// (Hermite, Genocchi).
+/// Divided difference of exp(j x): its integral over the triangle of weights is that of exp(j x) with x linear in
+/// between (Hermite, Genocchi).
 fn divided_difference(mut x: [f64; 3]) -> Complex64 {
     x.sort_unstable_by(f64::total_cmp);
     let [low, middle, high] = x;

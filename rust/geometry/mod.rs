@@ -1,4 +1,5 @@
-//! Geometry of bodies: poses, boxes, triangles and the curved surfaces that they stand for, and OBJ files.
+//! Geometry of bodies: poses, boxes, triangles, smooth normals of the curved surfaces that meshes approximate, and OBJ
+//! files.
 
 pub mod aabb;
 pub mod components;

@@ -1,22 +1,22 @@
-//! A triangle that moves and changes its shape, and what stays with it.
+//! Frame of a triangle that moves and deforms, in which material points keep their coordinates.
 
 use glam::DVec3;
 
-/// The frame of a triangle: a material point keeps its coordinates in it, wherever the corners go.
+/// Frame of a moving triangle: a material point keeps its coordinates in it, wherever the corners move.
 #[derive(Clone, Copy, Debug)]
-pub struct Facet {
-    /// The first corner.
+pub struct MovingTriangle {
+    /// First corner [m].
     origin: DVec3,
-    /// From there to the others.
+    /// Edges from the first corner to the others [m].
     edges: [DVec3; 2],
-    /// Normal with the length of twice the area.
+    /// Normal with the length of twice the area [m^2].
     area_normal: DVec3,
     /// Unit normal; zero where there is no area.
     normal: DVec3,
 }
 
-impl Facet {
-    /// Of a triangle's corners.
+impl MovingTriangle {
+    /// Frame from the corners of a triangle [m].
     pub fn new([a, b, c]: [DVec3; 3]) -> Self {
         let edges = [b - a, c - a];
         let area_normal = edges[0].cross(edges[1]);
@@ -28,15 +28,15 @@ impl Facet {
         }
     }
 
-    /// Coordinates of a point: the weights of the second and third corner at its foot, and its height above the plane [m].
-    /// The triangle has an area.
+    /// Coordinates of a point: weights of the second and the third corner at its projection onto the plane, and height
+    /// above the plane [m]. The triangle must have an area.
     pub fn coordinates(&self, point: DVec3) -> DVec3 {
         let offset = point - self.origin;
         let [e, f] = self.duals();
         DVec3::new(offset.dot(e), offset.dot(f), 0.0) / self.area_normal.length() + DVec3::Z * offset.dot(self.normal)
     }
 
-    /// The point with these coordinates.
+    /// Point with given coordinates.
     pub fn point(&self, coordinates: DVec3) -> DVec3 {
         self.origin + self.vector(coordinates)
     }
@@ -46,13 +46,13 @@ impl Facet {
         self.coordinates(self.origin + vector)
     }
 
-    /// The vector with these coordinates.
+    /// Vector with given coordinates.
     pub fn vector(&self, coordinates: DVec3) -> DVec3 {
         let [e, f] = self.edges;
         coordinates.x * e + coordinates.y * f + coordinates.z * self.normal
     }
 
-    /// Velocity of that point; `rate` is the frame of the velocities of the corners.
+    /// Velocity of the point with given coordinates; `rate` is the frame of the velocities of the corners.
     pub fn velocity(&self, rate: &Self, coordinates: DVec3) -> DVec3 {
         let [e, f] = rate.edges;
         let along = rate.origin + coordinates.x * e + coordinates.y * f;
@@ -60,12 +60,13 @@ impl Facet {
         if length == 0.0 {
             return along;
         }
-        // The unit normal turns by what its change is across it.
+        // Derivative of the unit normal: the part of the change that is perpendicular to the normal.
         let turning = (e.cross(self.edges[1]) + self.edges[0].cross(f)) / length;
         along + coordinates.z * (turning - self.normal * self.normal.dot(turning))
     }
 
-    /// Slopes of a surface with this normal along the edges, and its rise above the plane.
+    /// Components of a surface normal along the edges and along the normal of the triangle: coordinates that deform
+    /// with it.
     pub fn slopes(&self, normal: DVec3) -> DVec3 {
         DVec3::new(
             normal.dot(self.edges[0]),
@@ -74,13 +75,14 @@ impl Facet {
         )
     }
 
-    /// The unit normal of the surface with these slopes; zero where the triangle has no area.
+    /// Unit normal with given slopes, inverse of [`Self::slopes`]; zero if the triangle has no area.
     pub fn normal(&self, slopes: DVec3) -> DVec3 {
         let [e, f] = self.duals();
         (slopes.x * e + slopes.y * f + slopes.z * self.area_normal).normalize_or_zero()
     }
 
-    /// Across the other edge each, in the plane; the product with its own edge is twice the area.
+    /// Dual vectors of the edges in the plane: each perpendicular to the other edge, with a product of twice the area
+    /// with its own.
     fn duals(&self) -> [DVec3; 2] {
         [self.edges[1].cross(self.normal), self.normal.cross(self.edges[0])]
     }
@@ -100,7 +102,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_weights_and_height() {
-        let facet = Facet::new(CORNERS);
+        let facet = MovingTriangle::new(CORNERS);
         let [a, b, c] = CORNERS;
         let normal = (b - a).cross(c - a).normalize();
         let coordinates = facet.coordinates(0.5 * a + 0.2 * b + 0.3 * c - 0.04 * normal);
@@ -111,11 +113,11 @@ mod tests {
     }
 
     #[test]
-    fn points_and_normals_turn_with_their_facet() {
+    fn points_and_normals_turn_with_their_triangle() {
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, -1.1, 2.0);
         let shift = DVec3::new(3.0, -1.0, 0.5);
-        let before = Facet::new(CORNERS);
-        let after = Facet::new(CORNERS.map(|corner| turn * corner + shift));
+        let before = MovingTriangle::new(CORNERS);
+        let after = MovingTriangle::new(CORNERS.map(|corner| turn * corner + shift));
         let point = after.point(before.coordinates(POINT));
         assert!(point.distance(turn * POINT + shift) < 4e-15);
         let tilted = DVec3::new(0.2, -0.5, 0.7).normalize();
@@ -129,17 +131,17 @@ mod tests {
             DVec3::new(-0.7, 0.3, 2.0),
             DVec3::new(0.1, 0.9, -1.5),
         ];
-        let at = |time: f64| Facet::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
+        let at = |time: f64| MovingTriangle::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
         let coordinates = at(0.0).coordinates(POINT);
         let step = 1e-5;
         let difference = (at(step).point(coordinates) - at(-step).point(coordinates)) / (2.0 * step);
-        let velocity = at(0.0).velocity(&Facet::new(rates), coordinates);
+        let velocity = at(0.0).velocity(&MovingTriangle::new(rates), coordinates);
         assert!(velocity.distance(difference) < 1e-8, "{velocity} {difference}"); // step^2 times a third derivative
     }
 
     #[test]
-    fn a_facet_without_area_has_no_normal_and_finite_places() {
-        let needle = Facet::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
+    fn a_triangle_without_area_has_no_normal_and_finite_points() {
+        let needle = MovingTriangle::new([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]);
         assert_eq!(needle.normal(DVec3::new(0.1, 0.2, 0.9)), DVec3::ZERO);
         assert_eq!(needle.point(DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);
         assert_eq!(needle.velocity(&needle, DVec3::new(0.5, 0.0, 0.1)), 0.5 * DVec3::X);

@@ -1,4 +1,4 @@
-//! Rigid poses relative to the sensor, and how they change.
+//! Rigid poses relative to the sensor.
 
 use glam::{DMat3, DVec3};
 
@@ -12,13 +12,13 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A body that sits at the sensor, axes aligned.
+    /// Pose of a body at the sensor with aligned axes.
     pub const IDENTITY: Self = Self {
         rotation: DMat3::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    /// From the rows of a 3x4 matrix.
+    /// Pose from the rows of a 3 x 4 matrix.
     pub fn from_rows(m: &[f64; 12]) -> Self {
         Self {
             rotation: DMat3::from_cols(
@@ -30,22 +30,22 @@ impl Pose {
         }
     }
 
-    /// A point of the body in the sensor frame.
+    /// Transform a point from body coordinates to the sensor frame.
     pub fn point(&self, position: DVec3) -> DVec3 {
         self.rotation * position + self.translation
     }
 
-    /// A direction of the body in the sensor frame.
+    /// Rotate a direction from body coordinates to the sensor frame.
     pub fn direction(&self, direction: DVec3) -> DVec3 {
         self.rotation * direction
     }
 
-    /// A point of the sensor frame in body coordinates.
+    /// Transform a point from the sensor frame to body coordinates.
     pub fn point_to_body(&self, position: DVec3) -> DVec3 {
         self.rotation.transpose() * (position - self.translation)
     }
 
-    /// A direction of the sensor frame in body coordinates.
+    /// Rotate a direction from the sensor frame to body coordinates.
     pub fn direction_to_body(&self, direction: DVec3) -> DVec3 {
         self.rotation.transpose() * direction
     }

@@ -1,5 +1,5 @@
-//! What a mesh is good for: how it hangs together, how far its facets stand off the curved surface they stand for, and how
-//! much of the radar echo depends on that.
+//! Quality of a mesh: topology, distance of its triangles from the curved surface that they approximate, and error of
+//! the radar echo that follows.
 
 use std::collections::HashSet;
 use std::f64::consts::TAU;
@@ -12,48 +12,48 @@ use crate::geometry::echo;
 use crate::geometry::smooth_normals::Shading;
 use crate::geometry::topology::{distinct_positions, for_edges, join, next_corner, root};
 
-/// Triangles that are so much longer than high are thin.
+/// Ratio of longest edge to height above which a triangle is thin.
 const THIN: f64 = 100.0;
 
-/// Facets whose echoes are summed up together: the order of sums does not depend on threads.
+/// Number of triangles whose echoes are summed together: the order of sums does not depend on threads.
 const BLOCK: usize = 1024;
 
-/// Directions that echoes are compared in.
+/// Number of directions in which echoes are compared.
 const NUM_DIRECTIONS: usize = 64;
 
-/// See the module.
+/// Quality of a mesh; see the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quality {
-    /// Groups of triangles that share edges.
+    /// Number of groups of triangles that share edges.
     pub num_parts: usize,
-    /// Edges of one triangle.
+    /// Number of edges of one triangle.
     pub num_open_edges: usize,
-    /// Edges of more than two triangles.
+    /// Number of edges of more than two triangles.
     pub num_nonmanifold_edges: usize,
-    /// Edges that both of their two triangles run through in the same direction.
+    /// Number of edges that both of two triangles traverse in the same direction.
     pub num_inconsistent_edges: usize,
-    /// Triangles between the same places as one before.
+    /// Number of triangles between the same positions as an earlier one.
     pub num_duplicates: usize,
-    /// Triangles whose longest edge is more than a hundred times their height over it.
+    /// Number of triangles whose longest edge is more than a hundred times their height over it.
     pub num_thin: usize,
-    /// Of all triangles [m^2].
+    /// Area of all triangles [m^2].
     pub area: f64,
-    /// Of those that stand for a curved surface [m^2].
+    /// Area of the triangles that approximate a curved surface [m^2].
     pub smooth_area: f64,
-    /// Largest distance of the curved surface from the middle of a facet [m].
+    /// Largest distance of the curved surface from the middle of a triangle [m].
     pub largest_sagitta: f64,
-    /// Mean of these distances over the area of the facets that stand for a curved surface [m].
+    /// Mean distance of the curved surface from the middle of its triangles, weighted by area [m].
     pub mean_sagitta: f64,
-    /// Largest difference of the echoes of facets and of curved surfaces, far away in 64 directions and nothing hiding
-    /// anything, relative to the rms of these echoes.
+    /// Largest difference of the far-field echoes of flat triangles and of curved surfaces, in 64 directions and
+    /// without occlusion, relative to the rms of these echoes.
     pub largest_difference: f64,
-    /// rms of the difference, likewise.
+    /// Root mean square of the difference of echoes, relative to the same rms.
     pub rms_difference: f64,
 }
 
 impl Quality {
-    /// Of a mesh whose facets stand for a curved surface where they meet at less than `crease_angle` [rad], with echoes at a
-    /// wavelength [m]. Triangles index into `vertices` and have an area.
+    /// Quality of a mesh whose triangles approximate a curved surface where they meet at less than `crease_angle`
+    /// [rad], with echoes at a wavelength [m]. Triangles index into `vertices` and have an area.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64, wavelength: f64) -> Self {
         let shading = Shading::smooth(vertices, triangles, crease_angle);
         let corners = |triangle: usize| triangles[triangle].map(|vertex| vertices[vertex as usize]);
@@ -75,7 +75,7 @@ impl Quality {
         quality
     }
 
-    /// How the triangles hang together; vertices at equal places count as one.
+    /// Count edges and components; vertices at equal positions count as one.
     fn count_edges(&mut self, vertices: &[DVec3], triangles: &[[u32; 3]]) {
         let positions = distinct_positions(vertices);
         let position = |corner: usize| positions[triangles[corner / 3][corner % 3] as usize];
@@ -107,7 +107,7 @@ impl Quality {
         }
     }
 
-    /// How far facets stand off.
+    /// Measure areas, and distances of the curved surface.
     fn measure(&mut self, number: usize, corners: impl Fn(usize) -> [DVec3; 3], shading: &Shading) {
         let mut sum = 0.0;
         for triangle in 0..number {
@@ -126,7 +126,7 @@ impl Quality {
         }
     }
 
-    /// How much of the echo depends on that.
+    /// Compare the echoes of flat triangles with those of the curved surface.
     fn compare(
         &mut self,
         number: usize,
@@ -141,7 +141,7 @@ impl Quality {
             .sum::<DVec3>()
             / (3 * number) as f64;
         let wavenumber = TAU / wavelength;
-        // Of the surface, and how much that of the facets differs, per direction.
+        // Echo of the surface, and difference of that of the triangles, per direction.
         let of_block = |block: usize| {
             let mut sums = vec![[Complex64::ZERO; 2]; directions.len()];
             for triangle in block * BLOCK..((block + 1) * BLOCK).min(number) {
@@ -175,7 +175,7 @@ impl Quality {
     }
 }
 
-/// Distance of the curved surface from the middle of a facet [m].
+/// Distance of the curved surface from the middle of a triangle [m].
 fn sagitta(corners: [DVec3; 3], normals: [DVec3; 3]) -> f64 {
     echo::raised(corners, normals, [1.0 / 3.0; 3]).1.abs()
 }

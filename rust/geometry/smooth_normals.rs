@@ -1,10 +1,10 @@
-//! Shading of triangle meshes: which facets stand for a curved surface, its normal there and its distance from them.
+//! Smooth normals: normals of the curved surface that a triangle mesh approximates, at the corners of its triangles.
 //!
 //! A facet of a curved surface is a chord: a coherent sum over it would see facets, not the surface. Normals at
-//! the corners say where the surface lies, to second order (README, Model). The normals are area-weighted, as weights by
-//! angle would bend planes next to fillets, less what area weights get wrong round a vertex of even curvature: there they
-//! lean towards large facets. Triangles in one plane are one facet, whichever way its diagonals run, and facets much smaller
-//! than one have no say in how that bends.
+//! the corners say where the surface lies, to second order (docs/theory.md). The normals are area-weighted, as weights
+//! by angle would bend planes next to fillets, less what area weights get wrong round a vertex of even curvature: there
+//! they lean towards large facets. Triangles in one plane are one facet, whichever way its diagonals run, and facets
+//! much smaller than one do not affect its normals.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -15,33 +15,34 @@ use rayon::prelude::*;
 use crate::geometry::topology::{distinct_positions, for_edges, join, next_corner, root, two_sides};
 use crate::geometry::triangle::MIN_AREA;
 
-/// Shading of a triangle mesh: which facets stand for a curved surface, and its normals at their corners.
+/// Shading of a triangle mesh: unit normals of the curved surface at the corners of the triangles that approximate one.
 #[derive(Debug, Clone)]
 pub struct Shading {
-    /// Per triangle the places of its corners in `normals`, or `FLAT`; empty when all are flat.
+    /// Index into `normals` of every corner of every triangle, or `FLAT`; empty if all are flat.
     corners: Vec<[u32; 3]>,
-    /// Unit normals that corners share.
+    /// Unit normals, shared by corners.
     normals: Vec<Vec3>,
 }
 
-/// Places of a triangle without normals of its own.
+/// Indices of a triangle without normals.
 const FLAT: [u32; 3] = [u32::MAX; 3];
 
-/// How far the corners of an edge may stand off the surface that its normals describe [m], rms over a triangle, and still
-/// count as on it: rounding of files written with a few digits.
+/// Largest distance of the corners of an edge from the surface that its normals describe [m], rms over a triangle:
+/// rounding of files written with a few digits.
 const EDGE_TOLERANCE: f64 = 16e-6;
 
-/// Edges that meet at just the crease angle are sharp, whatever their rounding [rad].
+/// Margin [rad] by which edges at just the crease angle are sharp, whatever their rounding.
 const CREASE_MARGIN: f64 = 1e-6;
 
-/// Triangles whose normals are this much apart across an edge lie in one plane [rad]: rounding of files again.
+/// Largest angle between normals across an edge at which two triangles lie in one plane [rad]: rounding of files.
 const PLANE_ANGLE: f64 = 1e-3;
 
-/// Facets up to this part of a facet's area are too small to say how that bends; just a tenth is, whatever the rounding.
+/// Largest fraction of a facet's area at which another facet does not affect its normals: a tenth, whatever the
+/// rounding.
 const SMALL_FACET: f64 = 0.1 * (1.0 + 1e-6);
 
 impl Shading {
-    /// Every facet is what it is.
+    /// Shading without curved surfaces.
     pub fn flat() -> Self {
         Self {
             corners: Vec::new(),
@@ -49,20 +50,20 @@ impl Shading {
         }
     }
 
-    /// Facets that meet at less than `crease_angle` (radians) stand for one curved surface.
+    /// Shading of facets that approximate one curved surface where they meet at less than `crease_angle` [rad].
     ///
     /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have
     /// normals less than the crease angle apart. Vertices at equal positions count as one. The normal at a corner
     /// is that of the triangles connected to it through smooth edges round its vertex: their area-weighted mean, and
-    /// on a sphere the radius. Facets of a tenth of its own area or less have no say: a tube is straight up to the chamfers
-    /// at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
+    /// on a sphere the radius. Facets of a tenth of its own area or less are left out: a tube is straight up to the
+    /// chamfers at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
     pub fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
         Self::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
     }
 
-    /// The same for vertices that have moved since the groups were found.
+    /// [`Self::smooth`] for vertices that have moved since the groups were found.
     pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
         let stars = Stars::new(vertices, triangles, groups);
         let groups = &groups.corners;
@@ -129,12 +130,12 @@ impl Shading {
 pub struct Groups {
     /// Number of the group of every corner.
     corners: Vec<u32>,
-    /// The first triangle of the facet of every triangle.
+    /// First triangle of the facet of every triangle.
     facets: Vec<u32>,
 }
 
 impl Groups {
-    /// See [`Shading::smooth`].
+    /// Groups by the rules of [`Shading::smooth`].
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
         let area_normals = area_normals(vertices, triangles);
         smooth_groups(vertices, triangles, &area_normals, crease_angle)
@@ -146,11 +147,11 @@ impl Groups {
     }
 }
 
-/// What triangles in one plane count together.
+/// Areas and weights of facets: triangles in one plane together.
 struct Facets {
     /// Twice the area of every triangle's facet [m^2].
     areas: Vec<f64>,
-    /// By how much every corner's triangle counts for more than its own area, so that a group has all of a facet once.
+    /// Factor of every corner's triangle over its own area, so that a group counts all of a facet once.
     weights: Vec<f64>,
 }
 
@@ -183,7 +184,7 @@ impl Facets {
     }
 }
 
-/// The corners of every group.
+/// Corners of every group.
 struct Members {
     corners: Vec<u32>,
     starts: Vec<u32>,
@@ -212,14 +213,14 @@ impl Members {
         self.starts.len() - 1
     }
 
-    /// In the order of the triangles.
+    /// Corners of a group in the order of the triangles.
     fn of(&self, group: usize) -> impl Iterator<Item = usize> {
         let range = self.starts[group] as usize..self.starts[group + 1] as usize;
         self.corners[range].iter().map(|corner| *corner as usize)
     }
 }
 
-/// Twice the area times the normal of every triangle: sums of these are weighted by area.
+/// Twice the area times the unit normal of every triangle: sums are weighted by area.
 fn area_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let normal = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
@@ -228,7 +229,7 @@ fn area_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     triangles.iter().map(normal).collect()
 }
 
-/// The triangles of a group round its vertex, weighted by area.
+/// Sums over the triangles of a group round its vertex, weighted by area.
 #[derive(Clone, Copy, Default)]
 struct Star {
     /// Sum of the normals, and of the areas.
@@ -236,18 +237,18 @@ struct Star {
     area: f64,
     /// Sum of the offsets of the circumcentres from the vertex.
     offset: DVec3,
-    /// Sums of the squares of how far normals turn along the edges, of that times their lengths, and of the squares of these.
+    /// Sums over the edges of the squared turn of the normal, of the turn times the length, and of the squared length.
     turn: [f64; 3],
 }
 
 impl Star {
     /// Unit normal at the vertex.
     ///
-    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the mean
-    /// leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in proportion to the
-    /// length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere and two thirds on a
-    /// cylinder, less where facets are long; from there on down, as where a plane ends in a fillet, the mean is left alone. So
-    /// it is where all facets are one plane: what turns is not here.
+    /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the
+    /// mean leans by the curvature times their mean offset. That is taken off as far as normals turn evenly: in
+    /// proportion to the length of an edge, whatever its direction. The squared correlation of the two is 1 on a sphere
+    /// and two thirds on a cylinder, less where facets are long; from there on down, as where a plane ends in a fillet,
+    /// the mean is left alone. So it is where all facets are one plane: what turns is not here.
     fn unit_normal(&self) -> DVec3 {
         if self.normal.length() >= (1.0 - 0.5 * PLANE_ANGLE * PLANE_ANGLE) * self.area {
             return self.normal.normalize_or_zero();
@@ -263,7 +264,7 @@ impl Star {
     }
 }
 
-/// What normals of groups are made of.
+/// Data from which normals of groups are computed.
 struct Stars<'a> {
     vertices: &'a [DVec3],
     triangles: &'a [[u32; 3]],
@@ -272,7 +273,7 @@ struct Stars<'a> {
     members: Members,
     area_normals: Vec<DVec3>,
     facets: Facets,
-    /// Of every group, of all facets.
+    /// Unit normal of every group from all its facets.
     means: Vec<DVec3>,
 }
 
@@ -314,7 +315,7 @@ impl<'a> Stars<'a> {
         star.unit_normal()
     }
 
-    /// The facets of a group, from the largest to the smallest.
+    /// Facets of a group, from the largest to the smallest.
     fn ladder(&self, group: usize) -> Ladder {
         let area = |corner: &usize| self.facets.areas[corner / 3];
         let mut corners: Vec<usize> = self.members.of(group).collect();
@@ -365,30 +366,30 @@ impl<'a> Stars<'a> {
     }
 }
 
-/// What the largest facets of a group say: of none, of the largest, of the two largest, ...
+/// Normals of a group from its largest facets: from none, from the largest, from the two largest, ...
 struct Ladder {
-    /// Of the facets, falling.
+    /// Areas of the facets, decreasing.
     areas: Vec<f64>,
     stars: Vec<Star>,
 }
 
 impl Ladder {
-    /// Unit normal of the facets of more than some area.
+    /// Unit normal from the facets larger than an area.
     fn normal(&self, least: f64) -> DVec3 {
         let number = self.areas.partition_point(|area| *area > least);
         self.stars[number].unit_normal()
     }
 }
 
-/// Whether a corner normal differs from the face normal by more than its storage can tell. Not so on a plane,
-/// which then needs no normals and stays exact.
+/// True if a corner normal differs from the face normal by more than the rounding of storage. On a plane none does:
+/// it needs no normals and stays exact.
 fn is_curved(normals: [DVec3; 3], face_normal: DVec3) -> bool {
     normals
         .iter()
         .any(|normal| normal.distance(face_normal) > f64::from(f32::EPSILON))
 }
 
-/// Whether the edges can be chords of the surface with these normals at their ends.
+/// True if the edges can be chords of the surface with these normals at their ends.
 ///
 /// A chord e of a smooth surface has (`n_a` + `n_b`).e = 0 to second order: as much as the surface rises from one
 /// end, it has to fall towards the other. Not so where a plane ends in a fillet: one normal is bent, the other not.

@@ -18,15 +18,15 @@ pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {
         .collect()
 }
 
-/// The two corners that an edge has if exactly two triangles share it and run through it in opposite directions.
+/// Corners at which an edge starts, if exactly two triangles share it and traverse it in opposite directions.
 pub fn two_sides(edge: &[u32], position: impl Fn(usize) -> u32) -> Option<(usize, usize)> {
     let &[first, second] = edge else { return None };
     let (first, second) = (first as usize, second as usize);
     (position(first) == position(next_corner(second))).then_some((first, second))
 }
 
-/// Calls `visit` for every edge with the corners at which it starts in its triangles, in increasing order. `position` is the
-/// number of a corner's vertex.
+/// Call `visit` for every edge with the corners at which it starts in its triangles, in increasing order. `position` is
+/// the number of a corner's vertex.
 pub fn for_edges(num_triangles: usize, position: impl Fn(usize) -> u32, mut visit: impl FnMut(&[u32])) {
     let ends = |corner: usize| (position(corner), position(next_corner(corner)));
     let low = |corner: usize| ends(corner).0.min(ends(corner).1) as usize;
@@ -64,18 +64,18 @@ pub fn for_edges(num_triangles: usize, position: impl Fn(usize) -> u32, mut visi
     }
 }
 
-/// The corner after this one, round its triangle.
+/// Next corner round the triangle of a corner.
 pub fn next_corner(corner: usize) -> usize {
     if corner % 3 == 2 { corner - 2 } else { corner + 1 }
 }
 
-/// Joins the groups of two corners, or triangles (union-find); the root of a group is its lowest one.
+/// Join the groups of two corners, or triangles (union-find); the root of a group is its lowest member.
 pub fn join(parents: &mut [u32], a: usize, b: usize) {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[a.max(b)] = a.min(b) as u32;
 }
 
-/// The lowest member of a group. Halves the path to it on the way.
+/// Lowest member of a group. Halves the path to it (union-find).
 pub fn root(parents: &mut [u32], mut corner: usize) -> usize {
     while parents[corner] as usize != corner {
         parents[corner] = parents[parents[corner] as usize];

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// Triangles below this area are dropped [m^2].
+/// Least area of a triangle [m^2]; smaller ones are dropped.
 pub const MIN_AREA: f64 = 1e-18;
 
 /// Area of a triangle [m^2].
@@ -10,7 +10,7 @@ pub fn area(t: &[DVec3; 3]) -> f64 {
     0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length()
 }
 
-/// Distance of a point from a triangle [m], which may have no area.
+/// Distance of a point from the nearest point of a triangle [m], which may have no area.
 pub fn distance_to_point([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
     let normal = (b - a).cross(c - a);
     let is_inside = |a: DVec3, b: DVec3| (b - a).cross(point - a).dot(normal) > 0.0;

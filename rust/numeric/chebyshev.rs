@@ -1,4 +1,4 @@
-//! Polynomials through values at Chebyshev times of the first kind.
+//! Polynomials through values at Chebyshev nodes of the first kind.
 
 use std::borrow::Cow;
 use std::f64::consts::PI;
@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 /// Matrix `(num_nodes, num_nodes)` from values at increasing Chebyshev times to coefficients of `T_k(x)`.
 pub fn chebyshev_matrix(num_nodes: usize) -> Cow<'static, [f64]> {
-    // Plans ask for small ones hundreds of times.
+    // Plans ask for small matrices hundreds of times.
     static KEPT: [OnceLock<Vec<f64>>; 17] = [const { OnceLock::new() }; 17];
     match KEPT.get(num_nodes) {
         Some(kept) => Cow::Borrowed(kept.get_or_init(|| matrix(num_nodes))),
@@ -14,7 +14,7 @@ pub fn chebyshev_matrix(num_nodes: usize) -> Cow<'static, [f64]> {
     }
 }
 
-/// The same, computed.
+/// [`chebyshev_matrix`], computed.
 fn matrix(num_nodes: usize) -> Vec<f64> {
     let n = num_nodes as f64;
     let mut matrix = Vec::with_capacity(num_nodes * num_nodes);
@@ -37,8 +37,8 @@ pub fn chebyshev_nodes(number: usize) -> Vec<f64> {
     (0..number).map(node).collect()
 }
 
-/// Weights of the values at `number` Chebyshev nodes in the value at `x` of the polynomial through them: the barycentric formula
-/// (Berrut and Trefethen, Barycentric Lagrange interpolation, eq. (4.2)).
+/// Weights of the values at `number` Chebyshev nodes in the value at `x` of the polynomial through them: the
+/// barycentric formula (Berrut and Trefethen, Barycentric Lagrange interpolation, eq. (4.2)).
 pub fn interpolation_weights(number: usize, x: f64) -> Vec<f64> {
     let nodes = chebyshev_nodes(number);
     if let Some(at) = nodes.iter().position(|node| *node == x) {

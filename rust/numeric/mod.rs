@@ -1,4 +1,4 @@
-//! Numerics that know neither radar nor geometry: vectors for every instruction set, exact phase, series, threads.
+//! Numerics without radar or geometry: vectors for every instruction set, exact phase, series, random numbers, threads.
 
 pub mod chebyshev;
 pub mod parallel;

@@ -1,4 +1,4 @@
-//! Random-looking numbers that belong to something: equal input, equal number, on every machine.
+//! Hash to pseudorandom numbers: equal input gives an equal number on every machine.
 
 /// One step of `SplitMix64`: Steele, Lea, Flood, Fast Splittable Pseudorandom Number Generators, OOPSLA 2014.
 pub fn mix(state: u64) -> u64 {

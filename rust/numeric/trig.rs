@@ -4,11 +4,11 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI, TAU};
 
 use crate::numeric::simd::{Real, Vector};
 
-/// Adding and subtracting this rounds to the nearest integer; unlike `round`, it vectorises everywhere.
+/// Constant whose addition and subtraction rounds to the nearest integer; unlike `round`, it vectorises everywhere.
 pub const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 
-/// Taylor series on an eighth of a turn to either side, |x| <= pi/4: after seven terms, what is left out is below
-/// 1e-17; after four, below 3e-9.
+/// Taylor series on an eighth of a turn to either side, |x| <= pi/4: the remainder after seven terms is below 1e-17;
+/// after four, below 3e-9.
 const SIN: [f64; 7] = [
     -1.0 / 6.0,
     1.0 / 120.0,
@@ -46,7 +46,7 @@ const ATAN: [f64; 11] = [
 /// tan(pi / 8)
 const TAN_EIGHTH: f64 = 0.414_213_562_373_095_05;
 
-/// sin(x) / x over x^2, up to |x| = pi/2: what Taylor's series leaves out after eleven terms is below 1e-18.
+/// sin(x) / x over x^2, up to |x| = pi/2: the remainder of Taylor's series after eleven terms is below 1e-18.
 const SINC: [f64; 11] = [
     1.0,
     SIN[0],
@@ -61,7 +61,7 @@ const SINC: [f64; 11] = [
     1.0 / 51_090_942_171_709_440_000.0,
 ];
 
-/// 1 / k!: Taylor's series of exp(x) on |x| <= ln(2) / 2; what is left out is below 5e-18.
+/// 1 / k!: Taylor's series of exp(x) on |x| <= ln(2) / 2; the remainder is below 5e-18.
 const EXP: [f64; 14] = [
     1.0,
     1.0,
@@ -79,13 +79,13 @@ const EXP: [f64; 14] = [
     1.0 / 6_227_020_800.0,
 ];
 
-/// Numbers of the longest vector in f64.
+/// Largest number of f64 lanes of a vector.
 const MOST_LANES: usize = 8;
 
 /// ln 2 in two parts, of which the first has zeros at its end.
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 
-/// A phase without its whole turns, -1/2 to 1/2.
+/// Phase in turns reduced to -1/2 to 1/2.
 #[inline(always)]
 pub fn reduce(phase: f64) -> f64 {
     phase - ((phase + ROUND) - ROUND)
@@ -117,7 +117,7 @@ pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; 
     (cos, sin)
 }
 
-/// The magnitudes of `atan2(y, x)`: angles from 0 to pi, to 3e-16; 0 where both are zero.
+/// Magnitude of `atan2(y, x)`: angles from 0 to pi, to 3e-16; 0 where both are zero.
 #[inline(always)]
 pub fn angle<V: Vector<Scalar = f64>>(y: V, x: V) -> V {
     let splat = V::splat;
@@ -137,7 +137,7 @@ pub fn angle<V: Vector<Scalar = f64>>(y: V, x: V) -> V {
     angle.select(splat(0.0).at_most(x), splat(PI).sub(angle))
 }
 
-/// exp(x) of numbers that are not positive, to 5e-16; zero below -700.
+/// Exponential exp(x) of numbers that are not positive, to 5e-16; zero below -700.
 #[inline(always)]
 pub fn exp_of_negative<V: Vector<Scalar = f64>>(x: V) -> V {
     const TWO_52: f64 = 4_503_599_627_370_496.0;
@@ -158,11 +158,11 @@ pub fn exp_of_negative<V: Vector<Scalar = f64>>(x: V) -> V {
     exp.select(splat(-700.0).at_most(x), splat(0.0))
 }
 
-/// sin(x) / x of angles in turns, below 2^50 turns: to 5e-16.
+/// Sinc sin(x) / x of angles in turns, below 2^50 turns: to 5e-16.
 #[inline(always)]
 pub fn sinc_turns<V: Vector<Scalar = f64>>(turns: V) -> V {
     let splat = V::splat;
-    // The sine of an angle without its half turns, with their sign.
+    // Sine of the angle reduced by half turns, with the sign of these.
     let halves = turns.add(turns).add(splat(ROUND)).sub(splat(ROUND));
     let wholes = halves.mul(splat(0.5)).add(splat(ROUND)).sub(splat(ROUND));
     let is_odd = wholes.neg_mul_add(splat(2.0), halves);
@@ -174,14 +174,14 @@ pub fn sinc_turns<V: Vector<Scalar = f64>>(turns: V) -> V {
         sum = sum.mul_add(square, splat(SINC[k]));
     }
     let sine = sign.mul(x).mul(sum);
-    // Within half a turn of nothing it is the series itself.
+    // Near zero the series itself is the result.
     let is_first = halves.mul(halves).at_most(splat(0.0));
     let angle = splat(1.0).select(is_first, turns.mul(splat(TAU)));
     sum.select(is_first, sine.div(angle))
 }
 
-/// `frequency * delay` without its whole turns, the rounding of the product put back (Dekker's product: no level needs
-/// a fused multiply-add for it).
+/// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored
+/// (Dekker's product: no level needs a fused multiply-add for it).
 #[inline(always)]
 pub fn turns(frequency: f64, delay: f64) -> f64 {
     let split = |x: f64| {
@@ -195,7 +195,7 @@ pub fn turns(frequency: f64, delay: f64) -> f64 {
     reduce(product) + rounding
 }
 
-/// sin(x) / x.
+/// Sinc sin(x) / x of an angle [rad].
 pub fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
 }
@@ -259,7 +259,7 @@ mod tests {
         }
     }
 
-    /// A function of eight numbers by an instruction set.
+    /// Kernel of a function of eight numbers.
     struct Of<'a>(Function, &'a [f64; 8]);
 
     enum Function {

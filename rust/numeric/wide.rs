@@ -1,17 +1,17 @@
-//! Arithmetic on a few vectors of f64 side by side: one for 8 numbers, two for as many as an f32 vector has.
+//! Arithmetic on arrays of f64 vectors: one vector for 8 numbers, two for the 16 of an f32 vector.
 
 use crate::numeric::simd::{Isa, Precision, Vector};
 
-/// `P` vectors.
+/// Array of `P` vectors of f64.
 pub type Wide<I, const P: usize> = [<I as Isa>::F64; P];
 
-/// The same number everywhere.
+/// Broadcast a number to all lanes.
 #[inline(always)]
 pub fn splat<I: Isa, const P: usize>(x: f64) -> Wide<I, P> {
     [I::F64::splat(x); P]
 }
 
-/// The first numbers of a slice.
+/// Load the first numbers of a slice.
 #[inline(always)]
 pub fn load<I: Isa, const P: usize>(from: &[f64]) -> Wide<I, P> {
     let mut wide = splat::<I, P>(0.0);
@@ -21,7 +21,7 @@ pub fn load<I: Isa, const P: usize>(from: &[f64]) -> Wide<I, P> {
     wide
 }
 
-/// The same of any vectors.
+/// Load vectors of any type from the first numbers of a slice.
 #[inline(always)]
 pub fn load_vectors<V: Vector, const P: usize>(from: &[V::Scalar]) -> [V; P] {
     let mut vectors = [V::load(from); P];
@@ -31,7 +31,7 @@ pub fn load_vectors<V: Vector, const P: usize>(from: &[V::Scalar]) -> [V; P] {
     vectors
 }
 
-/// Into the first numbers of a slice.
+/// Store to the first numbers of a slice.
 #[inline(always)]
 pub fn store<V: Vector, const P: usize>(wide: [V; P], to: &mut [V::Scalar]) {
     for p in 0..P {
@@ -73,35 +73,35 @@ each_vector!(
     neg_mul_add(b, c)
 );
 each_vector!(
-    /// The smaller ones.
+    /// Minimum, lane by lane.
     min(b)
 );
 each_vector!(
-    /// The larger ones.
+    /// Maximum, lane by lane.
     max(b)
 );
 
-/// Adding and subtracting this rounds to the nearest integer; unlike `round`, it vectorises everywhere.
+/// Constant whose addition and subtraction rounds to the nearest integer; unlike `round`, it vectorises everywhere.
 pub const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 
-/// The same for f32.
+/// [`ROUND`] for f32.
 const ROUND_SINGLE: f64 = 12_582_912.0; // 1.5 * 2^23
 
-/// Nearest integers.
+/// Round to the nearest integers.
 #[inline(always)]
 pub fn round<I: Isa, const P: usize>(x: Wide<I, P>) -> Wide<I, P> {
     let magic = splat::<I, P>(ROUND);
     sub(add(x, magic), magic)
 }
 
-/// Without whole turns, -1/2 to 1/2.
+/// Reduce phases in turns to -1/2 to 1/2.
 #[inline(always)]
 pub fn reduce<I: Isa, const P: usize>(turns: Wide<I, P>) -> Wide<I, P> {
     sub(turns, round::<I, P>(turns))
 }
 
-/// `frequency * delay` without whole turns, the rounding of the product put back: by a fused multiply-add, or by Dekker's
-/// product where the level has none.
+/// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored: by a
+/// fused multiply-add, or by Dekker's product where the level has none.
 #[inline(always)]
 pub fn turns<I: Isa, const P: usize>(frequency: f64, delay: Wide<I, P>) -> Wide<I, P> {
     const SPLIT: f64 = 134_217_729.0; // 2^27 + 1
@@ -133,14 +133,14 @@ pub fn cos_sin<T: Precision, I: Isa, const P: usize>(phase: Wide<I, P>) -> [T::I
     of_reduced::<T, I>(narrow::<T, I, P>(reduce::<I, P>(phase)))
 }
 
-/// The same for phases that have the precision of `T` already, below 2^20 turns.
+/// Cosine and sine of phases in turns in the precision of `T`, below 2^20 turns.
 #[inline(always)]
 pub fn cos_sin_of<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     let magic = number::<T, I>(magic::<T>());
     of_reduced::<T, I>(phase.sub(phase.add(magic).sub(magic)))
 }
 
-/// What rounds to the nearest integer in the precision of `T`, see [`ROUND`].
+/// Constant that rounds to the nearest integer in the precision of `T`; see [`ROUND`].
 #[inline(always)]
 fn magic<T>() -> f64 {
     if size_of::<T>() == 4 { ROUND_SINGLE } else { ROUND }
@@ -175,13 +175,13 @@ fn of_reduced<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     [s.neg_mul_add(sin_q, c.mul(cos_q)), s.mul_add(cos_q, c.mul(sin_q))]
 }
 
-/// In the precision of `T`; as many as its vector has lanes.
+/// Convert to a vector in the precision of `T`.
 #[inline(always)]
 pub fn narrow<T: Precision, I: Isa, const P: usize>(wide: Wide<I, P>) -> T::In<I> {
     T::narrow::<I>([wide[0], wide[P - 1]])
 }
 
-/// The same number everywhere, in the precision of `T`.
+/// Broadcast a number to all lanes in the precision of `T`.
 #[inline(always)]
 pub fn number<T: Precision, I: Isa>(x: f64) -> T::In<I> {
     <T::In<I>>::splat(T::of(x))
@@ -189,7 +189,7 @@ pub fn number<T: Precision, I: Isa>(x: f64) -> T::In<I> {
 
 const COS_SIN: [f64; 17] = taylor_of_turns();
 
-/// `(2 pi)^n / n!` with the signs of the cosine (even n) and the sine (odd n).
+/// Taylor coefficients `(2 pi)^n / n!` with the signs of the cosine (even n) and the sine (odd n).
 const fn taylor_of_turns() -> [f64; 17] {
     let mut series = [1.0; 17];
     let mut n = 1;

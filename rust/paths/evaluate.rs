@@ -457,8 +457,8 @@ mod tests {
     use crate::geometry::pose::Pose;
     use crate::rays::camera::ImagePlane;
     use crate::rays::hits::Cast;
-    use crate::rays::scene::Snapshot;
-    use crate::rays::smooth_hits::Shown;
+    use crate::rays::scene::PosedScene;
+    use crate::rays::smooth_hits::SmoothHits;
     use crate::rays::surface::{ShadingMode, Surface};
     use crate::scattering::material::{Material, Response};
     use crate::scattering::physical_optics::Sampling;
@@ -510,12 +510,12 @@ mod tests {
         });
         let plane = ImagePlane::centered(20, 20, 0.6, 0.6);
         let poses = vec![pose(1.0, -0.3, 0.1), pose(1.5, 0.4, -0.3)];
-        let snapshot = Snapshot::new(vec![plate(), plate()], poses.clone());
+        let snapshot = PosedScene::new(vec![plate(), plate()], poses.clone());
         for pattern in [beam, all_round, table] {
             let array = array(&pattern);
             let materials = vec![half_matt; 2];
             let hits = snapshot.cast_image(&plane).unwrap();
-            let shown = Shown::at(&snapshot, &hits, Level::best());
+            let shown = SmoothHits::at(&snapshot, &hits, Level::best());
             let of_pixels = Scatterers::new(
                 &snapshot,
                 &hits,

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::antennas::array::{Array, Sight};
 use crate::constants::SPEED_OF_LIGHT;
-use crate::geometry::moving_triangle::Facet;
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::numeric::trig::sinc;
 use crate::paths::kinematics::Places;
 
@@ -148,12 +148,12 @@ impl Scatterers {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, path: usize) -> Option<Facet> {
+    fn facet_of(&self, places: &Places, node: usize, path: usize) -> Option<MovingTriangle> {
         let corners = self.facet[path]?;
         let body = self.body[path];
         let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
         let vertices = &places.vertices[index][node * self.deforming[index].1..];
-        Some(Facet::new(
+        Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
     }

@@ -442,10 +442,10 @@ impl Simulator {
     ) -> PyResult<(Bound<'py, PyArray1<bool>>, usize)> {
         let at = &at.0;
         let points = self::points(numbers("points", &points, [None, Some(3)])?);
-        let hidden = self.run(py, |memory, _| {
+        let occlusion = self.run(py, |memory, _| {
             frame::occluded(&self.model, at, &points, ends_early, memory)
         })?;
-        Ok((hidden.is_hidden.into_pyarray(py), hidden.ended_early))
+        Ok((occlusion.is_occluded.into_pyarray(py), occlusion.ended_early))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Rays through any points of the image plane, 64 at a time: what they hit and what they show.
+//! Hits and smooth hits of rays through any points of the image plane, in groups of at most 64.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -7,31 +7,31 @@ use crate::numeric::simd::{Isa, Kernel};
 use crate::rays::hits::{Cast, Counts};
 use crate::rays::image::{Scratch, Touch};
 use crate::rays::packet::{MOST_RAYS, PACKET};
-use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::tree::Tree;
 
-/// Bundles that one thread casts in a row.
+/// Number of groups that one thread casts in a row.
 const BLOCK: usize = 16;
 
-/// What one ray hit.
+/// Hit and smooth hit of one ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Distance to the facet along the ray [m]; infinite where nothing was hit.
+    /// Distance along the ray to the triangle [m]; infinite where nothing was hit.
     pub to_facet: f64,
-    /// Distance to the surface that the facet stands for [m].
+    /// Distance along the ray to the curved surface [m].
     pub distance: f64,
-    /// Its unit normal towards the incident side, in the sensor frame; zero where nothing was hit.
+    /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
     pub normal: DVec3,
     /// Number of the body, or [`NO_BODY`].
     pub body: u32,
     /// Number of the triangle in the body's surface.
     pub triangle: u32,
-    /// Whether antennas see that way; where not, nothing was cast.
+    /// True if the direction is within the beam of the antennas; otherwise it was not cast.
     pub is_seen: bool,
 }
 
 impl Found {
-    /// Nothing.
+    /// Hit of a ray that meets nothing.
     pub const NOTHING: Self = Self {
         to_facet: f64::INFINITY,
         distance: f64::INFINITY,
@@ -41,29 +41,30 @@ impl Found {
         is_seen: true,
     };
 
-    /// Whether anything was hit.
+    /// True if a body was hit.
     pub fn is_hit(&self) -> bool {
         self.body != NO_BODY
     }
 }
 
-/// What is known of rays from another time.
+/// Hits of rays at another time.
 pub struct Known<'a, F> {
-    /// Boxes where it may not be taken over; see [`Snapshot::moved`].
+    /// Boxes where bodies have moved, and hits may not be copied; see [`PosedScene::moved`].
     pub moved: &'a Tree,
-    /// What the ray of a number hit then, if it was cast.
+    /// Hit of the ray of a number, if it was cast.
     pub found: F,
 }
 
-/// Bundles of rays that follow each other: as many as there is place for.
+/// Ends of groups of 64 rays, the last perhaps smaller, that hold `number` rays in order.
 pub fn whole_bundles(number: usize) -> Vec<usize> {
-    let ends = (1..=number.div_ceil(MOST_RAYS)).map(|bundle| number.min(bundle * MOST_RAYS));
+    let ends = (1..=number.div_ceil(MOST_RAYS)).map(|group| number.min(group * MOST_RAYS));
     ends.collect()
 }
 
-impl Snapshot {
-    /// Hits of rays through points `(u, v)` of the image plane, bundle by bundle in parallel: those of [`Self::cast_image`] at
-    /// the same places. `ends` are the numbers of the rays behind each bundle: at most 64 rays, which should be near each other.
+impl PosedScene {
+    /// Hits of rays through points `(u, v)` of the image plane, group by group in parallel; equal to those of
+    /// [`Self::cast_image`] at the same points. `ends` holds the ray number after the last of each group of at most 64
+    /// rays, which should be close together.
     pub fn cast_batch<F>(
         &self,
         points: &[[f64; 2]],
@@ -86,7 +87,7 @@ impl Snapshot {
             .into_par_iter()
             .map(|(first, ends, found)| {
                 cast.level.run(CastBlock {
-                    snapshot: self,
+                    scene: self,
                     cast,
                     known,
                     first,
@@ -100,18 +101,18 @@ impl Snapshot {
     }
 }
 
-/// Casts rays, bundle by bundle.
+/// Kernel that casts rays, group by group.
 struct CastBlock<'a, F> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     cast: &'a Cast<'a>,
     known: Option<&'a Known<'a, F>>,
     /// Number of the first ray.
     first: usize,
-    /// Of the rays behind each bundle.
+    /// Ray number after the last of each group.
     ends: &'a [usize],
-    /// Of all rays.
+    /// Plane coordinates (u, v) of all rays.
     points: &'a [[f64; 2]],
-    /// From the first ray on.
+    /// Hits from the first ray on.
     found: &'a mut [Found],
 }
 
@@ -121,7 +122,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(self) -> Counts {
         let Self {
-            snapshot,
+            scene,
             cast,
             known,
             first,
@@ -129,16 +130,16 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             points,
             found,
         } = self;
-        let mut scratch = Scratch::new(snapshot.num_bodies());
+        let mut scratch = Scratch::new(scene.num_bodies());
         let mut counts = Counts::default();
         let mut start = first;
         for end in ends {
-            let bundle = start..*end;
+            let group = start..*end;
             start = *end;
-            let points = &points[bundle.clone()];
-            let found = &mut found[bundle.start - first..bundle.end - first];
-            scratch.fan.hold(points);
-            if cast.is_outside(&scratch.fan) {
+            let points = &points[group.clone()];
+            let found = &mut found[group.start - first..group.end - first];
+            scratch.rays.hold(points);
+            if cast.is_outside(&scratch.rays) {
                 counts.tiles_skipped += 1;
                 for found in found {
                     found.is_seen = false;
@@ -147,22 +148,22 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             }
             if let Some(known) = known {
                 let mut touch = Touch(false);
-                scratch.fan.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
-                if !touch.0 && take_over(found, known, bundle.start) {
+                scratch.rays.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
+                if !touch.0 && take_over(found, known, group.start) {
                     counts.tiles_reused += 1;
                     continue;
                 }
             }
-            if snapshot.search::<I>(&mut scratch, cast) {
+            if scene.search::<I>(&mut scratch, cast) {
                 counts.tiles_skipped += 1;
                 continue;
             }
             counts.rays += points.len();
-            snapshot.measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            scene.measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
             let (best, distance) = (&scratch.best, &scratch.distance);
             scratch
                 .shade
-                .fill::<I, true>(snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+                .fill::<I, true>(scene, &scratch.rays, &best.body, &best.triangle, distance);
             for (ray, found) in found.iter_mut().enumerate() {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {
@@ -179,7 +180,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
     }
 }
 
-/// Take over all of a bundle, from the ray of a number on, or nothing.
+/// Copy the known hits of a group of rays from number `first` on, if all are known. Returns whether they are.
 fn take_over<F: Fn(usize) -> Option<Found>>(found: &mut [Found], known: &Known<F>, first: usize) -> bool {
     for ray in 0..found.len() {
         match (known.found)(first + ray) {
@@ -199,15 +200,15 @@ mod tests {
     use crate::numeric::simd::Level;
     use crate::rays::camera::ImagePlane;
     use crate::rays::scene::tests::furnished;
-    use crate::rays::smooth_hits::Shown;
+    use crate::rays::smooth_hits::SmoothHits;
 
-    /// Rays that need not be of any other time.
+    /// Type of known hits where there are none.
     type Unknown = fn(usize) -> Option<Found>;
 
     #[test]
-    fn rays_in_any_order_find_and_show_what_those_of_an_image_do() {
+    fn rays_in_any_order_have_the_hits_of_an_image() {
         let (surfaces, poses) = furnished();
-        let scene = Snapshot::new(surfaces, poses);
+        let scene = PosedScene::new(surfaces, poses);
         let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
         for level in Level::available() {
             let cast = Cast {
@@ -215,8 +216,8 @@ mod tests {
                 ..Cast::default()
             };
             let hits = scene.cast_image_with(&plane, &cast).unwrap();
-            let shown = Shown::at(&scene, &hits, level);
-            // Every seventh pixel after the other: bundles that reach all over the image.
+            let smooth = SmoothHits::at(&scene, &hits, level);
+            // Every seventh pixel after the other: groups that reach all over the image.
             let pixels: Vec<usize> = (0..plane.num_pixels()).map(|i| i * 7 % plane.num_pixels()).collect();
             let points: Vec<[f64; 2]> = pixels
                 .iter()
@@ -230,7 +231,7 @@ mod tests {
                 assert_eq!(found.to_facet, hits.distance[pixel]);
                 assert_eq!(
                     (found.distance, found.normal),
-                    (shown.distance[pixel], shown.normal[pixel])
+                    (smooth.distance[pixel], smooth.normal[pixel])
                 );
                 num_hits += usize::from(found.is_hit());
             }

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use crate::geometry::aabb::Bounds;
 use crate::rays::tree::{Child, Kind, Node, Primitives, Tree, WIDTH};
 
-/// obvhs preset. Larger search distances and reinsertion make builds two to three times longer and images of the rooms of
-/// `cargo bench --bench trace` no shorter: change it here and run that again.
+/// obvhs preset. Larger search distances and reinsertion make builds two to three times longer and images of the rooms
+/// of `cargo bench --bench trace` no shorter: change it here and run that again.
 const BUILD: BvhBuildParams = BvhBuildParams {
     pre_split: false,
     ploc_search_distance: PlocSearchDistance::VeryLow,
@@ -66,7 +66,7 @@ impl Tree {
         (tree, leaves)
     }
 
-    /// The same tree over boxes of other places and sizes; `bounds` of a leaf.
+    /// Refit the tree to moved boxes; `bounds` gives the box of a leaf.
     pub fn refit(&self, bounds: impl Fn(usize) -> Bounds + Sync) -> Self {
         let mut nodes = self.nodes.clone();
         nodes.par_iter_mut().for_each(|node| {
@@ -95,7 +95,7 @@ impl Tree {
         }
     }
 
-    /// How many boxes and primitives a ray through the tree's box may expect to meet, roughly: areas over the root's.
+    /// Cost by the surface-area heuristic: expected number of boxes that a ray through the root's box meets.
     pub fn cost(&self) -> f64 {
         let Some(root) = self.nodes.first() else {
             return 0.0;
@@ -111,7 +111,7 @@ impl Tree {
 }
 
 impl Node {
-    /// Give a child its box.
+    /// Set the box of a child.
     fn set_box(&mut self, place: usize, aabb: &Aabb) {
         for axis in 0..3 {
             self.min[axis][place] = aabb.min[axis];
@@ -133,7 +133,7 @@ impl Node {
     }
 }
 
-/// Box in f32, rounded outwards.
+/// Round a box to f32, outwards.
 fn outward(bounds: &Bounds) -> Aabb {
     // More than half a step of the nearest number, whatever its size.
     let step = |x: Vec3A| x.abs() * f32::EPSILON + Vec3A::splat(f32::MIN_POSITIVE);
@@ -144,12 +144,12 @@ fn outward(bounds: &Bounds) -> Aabb {
     }
 }
 
-/// Opens nodes of two children until there are [`WIDTH`], the largest first.
+/// Collapse of a binary tree: opens nodes until there are [`WIDTH`] children, the largest first.
 struct Collapse<'a> {
     binary: &'a Bvh2,
-    /// Subtrees of at most so many primitives become a leaf.
+    /// Largest number of primitives of a subtree that becomes a leaf.
     most: usize,
-    /// Primitives below every node.
+    /// Number of primitives below every node.
     counts: Vec<u32>,
 }
 
@@ -169,7 +169,7 @@ impl<'a> Collapse<'a> {
         Self { binary, most, counts }
     }
 
-    /// Nodes and leaves: the largest nodes first, then whole subtrees, each on its own thread.
+    /// Nodes and leaves of the new tree: the largest nodes first, then whole subtrees, each on its own thread.
     fn run(&self) -> (Vec<Node>, Vec<Primitives>) {
         const PARTS: u32 = 256;
         let is_small = |node: usize| self.counts[node] <= self.counts[0] / PARTS;
@@ -194,7 +194,7 @@ impl<'a> Collapse<'a> {
         self.counts[node] as usize <= self.most
     }
 
-    /// The children of a node of the new tree, and how many they are.
+    /// Children of a node of the new tree, and their number.
     fn open(&self, node: usize) -> ([usize; WIDTH], usize) {
         let nodes = &self.binary.nodes;
         let area = |node: usize| {
@@ -223,7 +223,7 @@ impl<'a> Collapse<'a> {
         (children, number)
     }
 
-    /// The primitives below a node, at most [`WIDTH`].
+    /// Primitives below a node, at most [`WIDTH`].
     fn primitives(&self, node: usize) -> Primitives {
         let mut primitives = [0; WIDTH];
         let mut rest = [0; WIDTH];
@@ -247,7 +247,7 @@ impl<'a> Collapse<'a> {
     }
 }
 
-/// A part of the new tree.
+/// Part of the new tree, grown on one thread.
 #[derive(Default)]
 struct Part {
     nodes: Vec<Node>,
@@ -284,7 +284,7 @@ impl Part {
         left_out
     }
 
-    /// Put another part behind this one.
+    /// Append another part.
     fn append(&mut self, mut part: Self) {
         let (nodes, leaves) = (self.nodes.len(), self.leaves.len());
         for child in part.nodes.iter_mut().flat_map(|node| &mut node.child) {
@@ -315,7 +315,7 @@ mod tests {
             .collect()
     }
 
-    /// Every primitive is in one leaf, and within all boxes above it.
+    /// Assert that every primitive is in one leaf, and within all boxes above it.
     fn check(tree: &Tree, leaves: &[Primitives], boxes: &[Bounds], most: usize) {
         let mut seen = vec![0; boxes.len()];
         let mut rest: Vec<(usize, Vec<Aabb>)> = vec![(0, Vec::new())];

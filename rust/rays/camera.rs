@@ -1,10 +1,10 @@
-//! The image plane: which direction each pixel looks into, and its tiles.
+//! Camera: image plane of the sensor, directions of pixels, and tiles.
 
 use glam::DVec3;
 
 use crate::error::{Error, Result};
 
-/// Most pixels of an image; they are numbered in 32 bits.
+/// Largest number of pixels of an image: pixel numbers have 32 bits.
 const MAX_PIXELS: usize = 1 << 28;
 
 /// Side of a tile [pixels].
@@ -21,18 +21,18 @@ pub struct ImagePlane {
     pub du: f64,
     /// Height of a pixel in v: 1 / (vertical focal length in pixels).
     pub dv: f64,
-    /// Where the axis passes, in pixels from the left edge of the image; the centre of column j is j + 1/2.
+    /// Position of the optical axis, in pixels from the left edge of the image; the centre of column j is j + 1/2.
     pub axis_column: f64,
-    /// Where the axis passes, in pixels from the top edge of the image.
+    /// Position of the optical axis, in pixels from the top edge of the image.
     pub axis_row: f64,
 }
 
-/// A rectangle of the image plane, with a ray through its centre.
+/// Rectangle of the image plane with a ray through its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Plane coordinates of the centre.
+    /// Plane coordinate u = y/x of the centre.
     pub u: f64,
-    /// Up.
+    /// Plane coordinate v = z/x of the centre.
     pub v: f64,
     /// Width in u.
     pub du: f64,
@@ -51,7 +51,7 @@ impl Cell {
         self.du * self.dv / (1.0 + self.u * self.u + self.v * self.v).powf(1.5)
     }
 
-    /// The same cell about another of its points, which is so many widths away in u and in v.
+    /// Cell of equal size about a point that is offset by `along_u` widths in u and `along_v` heights in v.
     pub fn about(&self, [along_u, along_v]: [f64; 2]) -> Self {
         Self {
             u: self.u + along_u * self.du,
@@ -60,8 +60,8 @@ impl Cell {
         }
     }
 
-    /// Edges du and dv of the patch it covers on the plane with a unit normal at a distance along its ray: dx/du du and
-    /// dx/dv dv [m].
+    /// Edges du and dv of the patch that the cell covers on the plane with a unit normal at a distance along its ray:
+    /// dx/du du and dx/dv dv [m].
     pub fn edges(&self, distance: f64, normal: DVec3) -> [DVec3; 2] {
         let w = (1.0 + self.u * self.u + self.v * self.v).sqrt();
         let d = DVec3::new(1.0, self.u, self.v) / w;
@@ -74,7 +74,7 @@ impl Cell {
     }
 }
 
-/// A rectangle of pixels.
+/// Rectangle of pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile {
     /// First row.
@@ -88,7 +88,7 @@ pub struct Tile {
 }
 
 impl ImagePlane {
-    /// A plane with the axis in its middle, from half its extents tan(field of view / 2).
+    /// Image plane with the axis in its middle, from half its extents tan(field of view / 2).
     pub const fn centered(rows: usize, columns: usize, half_width: f64, half_height: f64) -> Self {
         Self {
             rows,
@@ -100,7 +100,7 @@ impl ImagePlane {
         }
     }
 
-    /// Refuses planes without pixels or without extent.
+    /// Refuse planes without pixels or without extent.
     pub fn check(&self) -> Result<()> {
         if self.rows == 0 || self.columns == 0 {
             let got = format!("{} x {}", self.rows, self.columns);
@@ -152,19 +152,19 @@ impl ImagePlane {
         [[last.0, first.0], [last.1, first.1]]
     }
 
-    /// The row and column where a point `(u, v)` lies, in pixels from the upper left corner.
+    /// Row and column of a point `(u, v)`, in pixels from the upper left corner.
     pub fn pixel(&self, [u, v]: [f64; 2]) -> (f64, f64) {
         (self.axis_row - v / self.dv, self.axis_column - u / self.du)
     }
 
-    /// The part of the plane that a pixel covers.
+    /// Cell of the plane that a pixel covers.
     pub fn cell(&self, row: usize, column: usize) -> Cell {
         let (u, v) = self.center(row, column);
         let (du, dv) = (self.du, self.dv);
         Cell { u, v, du, dv }
     }
 
-    /// The same plane with every pixel cut into `parts` x `parts`.
+    /// Image plane with every pixel cut into `parts` x `parts`.
     pub fn divided(&self, parts: usize) -> Self {
         Self {
             rows: self.rows * parts,
@@ -182,7 +182,7 @@ impl ImagePlane {
         DVec3::new(1.0, u, v).normalize()
     }
 
-    /// The tile of a number from 0 to [`Self::num_tiles`], row by row.
+    /// Tile of a number from 0 to [`Self::num_tiles`], row by row.
     pub fn tile(&self, index: usize) -> Tile {
         let per_row = self.columns.div_ceil(TILE);
         let (row, column) = (index / per_row * TILE, index % per_row * TILE);
@@ -200,12 +200,12 @@ impl ImagePlane {
     }
 }
 
-/// A number that is near for places that are near: the bits of row and column in turns (Morton's order).
+/// Morton code of a pixel: bits of row and column interleaved, so that near pixels have near codes.
 pub fn morton(row: u32, column: u32) -> u64 {
     spread(row) << 1 | spread(column)
 }
 
-/// The bits of a number, with a zero between each two.
+/// Bits of a number with a zero between each two.
 fn spread(number: u32) -> u64 {
     let mut bits = u64::from(number);
     for (shift, mask) in [

@@ -1,13 +1,13 @@
-//! Hits of the pixels of an image, and options of how they are cast.
+//! Hits of the pixels of an image, and options of casting.
 
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
-use crate::rays::packet::Fan;
-use crate::rays::scene::Snapshot;
+use crate::rays::packet::TileRays;
+use crate::rays::scene::PosedScene;
 
 /// Hits of all pixels of an image, row by row.
 pub struct Hits {
-    /// The image they belong to.
+    /// Image plane of the hits.
     pub plane: ImagePlane,
     /// Distance along the ray [m]; infinite where nothing was hit.
     pub distance: Vec<f64>,
@@ -15,25 +15,25 @@ pub struct Hits {
     pub body: Vec<u32>,
     /// Number of the triangle in the body's surface.
     pub triangle: Vec<u32>,
-    /// Cosine of incidence, zero where nothing was hit; where these were wanted.
+    /// Cosine of incidence, zero where nothing was hit; only if asked for.
     pub cosine: Option<Vec<f64>>,
-    /// What was done for them.
+    /// Work done for the hits.
     pub counts: Counts,
 }
 
-/// What the hits of an image took.
+/// Work done for the hits of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Rays that searched a tree.
     pub rays: usize,
-    /// Tiles in which there is no body, or nothing to be seen through the antennas.
+    /// Tiles without bodies, or outside the beam of the antennas.
     pub tiles_skipped: usize,
-    /// Tiles taken over from the hits before.
+    /// Tiles copied from previous hits.
     pub tiles_reused: usize,
 }
 
 impl Counts {
-    /// Both together.
+    /// Sum of two counts.
     pub fn plus(self, other: Self) -> Self {
         Self {
             rays: self.rays + other.rays,
@@ -43,41 +43,41 @@ impl Counts {
     }
 }
 
-/// Whether all directions `(1, u, v)` within ranges of u and of v are of no interest.
+/// Predicate of ranges of u and of v: true if no direction `(1, u, v)` within them is of interest.
 pub type Outside<'a> = dyn Fn([f64; 2], [f64; 2]) -> bool + Sync + 'a;
 
-/// How rays are cast; nothing of it changes what they hit, but for those outside.
+/// Options of casting. Only `outside` changes hits: directions outside have none.
 #[derive(Clone, Copy)]
 pub struct Cast<'a> {
     /// Instruction set.
     pub level: Level,
-    /// Whether tiles without bodies are left out.
+    /// Option to leave out tiles without bodies.
     pub skip_empty: bool,
-    /// Directions that are not cast.
+    /// Predicate of directions that are not cast.
     pub outside: Option<&'a Outside<'a>>,
-    /// Whether cosines of incidence are wanted as well.
+    /// Option to compute cosines of incidence.
     pub with_cosines: bool,
-    /// How the rays of a tile search the tree of a body.
-    pub walks: Walks,
-    /// Hits of another time with the same directions outside. Tiles are taken over if no body has moved there.
-    pub previous: Option<(&'a Snapshot, &'a Hits)>,
+    /// Number of traversals for the rays of a tile.
+    pub traversals: Traversals,
+    /// Scene and hits of another time with the same directions outside. Tiles where no body has moved are copied.
+    pub previous: Option<(&'a PosedScene, &'a Hits)>,
 }
 
-/// How the rays of a tile search the tree of a body.
+/// Number of traversals of a body's tree for the rays of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Walks {
-    /// As is faster, by how many leaves of the body were in the tiles before.
+pub enum Traversals {
+    /// The faster choice, from the number of leaves of the body that previous tiles visited.
     Chosen,
-    /// 8 x 8 rays on one walk.
+    /// One traversal for 8 x 8 rays.
     Together,
-    /// Four walks of 4 x 4 rays.
+    /// Four traversals, each for 4 x 4 rays.
     Apart,
 }
 
 impl Cast<'_> {
-    /// Whether no ray of a tile is of interest.
-    pub(super) fn is_outside(&self, fan: &Fan) -> bool {
-        let [u, v] = fan.ranges();
+    /// True if no ray of a tile is of interest.
+    pub(super) fn is_outside(&self, rays: &TileRays) -> bool {
+        let [u, v] = rays.ranges();
         self.outside.is_some_and(|is_outside| is_outside(u, v))
     }
 }
@@ -89,7 +89,7 @@ impl Default for Cast<'_> {
             skip_empty: true,
             outside: None,
             with_cosines: false,
-            walks: Walks::Chosen,
+            traversals: Traversals::Chosen,
             previous: None,
         }
     }

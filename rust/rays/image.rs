@@ -1,4 +1,4 @@
-//! Images: which tiles are cast, and what their rays hit.
+//! Images of a posed scene: selection of the tiles to cast, and hits of their rays.
 
 use std::sync::Arc;
 
@@ -8,25 +8,26 @@ use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
-use crate::rays::hits::{Cast, Counts, Hits, Walks};
-use crate::rays::packet::{Best, Bundle, Exact, Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::rays::scene::{NEAREST, NO_BODY, Snapshot, bounds};
+use crate::rays::hits::{Cast, Counts, Hits, Traversals};
+use crate::rays::packet::{BodyRays, Exact, MOST_RAYS, PACKET, PACKETS, PacketHits, TileRays};
+use crate::rays::scene::{NEAREST, NO_BODY, PosedScene, bounds};
 use crate::rays::smooth_hits::Shade;
 use crate::rays::traversal::Visit;
 use crate::rays::tree::{Node, Tree};
 use crate::rays::triangle_block::Table;
 
-/// Leaves that a walk of 8 x 8 rays through the tree of a body looks at from which on four walks are faster: each looks at
-/// fewer. For rooms that is 15, for spheres 25, whose coarse images lose by less (`cargo bench --bench trace -- walks`).
+/// Number of leaves that a traversal for 8 x 8 rays visits, above which four traversals for 4 x 4 rays are faster: each
+/// visits fewer. It is 15 for rooms, and 25 for spheres, whose coarse images lose less
+/// (`cargo bench --bench trace -- traversals`).
 const MANY_LEAVES: usize = 24;
 
-impl Snapshot {
-    /// Hits of all pixels, tile by tile in parallel: those of rays one by one, [`Self::cast`], to the last bit.
+impl PosedScene {
+    /// Hits of all pixels, tile by tile in parallel; bit for bit those of [`Self::cast`], ray by ray.
     pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
         self.cast_image_at(plane, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::cast_image`] with a given instruction set.
     pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
         self.cast_image_with(
             plane,
@@ -37,7 +38,7 @@ impl Snapshot {
         )
     }
 
-    /// The same, leaving out what need not be cast.
+    /// [`Self::cast_image`] with options.
     pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
         fits_memory(
@@ -54,10 +55,10 @@ impl Snapshot {
             cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
             counts: Counts::default(),
         };
-        let previous = cast.previous.and_then(|(snapshot, before)| {
+        let previous = cast.previous.and_then(|(scene, before)| {
             let has_all = before.cosine.is_some() || !cast.with_cosines;
             let is_alike = before.plane == *plane && has_all;
-            let moved = if is_alike { self.moved(snapshot) } else { None };
+            let moved = if is_alike { self.moved(scene) } else { None };
             moved.map(|moved| (before, moved))
         });
         let band = TILE * plane.columns;
@@ -75,7 +76,7 @@ impl Snapshot {
             .enumerate()
             .map(|(index, (((distance, body), triangle), cosine))| {
                 cast.level.run(CastBand {
-                    snapshot: self,
+                    scene: self,
                     cast,
                     previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
@@ -90,8 +91,8 @@ impl Snapshot {
         Ok(hits)
     }
 
-    /// Boxes, before and now, of bodies that are not what or where they were in another snapshot of the same bodies. None
-    /// where that is all of them.
+    /// Tree over the boxes, before and now, of bodies whose surface or pose differs from another scene of the same
+    /// bodies. None if all bodies differ.
     pub fn moved(&self, before: &Self) -> Option<Tree> {
         if self.surfaces.len() != before.surfaces.len() {
             return None;
@@ -104,18 +105,18 @@ impl Snapshot {
         if moved.len() == self.surfaces.len() {
             return None;
         }
-        let of = |snapshot: &Self, body: usize| bounds(&snapshot.surfaces[body], &snapshot.poses[body]);
+        let of = |scene: &Self, body: usize| bounds(&scene.surfaces[body], &scene.poses[body]);
         let both = moved.iter().flat_map(|body| [of(self, *body), of(before, *body)]);
         let boxes: Vec<Bounds> = both.filter(|b| b.min.is_finite()).collect();
         Some(Tree::build(boxes.len(), 1, |i| boxes[i]).0)
     }
 }
 
-/// Casts the rays of a row of tiles.
+/// Kernel that casts the rays of a row of tiles.
 struct CastBand<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     cast: &'a Cast<'a>,
-    /// Hits of another time, and boxes where these may not be taken over.
+    /// Hits of another time, and boxes where bodies have moved.
     previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
     /// Number of the row of tiles.
@@ -132,39 +133,39 @@ impl Kernel for CastBand<'_> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(mut self) -> Counts {
         let tiles = self.plane.columns.div_ceil(TILE);
-        let mut scratch = Scratch::new(self.snapshot.num_bodies());
+        let mut scratch = Scratch::new(self.scene.num_bodies());
         let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
-            scratch.fan.aim::<I>(self.plane, &tile);
-            if self.cast.is_outside(&scratch.fan) {
+            scratch.rays.aim::<I>(self.plane, &tile);
+            if self.cast.is_outside(&scratch.rays) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
             }
             if let Some((hits, moved)) = self.previous {
                 let mut touch = Touch(false);
-                scratch.fan.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
+                scratch.rays.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
                 if !touch.0 {
                     self.take_over(&tile, hits);
                     counts.tiles_reused += 1;
                     continue;
                 }
             }
-            let is_empty = self.snapshot.search::<I>(&mut scratch, self.cast);
+            let is_empty = self.scene.search::<I>(&mut scratch, self.cast);
             if is_empty {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
             }
             counts.rays += tile.rows * tile.columns;
-            self.snapshot
-                .measure::<I>(&scratch.fan, &scratch.best, &mut scratch.distance);
+            self.scene
+                .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
             if self.cosine.is_some() {
                 let (best, distance) = (&scratch.best, &scratch.distance);
                 scratch
                     .shade
-                    .fill::<I, false>(self.snapshot, &scratch.fan, &best.body, &best.triangle, distance);
+                    .fill::<I, false>(self.scene, &scratch.rays, &best.body, &best.triangle, distance);
             }
             self.write(&tile, &scratch);
         }
@@ -173,13 +174,13 @@ impl Kernel for CastBand<'_> {
 }
 
 impl CastBand<'_> {
-    /// Rows of the tile, as ranges of pixels of this row of tiles.
+    /// Pixel ranges of the rows of a tile, counted in this row of tiles.
     fn rows(&self, tile: &Tile) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
         let (columns, first, number) = (self.plane.columns, tile.column, tile.columns);
         (0..tile.rows).map(move |row| row * columns + first..row * columns + first + number)
     }
 
-    /// Nothing was hit.
+    /// Write a tile without hits.
     fn clear(&mut self, tile: &Tile) {
         for pixels in self.rows(tile) {
             self.distance[pixels.clone()].fill(f64::INFINITY);
@@ -191,7 +192,7 @@ impl CastBand<'_> {
         }
     }
 
-    /// What was hit before.
+    /// Copy the hits of a tile from another time.
     fn take_over(&mut self, tile: &Tile, hits: &Hits) {
         let first = self.index * TILE * self.plane.columns;
         for pixels in self.rows(tile) {
@@ -205,7 +206,7 @@ impl CastBand<'_> {
         }
     }
 
-    /// What was found.
+    /// Write the hits of a tile.
     #[inline(always)]
     fn write(&mut self, tile: &Tile, scratch: &Scratch) {
         let best = &scratch.best;
@@ -213,7 +214,7 @@ impl CastBand<'_> {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
             for first in (0..tile.columns).step_by(TILE / 2) {
-                let (from, to) = (Fan::ray(row, first), pixel + first);
+                let (from, to) = (TileRays::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
                 copy(&mut self.distance[to..], &scratch.distance[from..], number);
                 copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
@@ -226,7 +227,7 @@ impl CastBand<'_> {
     }
 }
 
-/// Whether rays may meet any box of a tree.
+/// Visitor that tests whether rays may meet any box of a tree.
 pub(super) struct Touch(pub bool);
 
 impl Visit for Touch {
@@ -242,7 +243,7 @@ impl Visit for Touch {
     }
 }
 
-/// The first numbers, nearly always half a tile's row of them.
+/// Copy the first `number` values; nearly always half a row of a tile, copied as one block.
 #[inline(always)]
 fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
     const ALL: usize = TILE / 2;
@@ -255,26 +256,27 @@ fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
     }
 }
 
-/// What the rays of a tile are and find, kept from tile to tile.
+/// Rays of a tile and their hits; memory kept from tile to tile.
 pub(super) struct Scratch {
-    pub fan: Fan,
-    bundle: Bundle,
-    pub best: Best,
+    pub rays: TileRays,
+    body_rays: BodyRays,
+    pub best: PacketHits,
     table: Table,
     pub stacks: [Vec<u64>; 2],
-    /// [m]
+    /// Distances [m].
     pub distance: [f64; MOST_RAYS],
     pub shade: Shade,
-    /// For every body, how many leaves the last tiles looked at: a mean that halves the weight of the one before.
+    /// For every body, number of leaves that the last tiles visited: a running mean with weights halved from tile to
+    /// tile.
     num_leaves: Vec<usize>,
 }
 
 impl Scratch {
     pub fn new(num_bodies: usize) -> Self {
         Self {
-            fan: Fan::EMPTY,
-            bundle: Bundle::EMPTY,
-            best: Best::EMPTY,
+            rays: TileRays::EMPTY,
+            body_rays: BodyRays::EMPTY,
+            best: PacketHits::EMPTY,
             table: Table::EMPTY,
             stacks: [Vec::with_capacity(64), Vec::with_capacity(256)],
             distance: [0.0; MOST_RAYS],
@@ -284,28 +286,28 @@ impl Scratch {
     }
 }
 
-impl Snapshot {
-    /// Nearest triangles of the rays of a tile. Returns whether there is no body in it.
+impl PosedScene {
+    /// Search for the nearest triangles of the rays of a tile. Returns true if no body is in the tile.
     #[inline(always)]
     pub(super) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
-        let fan = &scratch.fan;
+        let rays = &scratch.rays;
         let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
-            snapshot: self,
-            fan,
-            bundle: &mut scratch.bundle,
+            scene: self,
+            rays,
+            body_rays: &mut scratch.body_rays,
             best: &mut scratch.best,
             table: &mut scratch.table,
             stack,
-            walks: cast.walks,
+            traversals: cast.traversals,
             num_leaves: &mut scratch.num_leaves,
             is_empty: true,
         };
         if cast.skip_empty {
-            fan.walk::<I>(&self.top, top, &mut bodies);
+            rays.walk::<I>(&self.top, top, &mut bodies);
             return bodies.is_empty;
         }
-        bodies.best.clear::<I>(&fan.valid);
+        bodies.best.clear::<I>(&rays.valid);
         bodies.is_empty = false;
         for leaf in 0..self.bodies.len() {
             bodies.visit::<I>(leaf, 1, 0.0);
@@ -313,20 +315,20 @@ impl Snapshot {
         false
     }
 
-    /// Distances of the triangles that were found [m], infinite where there is none.
+    /// Measure the distances of the triangles that were found [m]; infinite where there is none.
     #[inline(always)]
-    pub(super) fn measure<I: Isa>(&self, fan: &Fan, best: &Best, distance: &mut [f64; MOST_RAYS]) {
+    pub(super) fn measure<I: Isa>(&self, rays: &TileRays, best: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         let lanes = I::F64::LANES;
         let mut height = [f64::INFINITY; MOST_RAYS];
         let mut slope = [1.0; MOST_RAYS];
-        let mut rest = fan.valid;
+        let mut rest = rays.valid;
         for packet in 0..PACKETS {
             rest[packet] &= !I::equal(&best.body[packet], NO_BODY);
         }
         for packet in 0..PACKETS {
             while rest[packet] != 0 {
-                // All rays that meet one triangle; as `Woop::intersect` does.
+                // All rays that meet one triangle, with the operations of `WatertightTest::intersect`.
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (best.body[packet][lane], best.triangle[packet][lane]);
                 let view = &self.views[body as usize];
@@ -345,7 +347,7 @@ impl Snapshot {
                             continue;
                         }
                         let first = other * PACKET + half * lanes;
-                        let direction = view.direction(I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let direction = view.direction(I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
                         let [dx, dy, dz] = direction;
                         let along = x.mul(dx).add(y.mul(dy)).add(z.mul(dz));
                         along
@@ -359,7 +361,7 @@ impl Snapshot {
             }
         }
         for first in (0..MOST_RAYS).step_by(lanes) {
-            let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+            let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
             let length = splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
             let t = I::F64::load(&height[first..]).div(I::F64::load(&slope[first..]));
             t.mul(length).store(&mut distance[first..]);
@@ -369,7 +371,7 @@ impl Snapshot {
             while edge_on != 0 {
                 let lane = edge_on.trailing_zeros() as usize;
                 edge_on &= edge_on - 1;
-                let direction = fan.direction(packet * PACKET + lane);
+                let direction = rays.direction(packet * PACKET + lane);
                 let crossing = self.cross(direction, best.body[packet][lane], best.triangle[packet][lane]);
                 let t = crossing.map_or(f64::INFINITY, |crossing| crossing.distance);
                 distance[packet * PACKET + lane] = t * direction.length();
@@ -378,17 +380,17 @@ impl Snapshot {
     }
 }
 
-/// Casts the rays of a tile at bodies.
+/// Visitor of the bodies that the rays of a tile may hit.
 struct Bodies<'a> {
-    snapshot: &'a Snapshot,
-    fan: &'a Fan,
-    bundle: &'a mut Bundle,
-    best: &'a mut Best,
+    scene: &'a PosedScene,
+    rays: &'a TileRays,
+    body_rays: &'a mut BodyRays,
+    best: &'a mut PacketHits,
     table: &'a mut Table,
     stack: &'a mut Vec<u64>,
-    walks: Walks,
+    traversals: Traversals,
     num_leaves: &'a mut [usize],
-    /// Whether no body was visited.
+    /// True if no body was visited.
     is_empty: bool,
 }
 
@@ -401,51 +403,51 @@ impl Visit for Bodies<'_> {
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
         if self.is_empty {
-            self.best.clear::<I>(&self.fan.valid);
+            self.best.clear::<I>(&self.rays.valid);
             self.is_empty = false;
         }
-        let body = self.snapshot.bodies[leaf];
-        let surface = self.snapshot.surface(body);
-        let view = &self.snapshot.views[body as usize];
-        self.bundle
-            .aim::<I>(self.fan, view, surface.middle(), surface.is_fine());
+        let body = self.scene.bodies[leaf];
+        let surface = self.scene.surface(body);
+        let view = &self.scene.views[body as usize];
+        self.body_rays
+            .aim::<I>(self.rays, view, surface.middle(), surface.is_fine());
         let exact = ExactRays {
-            snapshot: self.snapshot,
-            fan: self.fan,
+            scene: self.scene,
+            rays: self.rays,
         };
-        let (bundle, best, start) = (&*self.bundle, &mut *self.best, NEAREST as f32);
+        let (body_rays, best, start) = (&*self.body_rays, &mut *self.best, NEAREST as f32);
         let mean = &mut self.num_leaves[body as usize];
-        let goes_apart = match self.walks {
-            Walks::Chosen => *mean > MANY_LEAVES,
-            Walks::Together => false,
-            Walks::Apart => true,
+        let goes_apart = match self.traversals {
+            Traversals::Chosen => *mean > MANY_LEAVES,
+            Traversals::Together => false,
+            Traversals::Apart => true,
         };
         let mut num_leaves = 0;
         if goes_apart {
             for packet in 0..PACKETS {
                 let scratch = (&mut *self.table, &mut *self.stack);
-                num_leaves += surface.search::<I, _, 1>(body, (bundle, packet), start, best, &exact, scratch);
+                num_leaves += surface.search::<I, _, 1>(body, (body_rays, packet), start, best, &exact, scratch);
             }
-            // Where both ways are as fast, four walks look at a leaf 1.5 times.
+            // Where both choices are equally fast, four traversals visit a leaf 1.5 times.
             num_leaves = num_leaves * 2 / 3;
         } else {
             let scratch = (&mut *self.table, &mut *self.stack);
-            num_leaves = surface.search::<I, _, PACKETS>(body, (bundle, 0), start, best, &exact, scratch);
+            num_leaves = surface.search::<I, _, PACKETS>(body, (body_rays, 0), start, best, &exact, scratch);
         }
         *mean = usize::midpoint(*mean, num_leaves);
         self.best.farthest()
     }
 }
 
-/// Exact tests of the rays of a tile.
+/// Exact tests for the rays of a tile.
 struct ExactRays<'a> {
-    snapshot: &'a Snapshot,
-    fan: &'a Fan,
+    scene: &'a PosedScene,
+    rays: &'a TileRays,
 }
 
 impl Exact for ExactRays<'_> {
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
-        let crossing = self.snapshot.cross(self.fan.direction(ray), body, triangle)?;
+        let crossing = self.scene.cross(self.rays.direction(ray), body, triangle)?;
         Some((crossing.distance, crossing.is_edge_on))
     }
 }

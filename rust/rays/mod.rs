@@ -1,4 +1,4 @@
-//! Rays: images of bodies at their poses, by traversal of a tree and an exact test of triangles.
+//! Rays: images of posed bodies, by traversal of a bounding-volume tree and a watertight test of triangles.
 
 pub mod batch;
 pub mod build;

@@ -1,12 +1,13 @@
-//! How near triangles come to a point, on one side of a plane through it.
+//! Nearest point of the triangles of a tree, on one side of a plane.
 
 use glam::DVec3;
 
 use crate::geometry::triangle::distance_to_point;
 use crate::rays::tree::{Kind, Tree, WIDTH};
 
-/// Distance [m] of a point of the tree's frame from the nearest triangle that is not all behind the plane through the point
-/// across `forward`; `limit` where that is farther. `corners` of the triangles of a leaf.
+/// Distance [m] of a point of the tree's frame from the nearest point of all triangles that are not all behind the
+/// plane through the point with normal `forward`; at most `limit`. `corners` gives the triangles of a leaf of a number,
+/// and count.
 pub fn distance_in_front<Triangles: Iterator<Item = [DVec3; 3]>>(
     tree: &Tree,
     point: DVec3,

@@ -1,7 +1,8 @@
-//! Rays of one origin that search a tree together: all children of a node, and 16 rays, at a time.
+//! Packets: rays of one origin that traverse a tree together, all children of a node, and 16 rays, at a time.
 //!
-//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a triangle,
-//! or which of two triangles is nearer, an exact test decides: what is found is what rays one by one find.
+//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a
+//! triangle, or which of two triangles is nearer, an exact test decides, so that hits equal those of rays traced one by
+//! one.
 
 use glam::DVec3;
 
@@ -10,19 +11,19 @@ use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::traversal::{Slabs, Visit, walk};
 use crate::rays::tree::{Node, Tree};
-use crate::rays::triangle_block::{Leaf, Table, UNIT};
+use crate::rays::triangle_block::{Table, TriangleBlock, UNIT};
 
-/// Rays whose tests are one vector.
+/// Rays of a packet, tested at once in vectors.
 pub const PACKET: usize = 16;
-/// Packets of a bundle.
+/// Packets of a tile.
 pub const PACKETS: usize = 4;
-/// Most rays of a bundle: those of a tile of an image.
+/// Most rays of a tile.
 pub const MOST_RAYS: usize = PACKET * PACKETS;
 
 /// Side of the square of pixels that a packet holds.
 const SIDE: usize = TILE / 2;
 
-/// Place of every ray in the tile, packet by packet.
+/// Row and column of every ray in the tile, packet by packet.
 const PLACES: [[f64; MOST_RAYS]; 2] = {
     let mut places = [[0.0; MOST_RAYS]; 2];
     let mut ray = 0;
@@ -37,19 +38,19 @@ const PLACES: [[f64; MOST_RAYS]; 2] = {
 
 /// Directions `(1, u, v)` of the rays of a tile, in the sensor frame.
 #[repr(C, align(64))]
-pub struct Fan {
-    /// To the left.
+pub struct TileRays {
+    /// Coordinate u = y/x of every ray, to the left.
     pub u: [f64; MOST_RAYS],
-    /// Up.
+    /// Coordinate v = z/x of every ray, up.
     pub v: [f64; MOST_RAYS],
-    /// A bit per ray of every packet; the others repeat rays at the edge of the tile.
+    /// A bit per valid ray of every packet; the others repeat rays at the edge of the tile.
     pub valid: [u32; PACKETS],
-    /// Middle of `u` and `v` of every packet, and of all; half of what they span.
+    /// Middle, and half of the extent, of `u` and `v` of every packet, and of all rays.
     middle: [[f64; 2]; PACKETS + 1],
     half: [[f64; 2]; PACKETS + 1],
 }
 
-impl Fan {
+impl TileRays {
     /// Without rays.
     pub const EMPTY: Self = Self {
         u: [0.0; MOST_RAYS],
@@ -59,7 +60,7 @@ impl Fan {
         half: [[0.0; 2]; PACKETS + 1],
     };
 
-    /// Through the centres of the pixels of a tile, in squares of 4 x 4.
+    /// Aim rays through the centres of the pixels of a tile, in squares of 4 x 4.
     #[inline(always)]
     pub fn aim<I: Isa>(&mut self, plane: &ImagePlane, tile: &Tile) {
         self.valid = [0; PACKETS];
@@ -69,7 +70,7 @@ impl Fan {
         let first_row = splat(tile.row as f64 + 0.5);
         let first_column = splat(tile.column as f64 + 0.5);
         for first in (0..MOST_RAYS).step_by(I::F64::LANES) {
-            // As `ImagePlane::center` does.
+            // The operations of `ImagePlane::center`.
             let row = I::F64::load(&PLACES[0][first..]);
             let column = I::F64::load(&PLACES[1][first..]);
             let u = splat(plane.axis_column).sub(column.min(last_column).add(first_column));
@@ -94,7 +95,7 @@ impl Fan {
         }
     }
 
-    /// Through at most 64 points of the image plane, in their order.
+    /// Aim rays through at most 64 points of the image plane, in order.
     #[inline(always)]
     pub fn hold(&mut self, points: &[[f64; 2]]) {
         let last = points.len() - 1;
@@ -135,13 +136,13 @@ impl Fan {
         [0, 1].map(|i| [middle[i] - half[i], middle[i] + half[i]])
     }
 
-    /// Bounds the coordinates of all directions, in any frame.
+    /// Bound of the coordinates of all directions, in any frame.
     fn length(&self) -> f64 {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
         1.0 + middle[0].abs() + half[0] + middle[1].abs() + half[1]
     }
 
-    /// Visit all leaves of a tree in the sensor frame whose boxes some ray may meet, near ones first.
+    /// Visit all leaves of a tree in the sensor frame whose boxes any ray may meet, near ones first.
     #[inline(always)]
     pub fn walk<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
@@ -166,16 +167,16 @@ impl Fan {
     }
 }
 
-/// Where the sensor is, and how it is turned, in the frame of a body.
+/// Position and orientation of the sensor in the frame of a body.
 pub struct View {
-    /// The sensor's place [m].
+    /// Position of the sensor [m].
     pub origin: DVec3,
     /// Axes of the sensor frame.
     pub axes: [DVec3; 3],
 }
 
 impl View {
-    /// From a body's pose in the sensor frame.
+    /// View from a body's pose in the sensor frame.
     pub fn new(pose: &Pose) -> Self {
         Self {
             origin: pose.point_to_body(DVec3::ZERO),
@@ -196,17 +197,17 @@ impl View {
     }
 }
 
-/// A [`Fan`] as a tree sees it.
+/// Rays of a tile ([`TileRays`]) in the frame of a body, in single precision.
 #[repr(C, align(64))]
-pub struct Bundle {
+pub struct BodyRays {
     origin: [f32; 3],
-    /// Bounds coordinates of the origin.
+    /// Bound of the coordinates of the origin.
     reach: f32,
-    /// Bounds the coordinates of directions.
+    /// Bound of the coordinates of directions.
     length: f32,
-    /// Axis by axis.
+    /// Directions, axis by axis.
     directions: [[f32; MOST_RAYS]; 3],
-    /// Their inverses, where the tree is fine.
+    /// Inverses of directions; set if the tree is fine.
     inverses: [[f32; MOST_RAYS]; 3],
     valid: [u32; PACKETS],
     /// Centre and half the sides of the box round the directions of every packet, and of all.
@@ -214,7 +215,7 @@ pub struct Bundle {
     half: [[f32; 3]; PACKETS + 1],
 }
 
-impl Bundle {
+impl BodyRays {
     /// Without rays.
     pub const EMPTY: Self = Self {
         origin: [0.0; 3],
@@ -227,19 +228,19 @@ impl Bundle {
         half: [[0.0; 3]; PACKETS + 1],
     };
 
-    /// In the frame of a body, relative to a point of it.
+    /// Transform rays to the frame of a body, with the origin relative to its point `middle`.
     #[inline(always)]
-    pub fn aim<I: Isa>(&mut self, fan: &Fan, view: &View, middle: DVec3, is_fine: bool) {
+    pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3, is_fine: bool) {
         let origin = view.origin - middle;
         let axes = &view.axes;
         self.origin = [origin.x as f32, origin.y as f32, origin.z as f32];
         self.reach = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
-        self.valid = fan.valid;
+        self.valid = rays.valid;
         for packet in 0..PACKETS {
             let first = packet * PACKET;
             let middle = first + PACKET / 2;
-            let u = I::narrow(I::F64::load(&fan.u[first..]), I::F64::load(&fan.u[middle..]));
-            let v = I::narrow(I::F64::load(&fan.v[first..]), I::F64::load(&fan.v[middle..]));
+            let u = I::narrow(I::F64::load(&rays.u[first..]), I::F64::load(&rays.u[middle..]));
+            let v = I::narrow(I::F64::load(&rays.v[first..]), I::F64::load(&rays.v[middle..]));
             for axis in 0..3 {
                 let x = <I::F32 as Vector>::splat(axes[0][axis] as f32);
                 let y = <I::F32 as Vector>::splat(axes[1][axis] as f32);
@@ -254,11 +255,11 @@ impl Bundle {
                 }
             }
         }
-        // More than directions are rounded.
-        let length = fan.length();
+        // More than the rounding of directions.
+        let length = rays.length();
         let pad = 8.0 * f64::from(UNIT) * length;
         for packet in 0..=PACKETS {
-            let ([u, v], [du, dv]) = (fan.middle[packet], fan.half[packet]);
+            let ([u, v], [du, dv]) = (rays.middle[packet], rays.half[packet]);
             for axis in 0..3 {
                 let (x, y, z) = (axes[0][axis], axes[1][axis], axes[2][axis]);
                 self.center[packet][axis] = (x + y * u + z * v) as f32;
@@ -268,7 +269,7 @@ impl Bundle {
         self.length = length as f32 * (1.0 + UNIT);
     }
 
-    /// Smallest and largest directions of a packet, or of all.
+    /// Box of the directions of a packet, or of all rays.
     #[inline(always)]
     fn slabs(&self, packet: usize) -> Slabs {
         let (center, half) = (&self.center[packet], &self.half[packet]);
@@ -280,14 +281,14 @@ impl Bundle {
     }
 }
 
-/// Nearest triangles of the rays of a bundle, over all bodies.
+/// Nearest triangles of the rays of a tile, over all bodies.
 #[repr(C, align(64))]
-pub struct Best {
-    /// Least distance in lengths of the direction, where something was met.
+pub struct PacketHits {
+    /// Lower bound of the distance of the hit so far, in lengths of the direction; infinite without one.
     near: [f32; MOST_RAYS],
-    /// Largest distance.
+    /// Upper bound of the distance.
     far: [f32; MOST_RAYS],
-    /// Largest of every packet.
+    /// Largest upper bound of every packet.
     farthest: [f32; PACKETS],
     /// Number of the body.
     pub body: [[u32; PACKET]; PACKETS],
@@ -297,8 +298,8 @@ pub struct Best {
     pub edge_on: [u32; PACKETS],
 }
 
-impl Best {
-    /// Of no rays.
+impl PacketHits {
+    /// Hits of no rays.
     pub const EMPTY: Self = Self {
         near: [f32::INFINITY; MOST_RAYS],
         far: [f32::INFINITY; MOST_RAYS],
@@ -308,7 +309,7 @@ impl Best {
         edge_on: [0; PACKETS],
     };
 
-    /// Nothing was met so far.
+    /// Clear all hits of the valid rays.
     #[inline(always)]
     pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS]) {
         for packet in 0..PACKETS {
@@ -328,7 +329,7 @@ impl Best {
         }
     }
 
-    /// Distance beyond which nothing is wanted.
+    /// Distance beyond which no ray can find a nearer triangle.
     #[inline(always)]
     pub fn farthest(&self) -> f32 {
         let [a, b, c, d] = self.farthest;
@@ -337,14 +338,14 @@ impl Best {
 }
 
 impl<E: Exact, const P: usize> Search<'_, E, P> {
-    /// Number of the box round all directions; see [`Bundle::center`].
+    /// Number of the box round the directions of all packets of the search; see [`BodyRays::center`].
     #[inline(always)]
     fn all(&self) -> usize {
         const { assert!(P == PACKETS || P == 1) };
         if P == PACKETS { PACKETS } else { self.from }
     }
 
-    /// Distance beyond which nothing is wanted.
+    /// Distance beyond which no ray can find a nearer triangle.
     #[inline(always)]
     fn farthest(&self) -> f32 {
         let mut farthest = self.best.farthest[self.from];
@@ -354,39 +355,39 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
         farthest
     }
 
-    /// Visit all leaves whose boxes some ray may meet, near ones first.
+    /// Visit all leaves whose boxes any ray may meet, near ones first.
     #[inline(always)]
     pub fn walk<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
-        let (slabs, far) = (self.bundle.slabs(self.all()), self.farthest());
+        let (slabs, far) = (self.rays.slabs(self.all()), self.farthest());
         walk::<I>(&slabs, tree, far, stack, self);
     }
 
-    /// Whether some ray meets the box of a child before what it has met so far.
+    /// True if any ray meets the box of a child before its hit so far.
     #[inline(always)]
     fn some_ray_meets<I: Isa>(&self, node: &Node, place: usize) -> bool {
         let splat = <I::F32 as Vector>::splat;
-        let bundle = self.bundle;
-        // Directions are rounded: by less than that where a ray is within reach.
-        let pad = 32.0 * UNIT * (self.reach + bundle.reach);
+        let rays = self.rays;
+        // More than the rounding of directions moves a ray within reach.
+        let pad = 32.0 * UNIT * (self.reach + rays.reach);
         let mut sides = [[splat(0.0); 2]; 3];
         for axis in 0..3 {
             sides[axis] = [
-                splat(node.min[axis][place] - bundle.origin[axis] - pad),
-                splat(node.max[axis][place] - bundle.origin[axis] + pad),
+                splat(node.min[axis][place] - rays.origin[axis] - pad),
+                splat(node.max[axis][place] - rays.origin[axis] + pad),
             ];
         }
         for packet in self.from..self.from + P {
             let first = packet * PACKET;
             let (mut entry, mut exit) = (splat(0.0), I::F32::load(&self.best.far[first..]));
             for axis in 0..3 {
-                let inverse = I::F32::load(&bundle.inverses[axis][first..]);
+                let inverse = I::F32::load(&rays.inverses[axis][first..]);
                 let (a, b) = (sides[axis][0].mul(inverse), sides[axis][1].mul(inverse));
                 (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
             }
             let is_met = entry
                 .mul(splat(1.0 - 16.0 * UNIT))
                 .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
-            if is_met & bundle.valid[packet] != 0 {
+            if is_met & rays.valid[packet] != 0 {
                 return true;
             }
         }
@@ -394,8 +395,9 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
     }
 }
 
-impl Best {
-    /// Ask the exact test whether a triangle is the nearest of a ray so far; of several at the same distance the first is.
+impl PacketHits {
+    /// Decide by the exact test whether a triangle is the nearest of a ray so far; of several at one distance the
+    /// first.
     #[inline(never)]
     fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
         let ray = packet * PACKET + lane;
@@ -421,36 +423,36 @@ impl Best {
     }
 }
 
-/// The exact test.
+/// Exact test of a ray and a triangle.
 pub trait Exact {
-    /// Distance of a triangle of a body in lengths of the direction, none where the ray misses, and whether the ray lies in its
-    /// plane.
+    /// Distance of a triangle of a body in lengths of the direction, and whether the ray lies in the triangle's plane;
+    /// none if the ray misses.
     fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }
 
-/// Looks for the nearest triangles of one body, for all packets of a bundle together or for one: `P` of them.
+/// Search for the nearest triangles of one body, for `P` packets: all of a tile together, or one.
 pub struct Search<'a, E, const P: usize> {
-    /// The rays.
-    pub bundle: &'a Bundle,
-    /// The first packet.
+    /// Rays in the frame of the body.
+    pub rays: &'a BodyRays,
+    /// First packet.
     pub from: usize,
-    /// The triangles of every leaf.
-    pub leaves: &'a [Leaf],
-    /// Bounds coordinates of the triangles.
+    /// Triangle block of every leaf.
+    pub leaves: &'a [TriangleBlock],
+    /// Bound of the coordinates of the triangles.
     pub reach: f32,
     /// Number of the body.
     pub body: u32,
-    /// Whether leaves are so small that rays may pass between.
+    /// True if leaves are so small that rays of a tile may pass between them.
     pub is_fine: bool,
-    /// Nothing is nearer.
+    /// Distance at or below which there are no hits.
     pub start: f32,
-    /// What was found so far.
-    pub best: &'a mut Best,
-    /// The exact test.
+    /// Hits so far.
+    pub best: &'a mut PacketHits,
+    /// Exact test.
     pub exact: &'a E,
-    /// Of the leaf at hand.
+    /// Planes of the triangle block at hand.
     pub table: &'a mut Table,
-    /// How many leaves were looked at.
+    /// Number of leaves visited.
     pub num_leaves: usize,
 }
 
@@ -467,9 +469,9 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32 {
         self.num_leaves += 1;
-        let (bundle, leaf) = (self.bundle, &self.leaves[leaf]);
-        let planes = leaf.planes::<I>(&bundle.origin, self.reach + bundle.reach, bundle.length);
-        let all = planes.may_meet(&bundle.center[self.all()], &bundle.half[self.all()]) & ((1 << count) - 1);
+        let (rays, leaf) = (self.rays, &self.leaves[leaf]);
+        let planes = leaf.planes::<I>(&rays.origin, self.reach + rays.reach, rays.length);
+        let all = planes.may_meet(&rays.center[self.all()], &rays.half[self.all()]) & ((1 << count) - 1);
         if all == 0 {
             return self.farthest();
         }
@@ -481,7 +483,7 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
             }
             let mut triangles = all;
             if P > 1 {
-                triangles &= planes.may_meet(&bundle.center[packet], &bundle.half[packet]);
+                triangles &= planes.may_meet(&rays.center[packet], &rays.half[packet]);
                 if triangles == 0 {
                     continue;
                 }
@@ -489,7 +491,7 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
             let first = packet * PACKET;
             let mut directions = [<I::F32 as Vector>::splat(0.0); 3];
             for axis in 0..3 {
-                directions[axis] = I::F32::load(&bundle.directions[axis][first..]);
+                directions[axis] = I::F32::load(&rays.directions[axis][first..]);
             }
             let mut has_changed = false;
             while triangles != 0 {
@@ -498,9 +500,9 @@ impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
                 let number = leaf.triangles[lane];
                 let (mut unsure, least) = table.meet(lane, &directions);
                 if planes.unclear >> lane & 1 == 1 {
-                    unsure = table.meet_unclear(lane, &directions) & bundle.valid[packet];
+                    unsure = table.meet_unclear(lane, &directions) & rays.valid[packet];
                 } else {
-                    unsure &= bundle.valid[packet];
+                    unsure &= rays.valid[packet];
                     if unsure == 0 {
                         continue;
                     }

@@ -1,4 +1,4 @@
-//! Two levels of trees: surfaces with poses, and what the rays of an image hit.
+//! Scene of posed bodies: a tree over their boxes above the trees of their surfaces.
 
 use std::sync::Arc;
 
@@ -12,21 +12,22 @@ use crate::rays::packet::View;
 use crate::rays::surface::{Nearest, Surface, above};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{Node, Ray, Tree};
-use crate::rays::watertight::{Crossing, Woop};
+use crate::rays::watertight::{Crossing, WatertightTest};
 
 /// Body number of a ray that hit nothing.
 pub const NO_BODY: u32 = u32::MAX;
 
-/// Nearer than this a camera ray does not hit: the antenna's own place [m].
+/// Distance below which a ray from the antenna does not hit [m].
 pub(super) const NEAREST: f64 = 1e-9;
 
-/// Surfaces at their places in the sensor frame at one time.
-pub struct Snapshot {
+/// Surfaces of bodies at their poses in the sensor frame, at one time.
+pub struct PosedScene {
     pub(super) surfaces: Vec<Arc<Surface>>,
     pub(super) poses: Vec<Pose>,
     pub(super) views: Vec<View>,
-    /// Over the boxes of the bodies that have triangles: one body per leaf.
+    /// Tree over the boxes of the bodies that have triangles: one body per leaf.
     pub(super) top: Tree,
+    /// Body of every leaf of `top`.
     pub(super) bodies: Vec<u32>,
 }
 
@@ -39,12 +40,12 @@ pub struct Hit {
     pub body: u32,
     /// Number of the triangle in the body's surface.
     pub triangle: u32,
-    /// Weights of the triangle's corners.
+    /// Barycentric weights of the triangle's corners.
     pub barycentric: [f64; 3],
 }
 
 impl Hit {
-    /// Nothing was hit.
+    /// Hit of a ray that meets nothing.
     pub const MISS: Self = Self {
         distance: f64::INFINITY,
         body: NO_BODY,
@@ -53,16 +54,16 @@ impl Hit {
     };
 }
 
-/// Which points hide behind bodies.
-pub struct Hidden {
-    /// For every point.
-    pub is_hidden: Vec<bool>,
-    /// Searches that ended at a triangle in the way while there were boxes in front of it.
+/// Occlusion of points by bodies, seen from the sensor.
+pub struct Occlusion {
+    /// For every point, whether a body is in front of it.
+    pub is_occluded: Vec<bool>,
+    /// Number of searches that ended at an occluding triangle while boxes in front of it were not yet searched.
     pub ended_early: usize,
 }
 
-impl Snapshot {
-    /// Put surface `i` at pose `i`. Trees of surfaces stay as they are; only the few boxes above are sorted anew.
+impl PosedScene {
+    /// Put surface `i` at pose `i`. Surfaces keep their trees; only the tree over bodies is built.
     pub fn new(surfaces: Vec<Arc<Surface>>, poses: Vec<Pose>) -> Self {
         let with_triangles = |i: &u32| surfaces[*i as usize].num_triangles() > 0;
         let all: Vec<u32> = (0..surfaces.len() as u32).filter(with_triangles).collect();
@@ -78,7 +79,7 @@ impl Snapshot {
         }
     }
 
-    /// The sensor as a body sees it.
+    /// View of the sensor from the frame of a body.
     pub fn view(&self, body: u32) -> &View {
         &self.views[body as usize]
     }
@@ -103,10 +104,10 @@ impl Snapshot {
         self.cast_at(ray, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::cast`] with a given instruction set.
     pub fn cast_at(&self, ray: &Ray, level: Level) -> Hit {
         let one = CastOne {
-            snapshot: self,
+            scene: self,
             ray,
             far: f64::INFINITY,
             is_any_enough: false,
@@ -114,11 +115,11 @@ impl Snapshot {
         level.run(one).0
     }
 
-    /// Whether one ray of the sensor frame meets any triangle before `far`, in lengths of its direction; ends at the first
-    /// that is found.
+    /// True if a ray of the sensor frame meets any triangle before `far`, in lengths of its direction. The search ends
+    /// at the first triangle that it finds.
     pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
         let one = CastOne {
-            snapshot: self,
+            scene: self,
             ray,
             far,
             is_any_enough: true,
@@ -126,18 +127,18 @@ impl Snapshot {
         Level::best().run(one).0.body != NO_BODY
     }
 
-    /// Which points of the sensor frame hide behind a body. Each search ends at the first triangle in the way, unless the
-    /// nearest is asked for, which gives the same answer.
-    pub fn hide(&self, points: &[DVec3], ends_early: bool) -> Hidden {
+    /// Occlusion of points [m] of the sensor frame. With `ends_early` a search ends at the first triangle that it
+    /// finds, otherwise at the nearest; the answers are equal.
+    pub fn occluded(&self, points: &[DVec3], ends_early: bool) -> Occlusion {
         let search = |point: &DVec3| {
             let ray = Ray {
                 origin: DVec3::ZERO,
                 direction: *point,
                 start: NEAREST / point.length(),
             };
-            // A point of a surface does not hide behind it.
+            // A surface does not occlude its own points.
             let one = CastOne {
-                snapshot: self,
+                scene: self,
                 ray: &ray,
                 far: 1.0 - 1e-9,
                 is_any_enough: ends_early,
@@ -145,9 +146,9 @@ impl Snapshot {
             let (hit, has_ended_early) = Level::best().run(one);
             (hit.body != NO_BODY, has_ended_early)
         };
-        let (is_hidden, early): (Vec<bool>, Vec<bool>) = points.par_iter().map(search).unzip();
-        Hidden {
-            is_hidden,
+        let (is_occluded, early): (Vec<bool>, Vec<bool>) = points.par_iter().map(search).unzip();
+        Occlusion {
+            is_occluded,
             ended_early: early.into_iter().filter(|early| *early).count(),
         }
     }
@@ -161,19 +162,19 @@ impl Snapshot {
         })
     }
 
-    /// Weights of the corners of a triangle where a ray `(1, u, v)` meets it; those of its middle if it does not.
+    /// Barycentric weights of the point at which a ray `(1, u, v)` meets a triangle; of the centroid if the ray misses.
     pub fn barycentric(&self, body: u32, triangle: u32, direction: DVec3) -> [f64; 3] {
         let crossing = self.cross(direction, body, triangle);
         crossing.map_or([1.0 / 3.0; 3], |crossing| crossing.barycentric)
     }
 
-    /// Where a ray `(1, u, v)` meets a triangle.
+    /// Intersection of a ray `(1, u, v)` with a triangle.
     pub(super) fn cross(&self, direction: DVec3, body: u32, triangle: u32) -> Option<Crossing> {
         let ray = self.ray_to_body(body, direction);
-        Woop::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
+        WatertightTest::new(&ray).intersect(&self.surfaces[body as usize].corners(triangle))
     }
 
-    /// A ray from the sensor as a body sees it.
+    /// Ray from the sensor in the frame of a body.
     pub(super) fn ray_to_body(&self, body: u32, direction: DVec3) -> Ray {
         let pose = &self.poses[body as usize];
         Ray {
@@ -192,13 +193,14 @@ pub(super) fn bounds(surface: &Surface, pose: &Pose) -> Bounds {
     Bounds::of(surface.bounds().corners().map(|corner| pose.point(corner)))
 }
 
-/// Casts one ray: the hit, its body [`NO_BODY`] where there is none, and whether boxes in front of it were left out.
+/// Search for one ray. Returns the hit, with body [`NO_BODY`] if there is none, and whether boxes in front of it were
+/// left out.
 struct CastOne<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     ray: &'a Ray,
-    /// Nothing beyond is wanted.
+    /// Distance at which the search ends.
     far: f64,
-    /// Whether to end at the first that is found.
+    /// True if the first triangle found is enough, nearest or not.
     is_any_enough: bool,
 }
 
@@ -208,7 +210,7 @@ impl Kernel for CastOne<'_> {
     #[inline(always)] // see `Kernel`
     fn run<I: Isa>(self) -> (Hit, bool) {
         let mut visitor = OneAtBodies {
-            snapshot: self.snapshot,
+            scene: self.scene,
             ray: self.ray,
             best: Hit {
                 distance: self.far,
@@ -219,7 +221,7 @@ impl Kernel for CastOne<'_> {
         };
         let single = Single::new(self.ray.origin, self.ray.direction);
         single.walk::<I>(
-            &self.snapshot.top,
+            &self.scene.top,
             above(self.far),
             &mut Vec::with_capacity(64),
             &mut visitor,
@@ -228,8 +230,9 @@ impl Kernel for CastOne<'_> {
     }
 }
 
+/// Visitor of the bodies that one ray may hit.
 struct OneAtBodies<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     ray: &'a Ray,
     best: Hit,
     is_any_enough: bool,
@@ -244,15 +247,15 @@ impl Visit for OneAtBodies<'_> {
 
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
-        let body = self.snapshot.bodies[leaf];
-        let pose = self.snapshot.pose(body);
+        let body = self.scene.bodies[leaf];
+        let pose = self.scene.pose(body);
         let ray = Ray {
             origin: pose.point_to_body(self.ray.origin),
             direction: pose.direction_to_body(self.ray.direction),
             start: self.ray.start,
         };
         let nearest = Nearest {
-            surface: self.snapshot.surface(body),
+            surface: self.scene.surface(body),
             ray: &ray,
             far: self.best.distance,
             is_any_enough: self.is_any_enough,

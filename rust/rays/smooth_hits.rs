@@ -1,4 +1,4 @@
-//! What the pixels of an image show: the curved surface that a facet stands for, its distance and its normal, tile by tile.
+//! Smooth hits: distance and normal of the curved surface that a mesh approximates, tile by tile.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -7,41 +7,41 @@ use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{TILE, Tile};
 use crate::rays::hits::Hits;
-use crate::rays::packet::{Fan, MOST_RAYS, PACKET, PACKETS};
-use crate::rays::scene::{NO_BODY, Snapshot};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::rays::scene::{NO_BODY, PosedScene};
 
-/// What all pixels show, row by row.
-pub struct Shown {
+/// Hits on the curved surface that a mesh approximates, for all pixels of an image, row by row.
+pub struct SmoothHits {
     /// Cosine of the angle of incidence; zero where nothing was hit.
     pub cosine: Vec<f64>,
-    /// Distance along the ray to the surface that the facets stand for [m]; infinite where nothing was hit.
+    /// Distance along the ray to the curved surface [m]; infinite where nothing was hit.
     pub distance: Vec<f64>,
-    /// Its unit normal towards the incident side in the sensor frame; zero where nothing was hit.
+    /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
     pub normal: Vec<DVec3>,
 }
 
-impl Shown {
-    /// Of the hits of an image.
-    pub fn new(snapshot: &Snapshot, hits: &Hits) -> Self {
-        Self::at(snapshot, hits, Level::best())
+impl SmoothHits {
+    /// Smooth hits from the hits of an image.
+    pub fn new(scene: &PosedScene, hits: &Hits) -> Self {
+        Self::at(scene, hits, Level::best())
     }
 
-    /// The same with an instruction set.
-    pub fn at(snapshot: &Snapshot, hits: &Hits, level: Level) -> Self {
+    /// [`Self::new`] with a given instruction set.
+    pub fn at(scene: &PosedScene, hits: &Hits, level: Level) -> Self {
         let num_pixels = hits.plane.num_pixels();
-        let mut shown = Self {
+        let mut smooth = Self {
             cosine: vec![0.0; num_pixels],
             distance: vec![0.0; num_pixels],
             normal: vec![DVec3::ZERO; num_pixels],
         };
         let band = TILE * hits.plane.columns;
-        let cosine = shown.cosine.par_chunks_mut(band);
-        let distance = shown.distance.par_chunks_mut(band);
-        let normal = shown.normal.par_chunks_mut(band);
+        let cosine = smooth.cosine.par_chunks_mut(band);
+        let distance = smooth.distance.par_chunks_mut(band);
+        let normal = smooth.normal.par_chunks_mut(band);
         let bands = cosine.zip_eq(distance).zip_eq(normal).enumerate();
         bands.for_each(|(index, ((cosine, distance), normal))| {
             level.run(ShadeBand {
-                snapshot,
+                scene,
                 hits,
                 index,
                 cosine,
@@ -49,13 +49,13 @@ impl Shown {
                 normal,
             });
         });
-        shown
+        smooth
     }
 }
 
-/// Shades the pixels of a row of tiles.
+/// Kernel that shades the pixels of a row of tiles.
 struct ShadeBand<'a> {
-    snapshot: &'a Snapshot,
+    scene: &'a PosedScene,
     hits: &'a Hits,
     /// Number of the row of tiles.
     index: usize,
@@ -71,14 +71,14 @@ impl Kernel for ShadeBand<'_> {
     fn run<I: Isa>(mut self) {
         let plane = &self.hits.plane;
         let tiles = plane.columns.div_ceil(TILE);
-        let mut fan = Fan::EMPTY;
+        let mut rays = TileRays::EMPTY;
         let mut seen = Seen::NOTHING;
         let mut shade = Shade::NOTHING;
         for index in 0..tiles {
             let tile = plane.tile(self.index * tiles + index);
-            fan.aim::<I>(plane, &tile);
+            rays.aim::<I>(plane, &tile);
             seen.read(self.hits, &tile);
-            shade.fill::<I, true>(self.snapshot, &fan, &seen.body, &seen.triangle, &seen.distance);
+            shade.fill::<I, true>(self.scene, &rays, &seen.body, &seen.triangle, &seen.distance);
             self.write(&tile, &shade);
         }
     }
@@ -90,7 +90,7 @@ impl ShadeBand<'_> {
         let columns = self.hits.plane.columns;
         for row in 0..tile.rows {
             for column in 0..tile.columns {
-                let (ray, pixel) = (Fan::ray(row, column), row * columns + tile.column + column);
+                let (ray, pixel) = (TileRays::ray(row, column), row * columns + tile.column + column);
                 self.cosine[pixel] = shade.cosine[ray];
                 self.distance[pixel] = shade.distance[ray];
                 self.normal[pixel] = shade.normal_of(ray);
@@ -118,7 +118,7 @@ impl Seen {
         self.body = [[NO_BODY; PACKET]; PACKETS];
         for row in 0..tile.rows {
             for column in 0..tile.columns {
-                let ray = Fan::ray(row, column);
+                let ray = TileRays::ray(row, column);
                 let pixel = (tile.row + row) * hits.plane.columns + tile.column + column;
                 self.body[ray / PACKET][ray % PACKET] = hits.body[pixel];
                 self.triangle[ray / PACKET][ray % PACKET] = hits.triangle[pixel];
@@ -128,37 +128,37 @@ impl Seen {
     }
 }
 
-/// What the rays of a tile see; see [`Shown`].
+/// Smooth hits of the rays of a tile; see [`SmoothHits`].
 pub struct Shade {
     /// Cosine of incidence.
     pub cosine: [f64; MOST_RAYS],
-    /// Distance to the surface that the facets stand for [m].
+    /// Distance to the curved surface [m].
     pub distance: [f64; MOST_RAYS],
-    /// In the sensor frame, axis by axis.
+    /// Unit normal in the sensor frame, axis by axis.
     normal: [[f64; MOST_RAYS]; 3],
 }
 
 impl Shade {
-    /// Of nothing.
+    /// Shade of rays that hit nothing.
     pub const NOTHING: Self = Self {
         cosine: [0.0; MOST_RAYS],
         distance: [f64::INFINITY; MOST_RAYS],
         normal: [[0.0; MOST_RAYS]; 3],
     };
 
-    /// Unit normal that a ray sees, in the sensor frame.
+    /// Unit normal at the hit of a ray, in the sensor frame.
     pub fn normal_of(&self, ray: usize) -> DVec3 {
         let [x, y, z] = &self.normal;
         DVec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// Shading of all rays that meet one triangle, by [`crate::geometry::curved_triangle::shade`]; distances and normals
-    /// only where `ALL` are wanted.
+    /// Shade the hits of a tile, all rays of one triangle together, as [`crate::geometry::curved_triangle::shade`]
+    /// does. Distances and normals are computed only if `ALL`.
     #[inline(always)]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
-        snapshot: &Snapshot,
-        fan: &Fan,
+        scene: &PosedScene,
+        rays: &TileRays,
         bodies: &[[u32; PACKET]; PACKETS],
         triangles: &[[u32; PACKET]; PACKETS],
         distances: &[f64; MOST_RAYS],
@@ -167,7 +167,7 @@ impl Shade {
         let zero = <I::F64 as Vector>::splat(0.0);
         let mut rest = [0; PACKETS];
         for packet in 0..PACKETS {
-            rest[packet] = fan.valid[packet] & !I::equal(&bodies[packet], NO_BODY);
+            rest[packet] = rays.valid[packet] & !I::equal(&bodies[packet], NO_BODY);
             for first in (packet * PACKET..(packet + 1) * PACKET).step_by(lanes) {
                 zero.store(&mut self.cosine[first..]);
                 if ALL {
@@ -182,8 +182,8 @@ impl Shade {
             while rest[packet] != 0 {
                 let lane = rest[packet].trailing_zeros() as usize;
                 let (body, triangle) = (bodies[packet][lane], triangles[packet][lane]);
-                let facet = Facet::new(snapshot, body, triangle);
-                let view = snapshot.view(body);
+                let facet = ShadedTriangle::new(scene, body, triangle);
+                let view = scene.view(body);
                 for other in packet..PACKETS {
                     let same = rest[other] & I::equal(&triangles[other], triangle) & I::equal(&bodies[other], body);
                     rest[other] &= !same;
@@ -193,7 +193,7 @@ impl Shade {
                             continue;
                         }
                         let first = other * PACKET + half * lanes;
-                        let (u, v) = (I::F64::load(&fan.u[first..]), I::F64::load(&fan.v[first..]));
+                        let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
                         let length = <I::F64 as Vector>::splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
                         let distance = I::F64::load(&distances[first..]);
                         let (cosine, correction, normal) = facet.shade(view.direction(u, v), length, distance);
@@ -203,7 +203,7 @@ impl Shade {
                             let keep = I::F64::load(&self.distance[first..]);
                             let corrected = distance.add(correction);
                             corrected.select(bits, keep).store(&mut self.distance[first..]);
-                            let normal = turn(&snapshot.pose(body).rotation, normal);
+                            let normal = turn(&scene.pose(body).rotation, normal);
                             for axis in 0..3 {
                                 let keep = I::F64::load(&self.normal[axis][first..]);
                                 normal[axis].select(bits, keep).store(&mut self.normal[axis][first..]);
@@ -216,31 +216,32 @@ impl Shade {
     }
 }
 
-/// A triangle in the frame of its body, prepared for all rays that meet it.
-struct Facet {
+/// Triangle in the frame of its body, prepared to shade all rays that meet it.
+struct ShadedTriangle {
     /// First corner relative to the sensor [m].
     corner: DVec3,
-    /// Normal, and its inverse length.
+    /// Normal of twice the area's length, and the inverse of that length.
     face: DVec3,
     inverse: f64,
     smooth: Option<Smooth>,
 }
 
-/// What a facet of a curved surface has besides.
+/// Data of a triangle that approximates a curved surface.
 struct Smooth {
-    /// Weight of the second and the third corner: scalar products with the place relative to the first corner.
+    /// Vectors whose scalar products with a point relative to the first corner are the weights of the second and the
+    /// third.
     weights: [DVec3; 2],
-    /// Normal at the first corner, and what the others differ by.
+    /// Normal at the first corner, and differences of the other two from it.
     normal: DVec3,
     turns: [DVec3; 2],
-    /// Of the second and the third corner over the planes of their normals through the first.
+    /// Heights of the second and the third corner over the first, along the normals at them [m].
     heights: [f64; 2],
 }
 
-impl Facet {
+impl ShadedTriangle {
     #[inline(always)]
-    fn new(snapshot: &Snapshot, body: u32, triangle: u32) -> Self {
-        let (surface, view) = (snapshot.surface(body), snapshot.view(body));
+    fn new(scene: &PosedScene, body: u32, triangle: u32) -> Self {
+        let (surface, view) = (scene.surface(body), scene.view(body));
         let [a, b, c] = surface.corners(triangle);
         let (first, second) = (b - a, c - a);
         let face = first.cross(second);
@@ -263,15 +264,15 @@ impl Facet {
         facet
     }
 
-    /// Cosine of incidence, how much farther the curved surface is, and its normal towards the incident side, from directions
-    /// and their lengths, and distances along them [m].
+    /// Cosine of incidence, distance from the triangle to the curved surface along the ray [m], and unit normal on the
+    /// incident side, from directions, their lengths, and distances along them [m].
     #[inline(always)]
     fn shade<V: Vector<Scalar = f64>>(&self, direction: [V; 3], length: V, distance: V) -> (V, V, [V; 3]) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let inverse = one.div(length);
         let face = vector::<V>(self.face);
         let slope = dot(face, direction);
-        // Which side is lit.
+        // Sign that turns the normal to the incident side.
         let side = V::splat(-1.0).select(zero.at_most(slope), one);
         let turn = side.mul(V::splat(self.inverse));
         let mut normal = scale(face, turn);
@@ -351,7 +352,7 @@ mod tests {
     use crate::rays::hits::Cast;
     use crate::rays::surface::{ShadingMode, Surface};
 
-    /// A bumpy sheet that is curved where its facets meet at small angles, seen from both sides.
+    /// Bumpy sheet, curved where its triangles meet at small angles, seen from both sides.
     fn sheet() -> Surface {
         let side = 24;
         let mut vertices = Vec::new();
@@ -373,14 +374,14 @@ mod tests {
     }
 
     #[test]
-    fn pixels_show_what_shading_one_hit_after_the_other_shows() {
+    fn smooth_hits_are_those_of_shading_one_hit_after_the_other() {
         let surface = Arc::new(sheet());
         let turned = |angle: f64, x: f64| Pose {
             rotation: DMat3::from_rotation_z(angle) * DMat3::from_rotation_x(0.3),
             translation: DVec3::new(x, 0.1, 0.0),
         };
         let poses = vec![turned(0.5, 2.0), turned(3.5, 3.0)];
-        let scene = Snapshot::new(vec![surface.clone(), surface], poses);
+        let scene = PosedScene::new(vec![surface.clone(), surface], poses);
         let plane = ImagePlane::centered(61, 83, 0.7, 0.6);
         for level in Level::available() {
             let cast = Cast {
@@ -390,13 +391,13 @@ mod tests {
             };
             let hits = scene.cast_image_with(&plane, &cast).unwrap();
             let cosines = hits.cosine.as_ref().unwrap();
-            let shown = Shown::at(&scene, &hits, level);
+            let smooth = SmoothHits::at(&scene, &hits, level);
             let (mut num_curved, mut num_flat) = (0, 0);
             for pixel in 0..plane.num_pixels() {
                 let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);
                 if body == NO_BODY {
-                    assert_eq!((shown.cosine[pixel], shown.normal[pixel]), (0.0, DVec3::ZERO));
-                    assert!(shown.distance[pixel].is_infinite());
+                    assert_eq!((smooth.cosine[pixel], smooth.normal[pixel]), (0.0, DVec3::ZERO));
+                    assert!(smooth.distance[pixel].is_infinite());
                     continue;
                 }
                 let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
@@ -412,10 +413,10 @@ mod tests {
                     pose.direction_to_body(direction.normalize()),
                 );
                 let normal = pose.direction(normal);
-                assert!((shown.normal[pixel] - normal).length() < 1e-11, "{pixel} {level:?}");
-                assert!((shown.distance[pixel] - hits.distance[pixel] - correction).abs() < 1e-12);
+                assert!((smooth.normal[pixel] - normal).length() < 1e-11, "{pixel} {level:?}");
+                assert!((smooth.distance[pixel] - hits.distance[pixel] - correction).abs() < 1e-12);
                 let cosine = (-normal.dot(direction.normalize())).clamp(0.0, 1.0);
-                assert!((shown.cosine[pixel] - cosine).abs() < 1e-11);
+                assert!((smooth.cosine[pixel] - cosine).abs() < 1e-11);
                 assert!((cosines[pixel] - cosine).abs() < 1e-11);
                 num_curved += usize::from(correction != 0.0);
                 num_flat += usize::from(correction == 0.0);

@@ -1,4 +1,4 @@
-//! The surface of one body: checked triangles, their tree and their shading; built once and shared.
+//! Surface of one body: checked triangles with a bounding-volume tree and shading, built once and shared.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,46 +8,46 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
-use crate::geometry::components::Parts;
+use crate::geometry::components::Components;
 use crate::geometry::quality::Quality;
 use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
-use crate::rays::packet::{Best, Bundle, Exact, Search};
+use crate::rays::packet::{BodyRays, Exact, PacketHits, Search};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
-use crate::rays::triangle_block::{Leaf, Table};
-use crate::rays::watertight::{Crossing, Woop};
+use crate::rays::triangle_block::{Table, TriangleBlock};
+use crate::rays::watertight::{Crossing, WatertightTest};
 
-/// Coordinates above this are refused: squares of lengths must stay finite [m].
+/// Largest coordinate that is accepted [m]: squares of lengths must stay finite.
 const LARGEST: f64 = 1e15;
 
-/// Leaves of a tree from which on rays are tested against their boxes one by one: where leaves are smaller than a tile, rays
-/// pass between them.
+/// Number of leaves above which rays are tested one by one against the boxes of leaves: where leaves are smaller than a
+/// tile, rays pass between them.
 const FINE: usize = 2000;
 
-/// How normals follow from triangles.
+/// Normals of a surface from its triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShadingMode {
-    /// Every facet is what it is.
+    /// Normal of the triangle everywhere.
     Flat,
-    /// Facets that meet below the crease angle [rad] stand for a curved surface.
+    /// Triangles that meet below the crease angle [rad] approximate a curved surface.
     Smooth {
-        /// Largest angle between the normals of two facets of one curved surface [rad].
+        /// Largest angle between the normals of two neighbouring triangles of one curved surface [rad].
         crease_angle: f64,
     },
 }
 
-/// A mesh ready to be traced, in body coordinates.
+/// Mesh ready to be traced, in body coordinates.
 pub struct Surface {
     mesh: Arc<Mesh>,
-    /// Where the vertices of the mesh are now.
+    /// Positions of the vertices of the mesh.
     vertices: Arc<Vec<DVec3>>,
-    /// Over boxes relative to the middle of `bounds`.
+    /// Tree over boxes relative to `middle`.
     tree: Tree,
-    leaves: Vec<Leaf>,
+    leaves: Vec<TriangleBlock>,
     /// Cost of the tree when it was built.
     built_cost: f64,
     /// Largest coordinate relative to the middle.
@@ -55,38 +55,38 @@ pub struct Surface {
     shading: Shading,
     bounds: Bounds,
     middle: DVec3,
-    /// Boxes round its connected parts; where they were asked for.
+    /// Boxes of the connected components; if asked for.
     part_bounds: OnceLock<Vec<Bounds>>,
 }
 
-/// What stays when a surface is deformed.
+/// Part of a surface that deformation does not change.
 struct Mesh {
-    /// Where the vertices were when the surface was made.
+    /// Positions of the vertices before deformation.
     rest: Arc<Vec<DVec3>>,
     /// Triangles that were kept.
     triangles: Vec<[u32; 3]>,
-    /// Their rows in the mesh they came from, unless that is all of them.
+    /// Rows of the triangles that were kept in the original mesh, unless all were.
     kept: Option<Vec<u32>>,
     mode: ShadingMode,
     /// Corners that share a normal; for surfaces that were deformed.
     groups: OnceLock<Groups>,
-    /// Which triangles hang together, where that was asked for.
-    parts: OnceLock<Parts>,
+    /// Connected components of the triangles; if asked for.
+    parts: OnceLock<Components>,
     fingerprint: u64,
 }
 
-/// A tree that has become so many times dearer than it was is built anew: at that, images take a seventh longer than with a
+/// Growth of the cost of a refitted tree above which it is built anew: there, images take a seventh longer than with a
 /// new tree (`cargo bench --bench trace -- twisted`, a little below it).
 const DECAY: f64 = 2.0;
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleHit {
     /// Parameter along the ray.
     pub distance: f64,
     /// Number of the triangle in the surface.
     pub triangle: u32,
-    /// Weights of the three corners, adding up to one.
+    /// Barycentric weights of the three corners; their sum is one.
     pub barycentric: [f64; 3],
 }
 
@@ -96,7 +96,7 @@ impl Surface {
         Self::new_with(vertices, triangles, mode, &|_| ())
     }
 
-    /// The same; `report` gets the share of the work that is done, from time to time.
+    /// [`Self::new`] with progress: `report` gets the fraction of the work that is done, from time to time.
     pub fn new_with(
         vertices: &[DVec3],
         triangles: &[[u32; 3]],
@@ -150,7 +150,7 @@ impl Surface {
         Ok(Self::build(Arc::new(mesh), rest, shading, report))
     }
 
-    /// With a tree of its own.
+    /// Surface with a new tree.
     fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading, report: &dyn Fn(f64)) -> Self {
         let middle = mesh.bounds(&vertices).middle();
         let relative = |triangle: usize| mesh.relative(&vertices, triangle, middle);
@@ -172,8 +172,8 @@ impl Surface {
         }
     }
 
-    /// The same triangles between vertices at other places: the tree keeps its shape and gets new boxes, unless it has become
-    /// much worse than it was when it was built; then a new one is built.
+    /// Surface with the same triangles and moved vertices [m]. The tree keeps its topology and gets new boxes, unless
+    /// its cost has grown too much since it was built; then a new one is built.
     pub fn deform(&self, vertices: Vec<DVec3>) -> Result<Self> {
         if vertices.len() != self.vertices.len() {
             let expected = format!("{} as the mesh has", self.vertices.len());
@@ -195,7 +195,7 @@ impl Surface {
             Fitted::new(&mesh, &vertices, middle, primitives)
         };
         let (mut middle, mut fitted) = (self.middle, fit(self.middle));
-        // Coordinates relative to a place far away are not exact.
+        // Coordinates relative to a point far away are inexact in single precision.
         let half = 0.5 * (fitted.bounds.max - fitted.bounds.min).max_element();
         if f64::from(reach(&fitted.bounds)) > 4.0 * half {
             middle += fitted.bounds.middle();
@@ -219,7 +219,7 @@ impl Surface {
         })
     }
 
-    /// What the mesh is good for; see [`Quality::new`].
+    /// Quality of the mesh for a wavelength [m]; see [`Quality::new`].
     pub fn quality(&self, crease_angle: f64, wavelength: f64) -> Quality {
         Quality::new(&self.vertices, &self.mesh.triangles, crease_angle, wavelength)
     }
@@ -230,7 +230,7 @@ impl Surface {
         size_of_val(mesh.triangles.as_slice())
             + mesh.kept.as_ref().map_or(0, |kept| size_of_val(kept.as_slice()))
             + mesh.groups.get().map_or(0, Groups::memory)
-            + mesh.parts.get().map_or(0, Parts::memory)
+            + mesh.parts.get().map_or(0, Components::memory)
             + self
                 .part_bounds
                 .get()
@@ -246,7 +246,7 @@ impl Surface {
         both * size_of_val(self.vertices.as_slice())
     }
 
-    /// Whether this is what [`Self::deform`] made of a surface: one whose vertices move.
+    /// True if [`Self::deform`] made this surface.
     pub fn is_deformed(&self) -> bool {
         !Arc::ptr_eq(&self.vertices, &self.mesh.rest)
     }
@@ -256,12 +256,12 @@ impl Surface {
         self.mesh.triangles.len()
     }
 
-    /// For every triangle that was kept, its row in the mesh it came from; none where all were.
+    /// Row in the original mesh of every triangle that was kept; none if all were.
     pub fn kept(&self) -> Option<&[u32]> {
         self.mesh.kept.as_deref()
     }
 
-    /// A number that belongs to these triangles in this order.
+    /// Hash of the triangles in their order.
     pub fn fingerprint(&self) -> u64 {
         self.mesh.fingerprint
     }
@@ -271,11 +271,11 @@ impl Surface {
         self.bounds
     }
 
-    /// Boxes round its connected parts; of very many only those of the largest.
+    /// Boxes of the connected components; of very many only those of the largest.
     pub fn parts(&self) -> &[Bounds] {
         let mesh = &self.mesh;
         self.part_bounds.get_or_init(|| {
-            let parts = mesh.parts.get_or_init(|| Parts::new(&mesh.rest, &mesh.triangles));
+            let parts = mesh.parts.get_or_init(|| Components::new(&mesh.rest, &mesh.triangles));
             parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
         })
     }
@@ -286,12 +286,12 @@ impl Surface {
         self.mesh.corners(&self.vertices, triangle as usize)
     }
 
-    /// The vertices of a triangle.
+    /// Vertex numbers of a triangle.
     pub fn vertices_of(&self, triangle: u32) -> [u32; 3] {
         self.mesh.triangles[triangle as usize]
     }
 
-    /// Where all vertices are.
+    /// Positions of all vertices [m].
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
@@ -301,7 +301,7 @@ impl Surface {
         self.mesh.corners(&self.mesh.rest, triangle as usize)
     }
 
-    /// Normals at the corners of a triangle that stands for a curved surface.
+    /// Normals at the corners of a triangle that approximates a curved surface; none if it is flat.
     pub fn corner_normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
         self.shading.corner_normals(triangle as usize)
     }
@@ -311,7 +311,7 @@ impl Surface {
         self.nearest_at(ray, far, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// [`Self::nearest`] with a given instruction set.
     pub fn nearest_at(&self, ray: &Ray, far: f64, level: Level) -> Option<TriangleHit> {
         level
             .run(Nearest {
@@ -323,8 +323,8 @@ impl Surface {
             .hit
     }
 
-    /// Distance of a point from the nearest triangle that is not all behind the plane through the point across `forward`;
-    /// `limit` where that is farther.
+    /// Distance [m] of a point from the nearest triangle that is not all behind the plane through the point with normal
+    /// `forward`; at most `limit`.
     pub fn distance_in_front(&self, point: DVec3, forward: DVec3, limit: f64) -> f64 {
         let corners = |leaf: usize, count: usize| {
             let triangles = self.leaves[leaf].triangles[..count].iter();
@@ -333,7 +333,7 @@ impl Surface {
         nearest_point::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
     }
 
-    /// Whether the ray meets any triangle before `far`; ends at the first that is found.
+    /// True if a ray meets any triangle before `far`. The search ends at the first triangle that it finds.
     pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
         let nearest = Nearest {
             surface: self,
@@ -344,7 +344,7 @@ impl Surface {
         Level::best().run(nearest).hit.is_some()
     }
 
-    /// Whether leaves are so many that rays of a bundle may pass between.
+    /// True if leaves are so many that rays of a tile may pass between them.
     pub fn is_fine(&self) -> bool {
         self.leaves.len() > FINE
     }
@@ -354,20 +354,20 @@ impl Surface {
         self.middle
     }
 
-    /// Look for triangles that are nearer than those that `P` packets of a bundle, from one on, have met so far; see
-    /// [`Search`]. Returns how many leaves were looked at.
+    /// Search for triangles nearer than the hits so far of `P` packets of a tile, the first of which is `from`; see
+    /// [`Search`]. Returns the number of leaves visited.
     #[inline(always)]
     pub fn search<I: Isa, E: Exact, const P: usize>(
         &self,
         body: u32,
-        (bundle, from): (&Bundle, usize),
+        (rays, from): (&BodyRays, usize),
         start: f32,
-        best: &mut Best,
+        best: &mut PacketHits,
         exact: &E,
         (table, stack): (&mut Table, &mut Vec<u64>),
     ) -> usize {
         let mut search = Search::<E, P> {
-            bundle,
+            rays,
             from,
             leaves: &self.leaves,
             reach: self.reach,
@@ -403,7 +403,7 @@ impl Mesh {
     }
 }
 
-/// Refuses coordinates that cannot be traced.
+/// Refuse coordinates that cannot be traced.
 fn check_vertices(vertices: &[DVec3]) -> Result<()> {
     if let Some(bad) = vertices.iter().position(|v| !v.is_finite()) {
         return Err(Error::value(
@@ -423,11 +423,11 @@ fn check_vertices(vertices: &[DVec3]) -> Result<()> {
     Ok(())
 }
 
-/// Leaves of a surface, relative to a place, and their boxes.
+/// Triangle blocks of the leaves, relative to a point, and their boxes.
 struct Fitted {
-    leaves: Vec<Leaf>,
+    leaves: Vec<TriangleBlock>,
     boxes: Vec<Bounds>,
-    /// Round all.
+    /// Box of all leaves.
     bounds: Bounds,
 }
 
@@ -440,14 +440,14 @@ impl Fitted {
     ) -> Self {
         let fit = |triangles: Primitives| {
             let mut bounds = Bounds::EMPTY;
-            let leaf = Leaf::new(triangles, |triangle| {
+            let leaf = TriangleBlock::new(triangles, |triangle| {
                 let corners = mesh.relative(vertices, triangle as usize, middle);
                 bounds = bounds.union(&Bounds::of_triangle(&corners));
                 corners
             });
             (leaf, bounds)
         };
-        let (leaves, boxes): (Vec<Leaf>, Vec<Bounds>) = primitives.map(fit).unzip();
+        let (leaves, boxes): (Vec<TriangleBlock>, Vec<Bounds>) = primitives.map(fit).unzip();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         Self { leaves, boxes, bounds }
     }
@@ -459,7 +459,7 @@ fn reach(bounds: &Bounds) -> f32 {
     (largest.max(0.0) as f32).next_up()
 }
 
-/// A number that belongs to these triangles in this order.
+/// Hash of triangles in their order.
 fn fingerprint(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
     let of = |triangles: &[[u32; 3]]| {
         triangles.iter().flatten().fold(0, |state, vertex| {
@@ -471,23 +471,23 @@ fn fingerprint(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
     parts.into_iter().fold(0, |state, part| mix(state ^ part))
 }
 
-/// Looks for the nearest triangle of a ray.
+/// Search for the nearest triangle of a ray.
 pub struct Nearest<'a> {
-    /// Where.
+    /// Surface to search.
     pub surface: &'a Surface,
-    /// In body coordinates.
+    /// Ray in body coordinates.
     pub ray: &'a Ray,
-    /// Nothing beyond is wanted.
+    /// Distance at which the search ends.
     pub far: f64,
-    /// Whether to end at the first that is found.
+    /// True if the first triangle found is enough, nearest or not.
     pub is_any_enough: bool,
 }
 
-/// What a search found.
+/// Result of a search.
 pub struct Found {
-    /// The triangle.
+    /// Triangle that was hit.
     pub hit: Option<TriangleHit>,
-    /// Whether boxes that the ray enters before the triangle were left out, where another is enough.
+    /// True if boxes that the ray enters before the triangle were left out because any triangle is enough.
     pub ended_early: bool,
 }
 
@@ -501,7 +501,7 @@ impl Kernel for Nearest<'_> {
         let mut visitor = NearestVisitor {
             surface,
             single: &single,
-            woop: Woop::new(self.ray),
+            test: WatertightTest::new(self.ray),
             best: None,
             far: self.far,
             is_any_enough: self.is_any_enough,
@@ -520,16 +520,17 @@ impl Kernel for Nearest<'_> {
     }
 }
 
-/// A distance in single precision that is no nearer.
+/// Upper bound of a distance in single precision.
 pub fn above(distance: f64) -> f32 {
     let distance = distance.min(f64::from(f32::MAX)) as f32;
     distance.next_up()
 }
 
+/// Visitor of the leaves that one ray may hit.
 struct NearestVisitor<'a> {
     surface: &'a Surface,
     single: &'a Single,
-    woop: Woop,
+    test: WatertightTest,
     best: Option<TriangleHit>,
     far: f64,
     is_any_enough: bool,
@@ -550,7 +551,7 @@ impl Visit for NearestVisitor<'_> {
         while met != 0 {
             let triangle = leaf.triangles[met.trailing_zeros() as usize];
             met &= met - 1;
-            let Some(crossing) = self.woop.intersect(&self.surface.corners(triangle)) else {
+            let Some(crossing) = self.test.intersect(&self.surface.corners(triangle)) else {
                 continue;
             };
             let Crossing {

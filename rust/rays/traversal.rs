@@ -1,27 +1,28 @@
-//! Walks of a tree: all children of a node at a time, for one ray or for all directions of a box.
+//! Traversal of a tree: all children of a node at a time, for one ray or for all directions of a box.
 //!
-//! Boxes are in single precision with bounds on every rounding: no box that a ray meets is passed over.
+//! Boxes are in single precision with bounds on every rounding: no box that a ray meets is missed.
 
 use glam::DVec3;
 
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::tree::{Child, Kind, Node, Tree, WIDTH};
-use crate::rays::triangle_block::{Leaf, UNIT};
+use crate::rays::triangle_block::{TriangleBlock, UNIT};
 
-/// What is done at leaves.
+/// Visitor of the leaves of a tree.
 pub trait Visit {
-    /// Whether a leaf, child of a node, is to be visited.
+    /// True if a leaf, child of a node, is to be visited.
     fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool;
 
-    /// Look at a leaf of `count` primitives that rays enter at `near`. Returns the distance beyond which nothing is wanted.
+    /// Visit a leaf of `count` primitives that rays enter at `near`. Returns the distance at which the search
+    /// ends.
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
 
-    /// A box that rays enter at `near` is left out: nothing there is wanted any more.
+    /// Note a box that rays enter at `near` and that is left out, as the search ends before it.
     #[inline(always)]
     fn leave_out(&mut self, _near: f32) {}
 }
 
-/// Visit all leaves whose boxes some direction may meet before `far`, near ones first.
+/// Visit all leaves whose boxes any direction may meet before `far`, near ones first.
 #[inline(always)]
 pub fn walk<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
     if tree.nodes.is_empty() {
@@ -72,7 +73,7 @@ pub fn walk<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u6
     }
 }
 
-/// One ray.
+/// Single ray in single precision, with bounds of its coordinates.
 pub struct Single {
     origin: [f32; 3],
     reach: f32,
@@ -81,7 +82,7 @@ pub struct Single {
 }
 
 impl Single {
-    /// From an origin relative to a point of the body.
+    /// Ray from an origin relative to a point of the body.
     pub fn new(origin: DVec3, direction: DVec3) -> Self {
         Self {
             origin: origin.to_array().map(|x| x as f32),
@@ -100,23 +101,23 @@ impl Single {
         walk::<I>(&slabs, tree, far, stack, visitor);
     }
 
-    /// A bit per triangle of a leaf that the ray may meet; `reach` bounds coordinates of the triangles.
+    /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.
     #[inline(always)]
-    pub fn may_meet<I: Isa>(&self, leaf: &Leaf, count: usize, reach: f32) -> u32 {
+    pub fn may_meet<I: Isa>(&self, leaf: &TriangleBlock, count: usize, reach: f32) -> u32 {
         let planes = leaf.planes::<I>(&self.origin, reach + self.reach, self.length);
         planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
     }
 }
 
-/// A box of directions from one origin, prepared for boxes of children.
+/// Box of directions from one origin, prepared for slab tests of the boxes of children.
 pub struct Slabs {
-    /// The origin, moved outwards for both sides of a box: by more than all coordinates are rounded.
+    /// Origin, moved outwards for both sides of a box by more than the rounding of all coordinates.
     origin: [[f32; 2]; 3],
     inverse: [[f32; 2]; 3],
     sign: [Sign; 3],
 }
 
-/// Where directions go along an axis.
+/// Sign of all directions along an axis.
 #[derive(Clone, Copy, PartialEq)]
 enum Sign {
     Forward,
@@ -125,7 +126,7 @@ enum Sign {
 }
 
 impl Slabs {
-    /// From smallest and largest directions; `reach` bounds coordinates of the origin.
+    /// Slabs from smallest and largest directions; `reach` bounds the coordinates of the origin.
     #[inline(always)]
     pub fn new(origin: &[f32; 3], reach: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
         let mut slabs = Self {
@@ -149,7 +150,7 @@ impl Slabs {
         slabs
     }
 
-    /// A bit per child whose box some direction may meet before `far`, and where.
+    /// Bit mask of the children whose boxes any direction may meet before `far`; `near` gets the distances of entry.
     #[inline(always)]
     fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
         let splat = <I::F32 as Vector>::splat;
@@ -161,7 +162,7 @@ impl Slabs {
             let (enters, exits) = match self.sign[axis] {
                 Sign::Forward => (low.mul(first).min(low.mul(last)), high.mul(first).max(high.mul(last))),
                 Sign::Backward => (high.mul(first).min(high.mul(last)), low.mul(first).max(low.mul(last))),
-                // Only a box to one side of the origin bounds the way there.
+                // Only a box to one side of the origin bounds the distance of entry.
                 Sign::Both => (low.mul(last).max(high.mul(first)), splat(f32::INFINITY)),
             };
             (entry, exit) = (entry.max(enters), exit.min(exits));

@@ -5,27 +5,27 @@ use glam::DVec3;
 /// Half-line of a search: points `origin + t direction` with `t > start`.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where it starts [m].
+    /// Origin [m].
     pub origin: DVec3,
-    /// Where it goes; `t` counts in its length.
+    /// Direction; `t` counts in lengths of it.
     pub direction: DVec3,
-    /// Nothing at or before this `t` is a hit.
+    /// Largest `t` at which there are no hits yet.
     pub start: f64,
 }
 
-/// Children of a node, and most primitives of a leaf.
+/// Number of children of a node, and largest number of primitives of a leaf.
 pub const WIDTH: usize = 16;
 
-/// Tree over boxes.
+/// Bounding-volume tree over boxes.
 #[derive(Clone)]
 pub struct Tree {
-    /// Node 0 is the root; children come after their parents. Empty when there is nothing.
+    /// Node 0 is the root; children come after their parents. Empty if there are no boxes.
     pub nodes: Vec<Node>,
     /// Number of leaves.
     pub num_leaves: usize,
 }
 
-/// Boxes of the children, and what they are.
+/// Inner node: boxes of the children, and their kinds.
 #[derive(Clone)]
 #[repr(C, align(64))]
 pub struct Node {
@@ -33,12 +33,12 @@ pub struct Node {
     pub min: [[f32; WIDTH]; 3],
     /// Largest coordinates.
     pub max: [[f32; WIDTH]; 3],
-    /// What the boxes hold.
+    /// Child in each box.
     pub child: [Child; WIDTH],
 }
 
 impl Node {
-    /// No children.
+    /// Node without children.
     pub(super) const EMPTY: Self = Self {
         min: [[f32::INFINITY; WIDTH]; 3],
         max: [[f32::NEG_INFINITY; WIDTH]; 3],
@@ -51,16 +51,16 @@ impl Node {
     }
 }
 
-/// A node, or a leaf and how many primitives it holds.
+/// Packed number of a node, or of a leaf with its number of primitives.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(transparent)]
 pub struct Child(pub u32);
 
-/// What a [`Child`] is.
+/// Kind of a [`Child`].
 pub enum Kind {
-    /// A node and its number.
+    /// Node of a number.
     Node(usize),
-    /// A leaf, its number and that of its primitives.
+    /// Leaf of a number, and how many primitives it holds.
     Leaf(usize, usize),
 }
 
@@ -72,7 +72,7 @@ impl Child {
         Self(Self::LEAF | (number as u32) << 4 | (count - 1) as u32)
     }
 
-    /// What it is.
+    /// Kind, unpacked.
     #[inline(always)]
     pub fn kind(self) -> Kind {
         if self.0 & Self::LEAF == 0 {
@@ -83,7 +83,7 @@ impl Child {
     }
 }
 
-/// Most primitives of a tree: numbers of leaves have 27 bits, and a leaf may hold a single one.
+/// Largest number of primitives of a tree: numbers of leaves have 27 bits, and a leaf may hold a single one.
 pub const MOST_PRIMITIVES: usize = 1 << 27;
 
 /// Primitives of a leaf, the last one repeated.

@@ -1,21 +1,26 @@
-//! Triangles of a leaf in single precision: which of them rays of one origin may meet, and where, with bounds on every rounding.
+//! Triangle block: the triangles of a leaf in single precision, tested against rays of one origin with bounds on every
+//! rounding.
 //!
-//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, if `D . ((a + b) x (b - a))` and its like for the
-//! other edges have one sign (Plücker coordinates for a common origin). All planes of the leaf are computed at once.
+//! A ray `o + t D` meets a triangle of corners `a, b, c`, relative to `o`, if `D . ((a + b) x (b - a))` and its like
+//! for the other edges have one sign (Plücker coordinates for a common origin). All planes of the leaf are computed at
+//! once.
 //!
-//! Errors, in units of `u = 2^-24`, where `R` bounds relative coordinates, `L` is the longest edge (sum of coordinates), and `l`
-//! bounds the coordinates of directions. A relative corner is off by `2 u R` along every axis.
+//! Errors, in units of `u = 2^-24`, where `R` bounds relative coordinates, `L` is the longest edge (sum of
+//! coordinates), and `l` bounds the coordinates of directions. A relative corner is off by `2 u R` along every axis.
 //!
-//! - Sides: moving a corner changes `D . n` by twice the distance of the ray from the other corner, at most `L` for a ray that
-//!   meets the triangle: `14 u R L l` for both; the cross product adds 14, the scalar product 10, directions 15: [`SIDE`].
+//! - Sides: moving a corner changes `D . n` by twice the distance of the ray from the other corner, at most `L` for a
+//!   ray that meets the triangle: `14 u R L l` for both; the cross product adds 14, the scalar product 10, directions
+//!   15: [`SIDE`].
 //! - Slopes `D . N`: `37 u R L l`. Distances hold where the slope is at least twice the tolerance of sides.
-//! - Distances: the corner adds `4 u R`, the normal `22 u R L` over at most `L`, the height 6 and the slope 18 `u R`, all along
-//!   the normal: `50 u R L^2 / (D . N)` in `t`, and 1.4 times that with the error of the slope itself: [`DISTANCE`].
+//! - Distances: the corner adds `4 u R`, the normal `22 u R L` over at most `L`, the height 6 and the slope 18 `u R`,
+//!   all along the normal: `50 u R L^2 / (D . N)` in `t`, and 1.4 times that with the error of the slope itself:
+//!   [`DISTANCE`].
 //! - Which side of a triangle the origin is on: `55 u R^2 L`: [`FACE`].
 //!
-//! A ray with all sides above twice the tolerance meets the triangle, wherever it passes: at a distance of `r L` from the triangle
-//! the error of sides is below `(53 + 14 r) u R L l`. For `r < 3` that is less than twice the tolerance. From there on a
-//! barycentric coordinate is below `(1 - r) / 3`, and the side, `2 (D . N)` times that, is below by more than the error grows.
+//! A ray with all sides above twice the tolerance meets the triangle, wherever it passes: at a distance of `r L` from
+//! the triangle the error of sides is below `(53 + 14 r) u R L l`. For `r < 3` that is less than twice the tolerance.
+//! From there on a barycentric coordinate is below `(1 - r) / 3`, and the side, `2 (D . N)` times that, is below by
+//! more than the error grows.
 
 use glam::DVec3;
 
@@ -29,17 +34,17 @@ const SIDE: f32 = 64.0 * UNIT;
 const DISTANCE: f32 = 96.0 * UNIT;
 const FACE: f32 = 64.0 * UNIT;
 
-/// Triangles as the search reads them, axis by axis.
+/// Triangle block: up to 16 triangles of a leaf in single precision, axis by axis.
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub struct Leaf {
+pub struct TriangleBlock {
     corners: [[[f32; WIDTH]; 3]; 3],
     /// Numbers of the triangles; the last one repeated.
     pub triangles: [u32; WIDTH],
 }
 
-impl Leaf {
-    /// From the corners of [`WIDTH`] triangles, relative to the middle of the surface.
+impl TriangleBlock {
+    /// Block from the corners of [`WIDTH`] triangles, relative to the middle of the surface.
     pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
         let mut leaf = Self {
             corners: [[[0.0; WIDTH]; 3]; 3],
@@ -55,7 +60,7 @@ impl Leaf {
         leaf
     }
 
-    /// The planes through an edge and the origin, of all triangles; `reach` bounds coordinates of origin and corners
+    /// Planes through the origin and each edge, of all triangles; `reach` bounds the coordinates of origin and corners
     /// together, `length` those of directions.
     #[inline(always)]
     pub fn planes<I: Isa>(&self, origin: &[f32; 3], reach: f32, length: f32) -> Planes<I::F32> {
@@ -86,7 +91,7 @@ impl Leaf {
         let [a, b, c] = corners[0];
         let height = a.mul(x).add(b.mul(y)).add(c.mul(z));
 
-        // Planes of triangles that are seen from behind are turned round.
+        // Planes of triangles seen from behind change sign.
         let is_behind = height.at_most(zero);
         let turn = splat(-1.0).select(is_behind, splat(1.0));
         for axis in 0..3 {
@@ -120,24 +125,24 @@ fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     ]
 }
 
-/// Planes of the triangles of a leaf, so turned that rays that meet a triangle are above all of its planes.
+/// Planes of the triangles of a block, with signs such that rays that meet a triangle are above all of its planes.
 pub struct Planes<V> {
-    /// Of every edge, axis by axis.
+    /// Normals of the planes of every edge, axis by axis.
     edges: [[V; 3]; 3],
     normal: [V; 3],
-    /// Of the triangle's plane over the origin, times the length of the normal.
+    /// Height of the triangle's plane over the origin, times the length of the normal.
     height: V,
     /// Error of `D . edges`.
     tolerance: V,
     /// Error of distances, times `D . normal`.
     slack: V,
-    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be turned the
-    /// wrong way.
+    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be
+    /// turned the wrong way.
     pub unclear: u32,
 }
 
 impl<V: Vector<Scalar = f32>> Planes<V> {
-    /// A bit per triangle that some direction within `half` of `center` may meet.
+    /// Bit mask of triangles that any direction within `half` of `center` may meet.
     #[inline(always)]
     pub fn may_meet(&self, center: &[f32; 3], half: &[f32; 3]) -> u32 {
         let zero = V::splat(0.0);
@@ -154,7 +159,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
         bits | self.unclear
     }
 
-    /// A bit per triangle that one direction may meet.
+    /// Bit mask of triangles that one direction may meet.
     #[inline(always)]
     pub fn may_be_met_by(&self, direction: &[f32; 3]) -> u32 {
         let zero = V::splat(0.0);
@@ -169,7 +174,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
         bits | self.unclear
     }
 
-    /// Into memory, for one triangle after the other.
+    /// Store in memory, to be read triangle by triangle.
     #[inline(always)]
     pub fn store(&self, table: &mut Table) {
         for axis in 0..3 {
@@ -194,20 +199,20 @@ pub struct Table {
     slack: [f32; WIDTH],
 }
 
-/// Where some rays meet one triangle.
+/// Intersections of a packet of rays with one triangle.
 pub struct Crossing<V> {
-    /// A bit per ray that meets the triangle without doubt.
+    /// Bit mask of rays that certainly meet the triangle.
     pub certain: u32,
-    /// A bit per ray whose distances hold if it meets the triangle.
+    /// Bit mask of rays whose distances hold if they meet the triangle.
     pub measured: u32,
-    /// Least distance.
+    /// Lower bound of the distance.
     pub near: V,
-    /// Largest distance.
+    /// Upper bound of the distance.
     pub far: V,
 }
 
 impl Table {
-    /// Of no triangles.
+    /// Planes of no triangles.
     pub const EMPTY: Self = Self {
         edges: [[[0.0; WIDTH]; 3]; 3],
         normal: [[0.0; WIDTH]; 3],
@@ -216,8 +221,8 @@ impl Table {
         slack: [0.0; WIDTH],
     };
 
-    /// A bit per ray that may meet a triangle, and how far it is inside: the least distance from an edge's plane plus the
-    /// tolerance.
+    /// Bit mask of rays that may meet a triangle, and depth inside: the least distance from an edge's plane plus
+    /// the tolerance.
     #[inline(always)]
     pub fn meet<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> (u32, V) {
         let tolerance = V::splat(self.tolerance[triangle]);
@@ -231,7 +236,7 @@ impl Table {
         (V::splat(0.0).at_most(least), least)
     }
 
-    /// A bit per ray that may meet a triangle whose planes may be turned the wrong way.
+    /// Bit mask of rays that may meet a triangle whose planes may be turned the wrong way.
     #[inline(always)]
     pub fn meet_unclear<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> u32 {
         let tolerance = V::splat(self.tolerance[triangle]);
@@ -247,7 +252,7 @@ impl Table {
         V::splat(0.0).sub(tolerance).at_most(least) | most.at_most(tolerance)
     }
 
-    /// Where rays meet the triangle, from what [`Self::meet`] returned.
+    /// Intersections of rays with a triangle, from the least distance that [`Self::meet`] returned.
     #[inline(always)]
     pub fn cross<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3], least: V) -> Crossing<V> {
         let mut slope = V::splat(0.0);

@@ -1,20 +1,20 @@
-//! The exact test: where a ray meets a triangle, in double precision and without gaps between neighbours.
+//! Exact intersection of a ray with a triangle, in double precision and without gaps between neighbours.
 
 use glam::DVec3;
 
 use crate::rays::tree::Ray;
 
-/// A ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
+/// Ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
 ///
 /// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
 /// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
-pub struct Woop {
+pub struct WatertightTest {
     ray: Ray,
     axes: [usize; 3],
     shear: DVec3,
 }
 
-impl Woop {
+impl WatertightTest {
     /// Prepare a ray.
     pub fn new(ray: &Ray) -> Self {
         let d = ray.direction;
@@ -33,7 +33,7 @@ impl Woop {
         }
     }
 
-    /// Where the ray meets the triangle behind its start; edges belong to it.
+    /// Intersection of the ray with a triangle beyond the ray's start; edges belong to the triangle.
     pub fn intersect(&self, triangle: &[DVec3; 3]) -> Option<Crossing> {
         let seen = self.look(triangle);
         let [u, v, w] = seen.sides();
@@ -59,7 +59,7 @@ impl Woop {
         (crossing.distance > self.ray.start && crossing.distance.is_finite()).then_some(crossing)
     }
 
-    /// The triangle in the ray's own axes.
+    /// Triangle in the axes of the ray.
     fn look(&self, triangle: &[DVec3; 3]) -> Seen {
         let [x, y, z] = self.axes;
         let corners = triangle.map(|v| {
@@ -74,18 +74,18 @@ impl Woop {
     }
 }
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
     /// Parameter along the ray.
     pub distance: f64,
-    /// Weights of the corners, adding up to one.
+    /// Barycentric weights of the corners; their sum is one.
     pub barycentric: [f64; 3],
-    /// Whether the ray lies in the triangle's plane, to rounding: then it is met at an edge.
+    /// True if the ray lies in the triangle's plane, to rounding: then it meets an edge.
     pub is_edge_on: bool,
 }
 
-/// A triangle as a ray sees it: the ray goes through (0, 0) along the third axis, which counts its parameter.
+/// Triangle in the axes of a ray, which passes (0, 0) along the third axis; the third coordinate is its parameter.
 struct Seen {
     corners: [DVec3; 3],
     /// Largest coordinate relative to the ray's origin.
@@ -93,20 +93,20 @@ struct Seen {
 }
 
 impl Seen {
-    /// Twice the areas of the ray's point with the edges.
+    /// Edge functions: twice the signed areas between the ray's point and each edge.
     fn sides(&self) -> [f64; 3] {
         let [a, b, c] = self.corners;
         [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
     }
 
-    /// Whether the sides, which add up to `sum`, are no more than rounding.
+    /// True if the edge functions, whose sum is `sum`, are no more than rounding.
     fn is_edge_on(&self, sum: f64) -> bool {
         let width = |v: &DVec3| v.x.abs().max(v.y.abs());
         let widest = self.corners.iter().map(width).fold(0.0, f64::max);
         sum.abs() <= 64.0 * f64::EPSILON * widest * self.reach
     }
 
-    /// Where the ray first meets an edge behind its start, for a triangle that is but a line.
+    /// First intersection with an edge beyond the ray's start, for a triangle seen edge-on.
     fn first_edge(&self, start: f64) -> Option<Crossing> {
         let spread = |axis: usize| {
             let all = self.corners.map(|v| v[axis]);

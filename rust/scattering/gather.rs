@@ -15,8 +15,8 @@ use crate::numeric::random::mix;
 use crate::paths::scatterers::Scatterers;
 use crate::rays::batch::Found;
 use crate::rays::hits::Hits;
-use crate::rays::scene::Snapshot;
-use crate::rays::smooth_hits::Shown;
+use crate::rays::scene::PosedScene;
+use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::Ground;
@@ -28,9 +28,9 @@ use crate::scattering::samples::Samples;
 impl Scatterers {
     /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         hits: &Hits,
-        shown: &Shown,
+        shown: &SmoothHits,
         materials: &[Material],
         array: Array,
         sampling: Sampling,
@@ -47,7 +47,7 @@ impl Scatterers {
 
     /// Material points of samples: those of the leaves, which belong to the cell of their leaf's number, and the diffuse ones,
     /// which belong to [`NO_CELL`].
-    pub fn of_samples(snapshot: &Snapshot, samples: &Samples, materials: &[Material], array: Array) -> Self {
+    pub fn of_samples(snapshot: &PosedScene, samples: &Samples, materials: &[Material], array: Array) -> Self {
         let weigh = Weigh {
             array: &array,
             sampling: Sampling::Footprint,

@@ -14,7 +14,7 @@ use crate::numeric::random::mix;
 use crate::rays::batch::{Found, Known, whole_bundles};
 use crate::rays::camera::morton;
 use crate::rays::hits::{Cast, Counts};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
 use crate::scattering::sampling::Rule;
@@ -135,7 +135,7 @@ impl Speckle {
     /// The points of a body and which of them are seen within the image of a rule. `before`: at another time; `moved`: boxes
     /// where bodies have moved since.
     pub fn new(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         body: u32,
         cast: &Cast,
         rule: &Rule,

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use crate::geometry::moving_triangle::Facet;
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
 use crate::paths::scatterers::Edges;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 
 /// Surface points in one cube of this edge share their diffuse phase [m]. It is a sixteenth of a wavelength at 60 GHz:
 /// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
@@ -27,12 +27,12 @@ pub(crate) struct Ground<'a> {
 
 impl<'a> Ground<'a> {
     /// A triangle of a body.
-    pub(crate) fn of_mesh(snapshot: &'a Snapshot, body: u32, triangle: u32, seed: u64) -> Self {
+    pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
         let surface = snapshot.surface(body);
         let carrier = surface.is_deformed().then(|| Carrier {
             vertices: surface.vertices_of(triangle),
-            facet: Facet::new(surface.corners(triangle)),
-            rest: Facet::new(surface.rest_corners(triangle)),
+            facet: MovingTriangle::new(surface.corners(triangle)),
+            rest: MovingTriangle::new(surface.rest_corners(triangle)),
         });
         Self {
             pose: snapshot.pose(body),
@@ -76,9 +76,9 @@ impl<'a> Ground<'a> {
 pub(crate) struct Carrier {
     pub(crate) vertices: [u32; 3],
     /// When the rays were cast.
-    pub(crate) facet: Facet,
+    pub(crate) facet: MovingTriangle,
     /// Before the body was deformed.
-    pub(crate) rest: Facet,
+    pub(crate) rest: MovingTriangle,
 }
 
 /// A random number that belongs to a cube of the surface: the same in every chirp, frame and cell.

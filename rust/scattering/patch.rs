@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::rays::camera::Cell;
 use crate::rays::hits::Hits;
-use crate::rays::scene::{NO_BODY, Snapshot};
-use crate::rays::smooth_hits::Shown;
+use crate::rays::scene::{NO_BODY, PosedScene};
+use crate::rays::smooth_hits::SmoothHits;
 
 /// Surfaces seen at a smaller cosine of incidence return nothing.
 pub(crate) const MIN_COSINE: f64 = 1e-6;
@@ -64,13 +64,13 @@ impl Patch {
 }
 
 /// The vertices of the triangle that the ray of a cell hit and their weights there.
-pub fn place_on_mesh(snapshot: &Snapshot, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
+pub fn place_on_mesh(snapshot: &PosedScene, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
     let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
     (snapshot.surface(body).vertices_of(triangle), weights)
 }
 
 /// What the hit of one pixel shows.
-pub(crate) fn patch(hits: &Hits, shown: &Shown, pixel: usize) -> Option<Patch> {
+pub(crate) fn patch(hits: &Hits, shown: &SmoothHits, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
     let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
     (body != NO_BODY).then(|| Patch {

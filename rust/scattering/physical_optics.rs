@@ -10,7 +10,7 @@ use crate::antennas::polarization::Seen;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::triangle::area;
 use crate::paths::scatterers::{Edges, Weight, bisector};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::{Ground, speckle_turns};
@@ -149,7 +149,7 @@ impl Weigh<'_> {
     /// A diffuse point of a surface.
     pub(crate) fn diffuse_point(
         &self,
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         body: u32,
         speckle: &Speckle,
         point: usize,

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::antennas::polarization::Seen;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::rays::hits::Hits;
-use crate::rays::smooth_hits::Shown;
+use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material::Material;
 
 /// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
@@ -16,7 +16,7 @@ pub fn reflectance<'a>(
     materials: &[Material],
     frequency: f64,
     polarization: Option<DVec3>,
-    shown: impl FnOnce() -> &'a Shown,
+    shown: impl FnOnce() -> &'a SmoothHits,
 ) -> Vec<f64> {
     let wavelength = SPEED_OF_LIGHT / frequency;
     if materials.iter().all(|m| matches!(m, Material::Constant(_))) {

@@ -4,7 +4,7 @@ use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::error::Result;
 use crate::rays::hits::{Cast, Counts};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
 use crate::scattering::sampling::{Leaf, Quadtree, Rule};
@@ -24,13 +24,13 @@ impl Samples {
     /// Cast rays where they are needed; `seed` is that of the points. What was sampled before is taken over where no body has
     /// moved since.
     pub fn new(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
         rule: &Rule,
         seed: u64,
-        before: Option<(&Snapshot, &Self)>,
+        before: Option<(&PosedScene, &Self)>,
     ) -> Result<Self> {
         rule.check()?;
         let [u, v] = rule.base.ranges();

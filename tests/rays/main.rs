@@ -9,7 +9,7 @@ use std::sync::Arc;
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
-use radarcore::{Cast, ImagePlane, Level, Pose, Ray, Snapshot, Walks};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Traversals};
 use rayon::prelude::*;
 
 /// Where rays of images start [m].
@@ -17,7 +17,7 @@ const START: f64 = 1e-9;
 
 /// A scene as the ray engine has it, and as the exhaustive search has it.
 struct Scene {
-    snapshot: Snapshot,
+    snapshot: PosedScene,
     truth: Exhaustive,
 }
 
@@ -27,7 +27,7 @@ impl Scene {
         let truth = Exhaustive::new(&bodies, origins);
         let (surfaces, poses) = bodies.into_iter().unzip();
         Self {
-            snapshot: Snapshot::new(surfaces, poses),
+            snapshot: PosedScene::new(surfaces, poses),
             truth,
         }
     }
@@ -40,14 +40,15 @@ impl Scene {
     fn cast(&self, plane: &ImagePlane, mut judge: impl FnMut(Level, &Ray, usize, Answer) -> Result<(), String>) {
         let rays = rays(plane);
         for level in Level::available() {
-            let [hits, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
-                let cast = Cast {
-                    level,
-                    walks,
-                    ..Cast::default()
-                };
-                self.snapshot.cast_image_with(plane, &cast).unwrap()
-            });
+            let [hits, together, apart] =
+                [Traversals::Chosen, Traversals::Together, Traversals::Apart].map(|traversals| {
+                    let cast = Cast {
+                        level,
+                        traversals,
+                        ..Cast::default()
+                    };
+                    self.snapshot.cast_image_with(plane, &cast).unwrap()
+                });
             assert_eq!(hits.distance.len(), rays.len());
             for other in [together, apart] {
                 assert_eq!(hits.distance, other.distance);
@@ -893,7 +894,7 @@ fn rays_along_the_axes_hit_edges_and_vertices_of_a_grid_of_squares() {
             rotation: turn,
             translation: DVec3::ZERO,
         };
-        let snapshot = Snapshot::new(vec![cube.clone()], vec![pose]);
+        let snapshot = PosedScene::new(vec![cube.clone()], vec![pose]);
         for row in -3..=3 {
             for column in -3..=3 {
                 let [y, z] = [column, row].map(|i| f64::from(i) / 4.0);

@@ -28,7 +28,7 @@ struct Echo {
 /// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first antennas;
 /// one material per body.
 fn echoes(
-    snapshot: &Snapshot,
+    snapshot: &PosedScene,
     launches: &[Launch],
     materials: &[Material],
     array: &Array,
@@ -104,25 +104,25 @@ fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, 
     Arc::new(Surface::new(&vertices, &triangles, mode).unwrap())
 }
 
-fn scene(surfaces: Vec<Arc<Surface>>) -> Snapshot {
+fn scene(surfaces: Vec<Arc<Surface>>) -> PosedScene {
     let poses = vec![Pose::IDENTITY; surfaces.len()];
-    Snapshot::new(surfaces, poses)
+    PosedScene::new(surfaces, poses)
 }
 
 /// Two walls at a right angle whose common edge is vertical, 2 m in front of the sensor.
-fn corner() -> Snapshot {
+fn corner() -> PosedScene {
     let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
     let left = rectangle(apex, DVec3::new(-0.7, 0.7, 0.0), up);
     let right = rectangle(apex, DVec3::new(-0.7, -0.7, 0.0), up);
     scene(vec![left, right])
 }
 
-fn launches(snapshot: &Snapshot, plane: &ImagePlane) -> Vec<Launch> {
+fn launches(snapshot: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
     Launch::of_image(&snapshot.cast_image(plane).unwrap())
 }
 
 /// What a cell has hit, if anything.
-fn cell(snapshot: &Snapshot, u: f64, v: f64) -> Option<Launch> {
+fn cell(snapshot: &PosedScene, u: f64, v: f64) -> Option<Launch> {
     let hit = snapshot.cast(&Ray {
         origin: DVec3::ZERO,
         direction: DVec3::new(1.0, u, v),
@@ -373,7 +373,7 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
 }
 
 /// The cell that looks beside the wall onto the bowl, so that what comes back meets the wall.
-fn on_bowl(snapshot: &Snapshot) -> Launch {
+fn on_bowl(snapshot: &PosedScene) -> Launch {
     let surface = snapshot.surface(0);
     let ray = Ray {
         origin: DVec3::ZERO,

@@ -1,12 +1,12 @@
-//! Faults of an OBJ file: the line that tobj does not say, and what is wrong with it.
+//! Faults of an OBJ file, with the line, which tobj does not report.
 //!
-//! The statements are gone through again for it; that costs nothing where files are sound.
+//! The statements are read again to find the line, only for files with a fault.
 
 use tobj::LoadError;
 
 use super::statements::{Statement, statements, values};
 
-/// What is wrong with a file, and the line where it is, counted from 1.
+/// Fault of a file: description, and line counted from 1.
 #[derive(Debug)]
 pub(super) struct Fault {
     pub line: usize,
@@ -67,7 +67,7 @@ fn missing_vertex(text: &str) -> Fault {
     unreachable!("tobj missed a vertex")
 }
 
-/// What is wrong with the vertex index of a corner, if anything is.
+/// Description of a fault in the vertex index of a corner, if there is one.
 fn missing(corner: &str, num_read: usize, num_vertices: usize) -> Option<String> {
     let word = corner.split('/').next().unwrap_or_default();
     let index: isize = word.parse().unwrap_or(0);

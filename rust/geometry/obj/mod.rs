@@ -5,7 +5,8 @@
 //! ```
 //!
 //! tobj reads the numbers. `statements` hands it vertices and faces, and keeps what it would lose: the line of a fault
-//! and the names of objects, groups and materials. `polygon` cuts faces into triangles. `fault` finds the lines of errors.
+//! and the names of objects, groups and materials. `polygon` cuts faces into triangles. `fault` finds the lines of
+//! errors.
 
 use std::path::Path;
 
@@ -24,7 +25,7 @@ use fault::Fault;
 pub use polygon::triangulate;
 use statements::{Reader, decode, statements};
 
-/// Coordinates from this on are refused, whatever the unit of the file: no body is so large, and squares stay finite.
+/// Limit of coordinates, whatever the unit of the file: no body is so large, and squares stay finite.
 const LARGEST: f64 = 1e15;
 
 /// Triangles of an OBJ file, in file order.
@@ -33,7 +34,7 @@ const LARGEST: f64 = 1e15;
 /// or `usemtl` precedes; names without a face are not listed. Triangles without area are kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Obj {
-    /// Every `v` of the file, in file order: none merged, none dropped, in the unit of the file.
+    /// Vertices `v` of the file, in file order: none merged, none dropped, in the unit of the file.
     pub vertices: Vec<[f64; 3]>,
     /// Indices into `vertices`, with the winding of the face.
     pub triangles: Vec<[u32; 3]>,
@@ -51,7 +52,7 @@ pub struct Obj {
     pub material_names: Vec<String>,
 }
 
-/// Reads an OBJ file; see [`parse_obj`].
+/// Read an OBJ file; see [`parse_obj`].
 pub fn read_obj(path: &Path) -> Result<Obj> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io {
         path: path.to_owned(),
@@ -136,7 +137,7 @@ fn read(bytes: &[u8]) -> std::result::Result<Obj, Fault> {
 }
 
 impl Obj {
-    /// Adds the triangles of one face and returns their number.
+    /// Add the triangles of one face. Returns their number.
     fn add_triangles(&mut self, corners: &[u32]) -> std::result::Result<usize, String> {
         if let &[a, b, c] = corners {
             self.triangles.push([a, b, c]);

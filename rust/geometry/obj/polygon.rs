@@ -3,11 +3,11 @@
 use earcut::Earcut;
 use glam::DVec3;
 
-/// Corners are trusted to this fraction of the polygon's largest coordinate: files carry about six digits, and edges
+/// Accuracy of corners as a fraction of the polygon's largest coordinate: files carry about six digits, and edges
 /// that touch in the drawing may cross by that much in the file.
 const ROUNDING: f64 = 1e-5;
 
-/// Time is cubic in the number of corners where edges cross: up to seconds for this one.
+/// Largest number of corners: where edges cross time is cubic in it, up to seconds for this one.
 const MAX_CORNERS: usize = 1 << 12;
 
 /// Triangles of one polygon, as positions of their corners in `polygon`, with its winding.
@@ -114,7 +114,7 @@ fn cut_ears(points: &[DVec3], rounding: f64) -> Option<Vec<[u32; 3]>> {
     (excess <= rounding * perimeter(points)).then_some(triangles)
 }
 
-/// Whether the ring runs along one edge twice in the same direction, so that it lies over itself: earcut would take
+/// True if the ring traverses one edge twice in the same direction, so that it lies over itself: earcut would take
 /// minutes for a ring of many laps.
 fn repeats_an_edge(points: &[DVec3]) -> bool {
     let bits = |point: DVec3| point.to_array().map(|x| (x + 0.0).to_bits()); // -0 becomes 0

@@ -1,4 +1,4 @@
-//! Statements of an OBJ file as tobj is to read them.
+//! Statements of an OBJ file, prepared for tobj.
 //!
 //! tobj reads `v` and `f`, and loses or refuses much of what surrounds them. The rest of a file is dealt with here:
 //!
@@ -91,7 +91,7 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
 /// A last face names all vertices in file order: its corners say which number tobj has given to each of them.
 pub(super) struct Reader<S> {
     statements: S,
-    /// Statement that is being read, and how much of it has been.
+    /// Statement that is being read, and number of bytes already read.
     buffer: String,
     num_read: usize,
     /// Line of that statement in the file, counted from 1.
@@ -118,7 +118,7 @@ impl<'a, S: Iterator<Item = Statement<'a>>> Reader<S> {
         }
     }
 
-    /// Puts the next vertex or face into the buffer, after the last one the face of all vertices, and then nothing.
+    /// Put the next vertex or face into the buffer, after the last one the face of all vertices, and then nothing.
     fn advance(&mut self) {
         self.buffer.clear();
         self.num_read = 0;

@@ -187,7 +187,7 @@ fn mask_ps(bits: u32) -> __m256 {
     }
 }
 
-/// The same for double precision.
+/// Double-precision counterpart.
 #[inline(always)]
 fn mask_pd(bits: u32) -> __m256d {
     unsafe {

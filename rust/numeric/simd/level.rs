@@ -8,13 +8,13 @@ use super::vector::Kernel;
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
 
-/// An instruction set that this processor has.
+/// Instruction set that this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Level(Set);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Set {
-    /// What the target guarantees (x86-64: SSE2; aarch64: NEON).
+    /// Instruction set that the target guarantees (x86-64: SSE2; aarch64: NEON).
     Baseline,
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -23,7 +23,7 @@ enum Set {
 }
 
 impl Level {
-    /// Every level of this processor, slowest first.
+    /// Levels of this processor, slowest first.
     pub fn available() -> Vec<Self> {
         #[allow(unused_mut)] // only x86-64 has more than one
         let mut levels = vec![Self(Set::Baseline)];
@@ -39,13 +39,13 @@ impl Level {
         levels
     }
 
-    /// The fastest level of this processor.
+    /// Fastest level of this processor.
     pub fn best() -> Self {
         static BEST: std::sync::OnceLock<Level> = std::sync::OnceLock::new();
         *BEST.get_or_init(|| *Self::available().last().unwrap_or(&Self(Set::Baseline)))
     }
 
-    /// `baseline`, `avx2`, `avx512`.
+    /// Name: `baseline`, `avx2` or `avx512`.
     pub fn name(self) -> &'static str {
         match self.0 {
             Set::Baseline => "baseline",

@@ -2,11 +2,11 @@
 
 use num_traits::{Float, FromPrimitive};
 
-/// Numbers of the grid: f32 or f64.
+/// Real number type: f32 or f64.
 pub trait Real: Float + FromPrimitive + rustfft::FftNum + Default {
     /// Nearest number of this type.
     fn of(x: f64) -> Self;
-    /// The same number in f64.
+    /// Conversion to f64.
     fn wide(self) -> f64;
 }
 
@@ -36,9 +36,9 @@ impl Real for f64 {
 pub trait Vector: Copy {
     /// Type of the numbers.
     type Scalar: Real;
-    /// How many.
+    /// Number of lanes.
     const LANES: usize;
-    /// The same number everywhere.
+    /// Broadcast of a number to all lanes.
     fn splat(x: Self::Scalar) -> Self;
     /// `a` in the lower half, `b` in the upper.
     fn halves(a: Self::Scalar, b: Self::Scalar) -> Self;
@@ -60,24 +60,24 @@ pub trait Vector: Copy {
     fn div(self, b: Self) -> Self;
     /// Square roots.
     fn sqrt(self) -> Self;
-    /// The smaller ones; `b` where one is NaN.
+    /// Minimum, lane by lane; `b` where one is NaN.
     fn min(self, b: Self) -> Self;
-    /// The larger ones; `b` where one is NaN.
+    /// Maximum, lane by lane; `b` where one is NaN.
     fn max(self, b: Self) -> Self;
-    /// A bit per number: whether it is at most `b`; not where one is NaN.
+    /// Bit mask of the lanes that are at most `b`; zero where one is NaN.
     fn at_most(self, b: Self) -> u32;
     /// Numbers of `self` where the bit is set, of `b` elsewhere.
     fn select(self, bits: u32, b: Self) -> Self;
     /// The largest number; none may be NaN.
     fn largest(self) -> Self::Scalar;
-    /// The first numbers of a slice; panics if there are fewer than [`Self::LANES`].
+    /// Load the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
     #[inline(always)]
     fn load(from: &[Self::Scalar]) -> Self {
         assert!(from.len() >= Self::LANES);
         // SAFETY: there are `LANES` numbers.
         unsafe { Self::load_unchecked(from.as_ptr()) }
     }
-    /// Into the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
+    /// Store to the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
     #[inline(always)]
     fn store(self, to: &mut [Self::Scalar]) {
         assert!(to.len() >= Self::LANES);
@@ -104,7 +104,7 @@ pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
     sides
 }
 
-/// Rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
+/// Add to rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
 #[inline(always)]
 pub fn add_rows<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
@@ -126,7 +126,7 @@ pub fn add_rows<V: Vector, const W: usize, const N: usize>(
     }
 }
 
-/// Rows of a grid: `grid[start + j stride ..] += patch[j]`.
+/// Add to rows of a grid: `grid[start + j stride ..] += patch[j]`.
 #[inline(always)]
 pub fn add_patch<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
@@ -146,25 +146,25 @@ pub fn add_patch<V: Vector, const W: usize, const N: usize>(
     }
 }
 
-/// The vectors of an instruction set.
+/// Vector types of an instruction set.
 pub trait Isa {
-    /// Registers that a vector takes.
+    /// Number of registers of a vector.
     const REGISTERS: usize;
-    /// Whether `mul_add` rounds once.
+    /// True if `mul_add` rounds once.
     const IS_FUSED: bool;
-    /// 16 numbers.
+    /// Vector of 16 f32.
     type F32: Vector<Scalar = f32>;
-    /// 8 numbers.
+    /// Vector of 8 f64.
     type F64: Vector<Scalar = f64>;
     /// Nearest f32 of twice 8 numbers.
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32;
-    /// A bit per number: whether it is `number`.
+    /// Bit mask of the elements equal to `number`.
     fn equal(numbers: &[u32; 16], number: u32) -> u32;
-    /// `number` where the bit is set.
+    /// Write `number` where the bit is set.
     fn put(numbers: &mut [u32; 16], bits: u32, number: u32);
 }
 
-/// Ask for what will be read soon, first and second cache line.
+/// Prefetch a value that will be read soon: its first and second cache line.
 #[inline(always)]
 pub fn prefetch<T>(what: &T) {
     #[cfg(target_arch = "x86_64")]
@@ -180,11 +180,11 @@ pub fn prefetch<T>(what: &T) {
     let _ = what;
 }
 
-/// A kernel's number type, and its vector in an instruction set.
+/// Number type of a kernel, with its vector in every instruction set.
 pub trait Precision: Real {
-    /// 64 bytes of these numbers.
+    /// Vector of 64 bytes.
     type In<I: Isa>: Vector<Scalar = Self>;
-    /// As many of twice 8 numbers as fit in, rounded.
+    /// Round two vectors of f64 to one vector; f64 keeps the first.
     fn narrow<I: Isa>(wide: [I::F64; 2]) -> Self::In<I>;
 }
 
@@ -206,11 +206,11 @@ impl Precision for f64 {
 
 /// Code that [`Level::run`] compiles for every instruction set.
 ///
-/// `run` and all it calls must be `#[inline(always)]`: closures (those of `map` and `from_fn` as well) and ordinary calls do
-/// not inherit the instruction set and would silently run with the baseline's.
+/// `run` and all it calls must be `#[inline(always)]`: closures (those of `map` and `from_fn` as well) and ordinary
+/// calls do not inherit the instruction set and would silently run with the baseline's.
 pub trait Kernel {
-    /// What the kernel returns.
+    /// Return type of the kernel.
     type Output;
-    /// The kernel itself.
+    /// Run the kernel.
     fn run<I: Isa>(self) -> Self::Output;
 }

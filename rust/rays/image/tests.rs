@@ -13,7 +13,7 @@ use crate::rays::surface::{ShadingMode, Surface};
 fn only_tiles_that_a_moved_body_touches_are_cast_again() {
     let plane = ImagePlane::centered(93, 101, 0.5, 0.5);
     let (mut surfaces, mut poses) = furnished();
-    let before = Snapshot::new(surfaces.clone(), poses.clone());
+    let before = PosedScene::new(surfaces.clone(), poses.clone());
     let hits = before.cast_image(&plane).unwrap();
     assert_eq!(hits.counts.rays, plane.num_pixels());
 
@@ -23,7 +23,7 @@ fn only_tiles_that_a_moved_body_touches_are_cast_again() {
             .deform(surfaces[7].vertices().iter().map(|p| 1.2 * p).collect())
             .unwrap(),
     );
-    let after = Snapshot::new(surfaces, poses);
+    let after = PosedScene::new(surfaces, poses);
     let fresh = after.cast_image(&plane).unwrap();
     for level in Level::available() {
         let cast = Cast {
@@ -37,7 +37,7 @@ fn only_tiles_that_a_moved_body_touches_are_cast_again() {
         assert_eq!(fresh.counts.tiles_reused, 0);
         assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
         assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
-        // Every pixel that shows something else was cast.
+        // Every pixel with another hit was cast.
         let changed = (0..plane.num_pixels())
             .filter(|i| hits.distance[*i] != fresh.distance[*i])
             .count();
@@ -58,7 +58,7 @@ fn only_tiles_that_a_moved_body_touches_are_cast_again() {
 }
 
 #[test]
-fn walks_change_neither_images_nor_counts() {
+fn traversals_change_neither_images_nor_counts() {
     // Squares of a quarter of a pixel in front of coarse ones: many leaves per tile here, few there.
     let cells = 120;
     let place = |i: u32| f64::from(i) / f64::from(cells) - 0.5;
@@ -81,17 +81,18 @@ fn walks_change_neither_images_nor_counts() {
         translation: DVec3::new(2.5, 0.2, 0.1),
         ..poses[3]
     });
-    let scene = Snapshot::new(surfaces, poses);
+    let scene = PosedScene::new(surfaces, poses);
     let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
     for level in Level::available() {
-        let [chosen, together, apart] = [Walks::Chosen, Walks::Together, Walks::Apart].map(|walks| {
-            let cast = Cast {
-                level,
-                walks,
-                ..Cast::default()
-            };
-            scene.cast_image_with(&plane, &cast).unwrap()
-        });
+        let [chosen, together, apart] =
+            [Traversals::Chosen, Traversals::Together, Traversals::Apart].map(|traversals| {
+                let cast = Cast {
+                    level,
+                    traversals,
+                    ..Cast::default()
+                };
+                scene.cast_image_with(&plane, &cast).unwrap()
+            });
         assert!(chosen.body.iter().filter(|body| **body == 11).count() > 600);
         for other in [together, apart] {
             assert_eq!(chosen.distance, other.distance);
@@ -105,7 +106,7 @@ fn walks_change_neither_images_nor_counts() {
 fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
     let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
     let (surfaces, poses) = furnished();
-    let scene = Snapshot::new(surfaces[1..].to_vec(), poses[1..].to_vec());
+    let scene = PosedScene::new(surfaces[1..].to_vec(), poses[1..].to_vec());
     let skipping = scene.cast_image(&plane).unwrap();
     let cast = Cast {
         skip_empty: false,
@@ -143,8 +144,8 @@ fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
     }
 }
 
-/// How many pixels show something else behind a beam; of these, no pair of antennas sees what is there above the floor.
-fn num_out_of_beam(scene: &Snapshot, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
+/// Number of pixels whose hits change with a beam; at none of them has any pair of antennas a gain above the floor.
+fn num_out_of_beam(scene: &PosedScene, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
     let whole = scene.cast_image(plane).unwrap();
     let [u, v] = plane.ranges();
     let beam = Beam::new(array, floor)
@@ -172,7 +173,7 @@ fn num_out_of_beam(scene: &Snapshot, plane: &ImagePlane, array: &Array, peaks: &
 fn directions_out_of_the_beam_are_not_cast() {
     let plane = ImagePlane::centered(64, 96, 1.0, 0.7);
     let (surfaces, poses) = furnished();
-    let scene = Snapshot::new(surfaces, poses);
+    let scene = PosedScene::new(surfaces, poses);
     let array = array(&[DVec3::ZERO], &[gaussian(20.0, 60.0)]);
     assert!(num_out_of_beam(&scene, &plane, &array, &[7.0], 1e-5) > 500);
 }
@@ -197,7 +198,7 @@ fn what_one_pair_of_antennas_sees_from_beside_the_centre_is_cast() {
     let mut num_out = Vec::new();
     for (i, distance) in [0.1, 0.2, 0.5, 6.0].into_iter().enumerate() {
         poses[0].translation.x = distance;
-        let scene = Snapshot::new(surfaces.clone(), poses.clone());
+        let scene = PosedScene::new(surfaces.clone(), poses.clone());
         num_out.push(num_out_of_beam(&scene, &plane, &array, &[7.0, 1.0, 7.0], 1e-6));
         assert!(
             (scene.nearest_in_front() - distance.min(3.0)).abs() < 0.1 * distance,
@@ -212,7 +213,7 @@ fn what_is_behind_the_sensor_does_not_widen_the_beam() {
     let (surfaces, mut poses) = furnished();
     poses[1].translation = DVec3::new(-0.01, 0.0, 0.0);
     poses[1].rotation = glam::DMat3::IDENTITY;
-    let nearest = Snapshot::new(surfaces, poses).nearest_in_front();
+    let nearest = PosedScene::new(surfaces, poses).nearest_in_front();
     assert!((2.8..3.1).contains(&nearest), "{nearest}");
-    assert_eq!(Snapshot::new(vec![], vec![]).nearest_in_front(), f64::INFINITY);
+    assert_eq!(PosedScene::new(vec![], vec![]).nearest_in_front(), f64::INFINITY);
 }

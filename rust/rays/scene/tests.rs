@@ -1,6 +1,6 @@
 use super::*;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{Cast, Walks};
+use crate::rays::hits::{Cast, Traversals};
 use crate::rays::surface::ShadingMode;
 use glam::DMat3;
 
@@ -18,14 +18,15 @@ fn at(x: f64, angle: f64) -> Pose {
 
 const PLANE: ImagePlane = ImagePlane::centered(17, 23, 0.5, 0.5);
 
-/// Every pixel as [`Snapshot::cast`] sees it, whatever the instruction set, on one walk per tile and on four.
-fn check(scene: &Snapshot, plane: &ImagePlane) -> usize {
+/// Assert that every pixel has the hit of [`PosedScene::cast`] on every instruction set, in one traversal per tile and
+/// in four.
+fn check(scene: &PosedScene, plane: &ImagePlane) -> usize {
     let mut count = 0;
     for level in Level::available() {
-        let [hits, apart] = [Walks::Together, Walks::Apart].map(|walks| {
+        let [hits, apart] = [Traversals::Together, Traversals::Apart].map(|traversals| {
             let cast = Cast {
                 level,
-                walks,
+                traversals,
                 ..Cast::default()
             };
             scene.cast_image_with(plane, &cast).unwrap()
@@ -61,7 +62,8 @@ fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
     for seed in 0..60 {
         let mut state = 1000 + seed;
         let mut unit = || 2.0 * random(&mut state) - 1.0;
-        // Bodies of triangle soup, from a tenth of a millimetre to a hundred metres, at, around and far from the sensor.
+        // Bodies of triangle soup, from a tenth of a millimetre to a hundred metres, at, around and far from the
+        // sensor.
         let scale = 10_f64.powf(3.0 * unit() - 1.0);
         let num_bodies = 1 + seed as usize % 5;
         let (mut surfaces, mut poses) = (Vec::new(), Vec::new());
@@ -93,7 +95,7 @@ fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
         }
         let half = 0.3 + 0.6 * unit().abs();
         let plane = ImagePlane::centered(19 + seed as usize % 9, 22, half, 0.5);
-        count += check(&Snapshot::new(surfaces, poses), &plane);
+        count += check(&PosedScene::new(surfaces, poses), &plane);
     }
     assert!(count > 10_000, "{count}");
 }
@@ -122,10 +124,10 @@ fn rays_at_edges_and_corners_of_a_grid_are_met_by_bundles() {
         let wall = Arc::new(Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap());
         let mut plane = ImagePlane::centered(cells, cells, 1.0, 1.0);
         (plane.axis_row, plane.axis_column) = (plane.axis_row - 0.5, plane.axis_column - 0.5);
-        let scene = Snapshot::new(vec![wall.clone()], vec![Pose::IDENTITY]);
+        let scene = PosedScene::new(vec![wall.clone()], vec![Pose::IDENTITY]);
         let hits = check(&scene, &plane) / Level::available().len();
         assert_eq!(hits, cells * cells);
-        check(&Snapshot::new(vec![wall], vec![at(-distance, 0.3)]), &plane);
+        check(&PosedScene::new(vec![wall], vec![at(-distance, 0.3)]), &plane);
     }
 }
 
@@ -145,42 +147,42 @@ pub fn furnished() -> (Vec<Arc<Surface>>, Vec<Pose>) {
 }
 
 #[test]
-fn points_hide_behind_bodies_whether_searches_end_early_or_not() {
+fn points_are_occluded_by_bodies_whether_searches_end_early_or_not() {
     let (surfaces, poses) = furnished();
-    let scene = Snapshot::new(surfaces, poses);
+    let scene = PosedScene::new(surfaces, poses);
     let mut state = 5;
     let mut unit = || 2.0 * random(&mut state) - 1.0;
     let points: Vec<DVec3> = (0..5000)
         .map(|_| DVec3::new(4.0 + 4.0 * unit(), 2.0 * unit(), 2.0 * unit()))
         .collect();
-    let hidden = scene.hide(&points, true).is_hidden;
-    assert_eq!(hidden, scene.hide(&points, false).is_hidden);
-    let behind_wall = points.iter().zip(&hidden).filter(|(p, _)| p.x > 6.0);
-    assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, hidden)| *hidden));
-    let before = points.iter().zip(&hidden).filter(|(p, _)| p.x < 2.9);
-    assert!(before.clone().count() > 500 && before.clone().all(|(_, hidden)| !hidden));
-    let between = points.iter().zip(&hidden).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
-    assert!(between.clone().any(|(_, hidden)| *hidden) && between.clone().any(|(_, hidden)| !hidden));
+    let occluded = scene.occluded(&points, true).is_occluded;
+    assert_eq!(occluded, scene.occluded(&points, false).is_occluded);
+    let behind_wall = points.iter().zip(&occluded).filter(|(p, _)| p.x > 6.0);
+    assert!(behind_wall.clone().count() > 500 && behind_wall.clone().all(|(_, occluded)| *occluded));
+    let before = points.iter().zip(&occluded).filter(|(p, _)| p.x < 2.9);
+    assert!(before.clone().count() > 500 && before.clone().all(|(_, occluded)| !occluded));
+    let between = points.iter().zip(&occluded).filter(|(p, _)| p.x > 3.2 && p.x < 6.0);
+    assert!(between.clone().any(|(_, occluded)| *occluded) && between.clone().any(|(_, occluded)| !occluded));
 }
 
 #[test]
 fn searches_end_early_where_boxes_overlap() {
     // Slanting squares one behind the other: a ray enters the boxes of all before it meets the first.
     let poses = [3.0, 3.1, 3.2].map(|x| at(x, 0.8)).to_vec();
-    let scene = Snapshot::new(vec![square(1.0); 3], poses);
+    let scene = PosedScene::new(vec![square(1.0); 3], poses);
     let points: Vec<DVec3> = (0..100).map(|i| DVec3::new(6.0, 0.01 * f64::from(i), 0.0)).collect();
-    let [first, nearest] = [true, false].map(|ends_early| scene.hide(&points, ends_early));
+    let [first, nearest] = [true, false].map(|ends_early| scene.occluded(&points, ends_early));
     assert_eq!((first.ended_early, nearest.ended_early), (100, 0));
-    assert!(first.is_hidden == [true; 100] && nearest.is_hidden == [true; 100]);
+    assert!(first.is_occluded == [true; 100] && nearest.is_occluded == [true; 100]);
     // Where nothing is in the way a search goes to its end.
     let above: Vec<DVec3> = points.iter().map(|p| p.with_z(4.0)).collect();
-    let free = scene.hide(&above, true);
-    assert!(free.ended_early == 0 && free.is_hidden == [false; 100]);
+    let free = scene.occluded(&above, true);
+    assert!(free.ended_early == 0 && free.is_occluded == [false; 100]);
 }
 
 #[test]
-fn nearer_body_hides_the_one_behind() {
-    let scene = Snapshot::new(vec![square(2.0), square(0.1)], vec![at(3.0, 0.0), at(2.0, 0.0)]);
+fn nearer_body_occludes_the_one_behind() {
+    let scene = PosedScene::new(vec![square(2.0), square(0.1)], vec![at(3.0, 0.0), at(2.0, 0.0)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     let middle = 8 * 23 + 11;
     assert_eq!((hits.body[middle], hits.distance[middle]), (1, 2.0));
@@ -191,17 +193,17 @@ fn nearer_body_hides_the_one_behind() {
 
 #[test]
 fn misses_are_data() {
-    let scene = Snapshot::new(vec![square(0.5)], vec![at(-1.0, 0.0)]);
+    let scene = PosedScene::new(vec![square(0.5)], vec![at(-1.0, 0.0)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     assert!(hits.distance.iter().all(|d| d.is_infinite()) && hits.body.iter().all(|b| *b == NO_BODY));
-    let empty = Snapshot::new(vec![], vec![]).cast_image(&PLANE).unwrap();
+    let empty = PosedScene::new(vec![], vec![]).cast_image(&PLANE).unwrap();
     assert!(empty.body.iter().all(|b| *b == NO_BODY));
 }
 
 #[test]
 fn a_turned_body_is_met_at_its_turned_plane() {
     let angle = 0.7_f64;
-    let scene = Snapshot::new(vec![square(5.0)], vec![at(2.0, angle)]);
+    let scene = PosedScene::new(vec![square(5.0)], vec![at(2.0, angle)]);
     let hits = scene.cast_image(&PLANE).unwrap();
     let normal = DVec3::new(angle.cos(), angle.sin(), 0.0);
     for row in 0..PLANE.rows {

@@ -11,7 +11,7 @@ use crate::geometry::aabb::Bounds;
 use crate::rays::batch::Found;
 use crate::rays::camera::{Cell, ImagePlane};
 use crate::rays::packet::MOST_RAYS;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 
 /// A part of a mesh as the sensor sees it: a rectangle of the image plane that wants cells of a size.
@@ -24,7 +24,7 @@ pub(super) struct Target {
 
 /// Everything that cells are judged by.
 pub(super) struct Judge<'a> {
-    pub(super) snapshot: &'a Snapshot,
+    pub(super) snapshot: &'a PosedScene,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
     pub(super) rule: &'a Rule<'a>,

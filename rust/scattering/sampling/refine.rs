@@ -12,14 +12,14 @@ use crate::error::{Error, Result, fits_memory};
 use crate::rays::batch::{Found, Known};
 use crate::rays::camera::Cell;
 use crate::rays::hits::{Cast, Counts};
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 
 impl Quadtree {
     /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.
     pub fn grow(
-        snapshot: &Snapshot,
+        snapshot: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,

@@ -12,7 +12,7 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Cast;
-use crate::rays::scene::Snapshot;
+use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::rays::tree::Tree;
 use crate::scattering::material::{Material, Response};
@@ -62,7 +62,7 @@ const RULE: Rule<'static> = Rule {
     end_points: true,
 };
 
-fn grow(scene: &Snapshot, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
+fn grow(scene: &PosedScene, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
     let conductor = Material::Constant(Response {
         reflection: Complex64::from(-1.0),
         albedo: 0.0,
@@ -72,17 +72,17 @@ fn grow(scene: &Snapshot, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> 
 }
 
 /// A wall and two plates, of which one is shifted.
-fn scene(shift: f64) -> Snapshot {
+fn scene(shift: f64) -> PosedScene {
     scene_of(&[plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])], shift)
 }
 
-fn scene_of(surfaces: &[Arc<Surface>], shift: f64) -> Snapshot {
+fn scene_of(surfaces: &[Arc<Surface>], shift: f64) -> PosedScene {
     let poses = vec![
         at(3.0, 0.0, 0.0, 0.6),
         at(1.5, -0.4, 0.2, 0.1),
         at(1.2, 0.3 + shift, -0.1, -0.2),
     ];
-    Snapshot::new(surfaces.to_vec(), poses)
+    PosedScene::new(surfaces.to_vec(), poses)
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
 fn a_small_target_between_the_rays_of_the_base_grid_is_found() {
     // 6 mm at 2 m, where cells are 60 mm wide.
     let (y, z) = (2.0 * 4.0 * BASE.du, 2.0 * 3.0 * BASE.dv + 0.5 * 2.0 * BASE.dv);
-    let scene = Snapshot::new(vec![plate([3e-3, 3e-3])], vec![at(2.0, y, z, 0.0)]);
+    let scene = PosedScene::new(vec![plate([3e-3, 3e-3])], vec![at(2.0, y, z, 0.0)]);
     let leaves = grow(&scene, &RULE, None).leaves();
     let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
     assert!((area / 36e-6 - 1.0).abs() < 0.3, "{area}");
@@ -146,7 +146,7 @@ fn a_thin_tilted_strip_is_found_all_along() {
     for roll in [0.6, 0.25 * PI] {
         let mut pose = at(2.0, 0.013, 0.007, 0.0);
         pose.rotation = glam::DMat3::from_rotation_x(roll);
-        let scene = Snapshot::new(vec![plate([0.5, 4e-3])], vec![pose]);
+        let scene = PosedScene::new(vec![plate([0.5, 4e-3])], vec![pose]);
         let leaves = grow(&scene, &RULE, None).leaves();
         let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
         assert!((area / 8e-3 - 1.0).abs() < 0.1, "{roll} {area}");
@@ -200,7 +200,7 @@ fn links_are_those_of_the_neighbours_in_the_end() {
 
 #[test]
 fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
-    let wall = Snapshot::new(vec![plate([9.0, 9.0])], vec![at(3.0, 0.0, 0.0, 0.9)]);
+    let wall = PosedScene::new(vec![plate([9.0, 9.0])], vec![at(3.0, 0.0, 0.0, 0.9)]);
     let tree = grow(&wall, &RULE, None);
     assert_eq!(tree.nodes.len(), BASE.num_pixels());
     assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
