@@ -87,7 +87,7 @@
 //! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
-//! let places = Places { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
+//! let places = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
 //! let num_paths = scatterers.len();
 //! let paths = scatterers.paths(&places, &places, Selection { first: 0, last: num_paths, step: 1 })?;
 //!
@@ -144,7 +144,7 @@ pub use error::{Error, Result};
 pub use geometry::aabb::Bounds;
 pub use geometry::pose::Pose;
 pub use numeric::simd::Level;
-pub use paths::kinematics::Places;
+pub use paths::kinematics::Kinematics;
 pub use paths::scatterers::Scatterers;
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;

@@ -11,7 +11,7 @@ use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::geometry::moving_triangle::Facet;
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::Snapshot;
 
@@ -181,7 +181,7 @@ impl Bounces {
     }
 
     /// Delays of the selected routes at `places`, which need no point targets, and amplitudes at others.
-    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
+    pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
             [places.num_nodes, amplitudes_at.num_nodes],
             self.num_channels(),
@@ -192,7 +192,7 @@ impl Bounces {
     }
 
     /// Rate of every delay [s/s], `(channel, route)`, at the first node of `places`; `rates` are the time derivatives.
-    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
+    pub fn delay_rates(&self, places: &Kinematics, rates: &Kinematics) -> Vec<f64> {
         let num_routes = self.len();
         (0..self.num_channels() * num_routes)
             .into_par_iter()
@@ -228,7 +228,7 @@ impl Bounces {
     }
 
     /// Delay and amplitude of one route of one channel at one time, README eq. (7).
-    fn path(&self, places: &Places, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
+    fn path(&self, places: &Kinematics, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, route);
         let points = self.points(route, channel);
         let departure = self.position(places, node, &points[0]) - start.0;
@@ -247,14 +247,14 @@ impl Bounces {
     }
 
     /// Where a material point is [m].
-    fn position(&self, places: &Places, node: usize, point: &Point) -> DVec3 {
+    fn position(&self, places: &Kinematics, node: usize, point: &Point) -> DVec3 {
         let pose = &places.poses[node * places.num_bodies + point.body as usize];
         let facet = self.facet_of(places, node, point);
         pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
     }
 
     /// Where a material point is at the first node [m], and how it moves [m/s].
-    fn motion(&self, places: &Places, rates: &Places, point: &Point) -> (DVec3, DVec3) {
+    fn motion(&self, places: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
         let (pose, rate) = (&places.poses[point.body as usize], &rates.poses[point.body as usize]);
         let facets = [places, rates].map(|places| self.facet_of(places, 0, point));
         let (position, velocity) = match facets {
@@ -267,7 +267,7 @@ impl Bounces {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<Facet> {
+    fn facet_of(&self, places: &Kinematics, node: usize, point: &Point) -> Option<Facet> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
         let vertices = &places.vertices[index][node * self.deforming[index].1..];

@@ -10,7 +10,7 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::Scatterers;
 use crate::paths::series::{Paths, Selection};
 
@@ -28,15 +28,15 @@ type Lanes3 = [Lanes; 3];
 
 impl Scatterers {
     /// Delays of the selected paths at `places`, and amplitudes at others: first the material points, then the point targets.
-    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
+    pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         self.paths_by(places, amplitudes_at, selection, Level::best())
     }
 
     /// The same with an instruction set.
     pub fn paths_by(
         &self,
-        places: &Places,
-        amplitudes_at: &Places,
+        places: &Kinematics,
+        amplitudes_at: &Kinematics,
         selection: Selection,
         level: Level,
     ) -> Result<Paths> {
@@ -107,8 +107,8 @@ impl Scatterers {
 /// Follows a block of paths.
 struct FollowBlock<'a> {
     scatterers: &'a Scatterers,
-    places: &'a Places<'a>,
-    amplitudes_at: &'a Places<'a>,
+    places: &'a Kinematics<'a>,
+    amplitudes_at: &'a Kinematics<'a>,
     selection: Selection,
     /// Of the selected paths, and how many there are.
     first: usize,
@@ -251,7 +251,7 @@ impl FollowBlock<'_> {
 impl Eight {
     /// Of their bodies, at a node of some places.
     #[inline(always)]
-    fn poses<I: Isa>(&self, places: &Places, node: usize) -> Poses {
+    fn poses<I: Isa>(&self, places: &Kinematics, node: usize) -> Poses {
         let of = &places.poses[node * places.num_bodies..];
         let mut poses = Poses {
             axes: [[[0.0; LANES]; 3]; 3],
@@ -536,7 +536,7 @@ mod tests {
             let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
             for scatterers in [of_pixels, of_cells] {
                 let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();
-                let places = Places {
+                let places = Kinematics {
                     num_nodes: 2,
                     num_bodies: 2,
                     poses: &moved,
@@ -545,7 +545,7 @@ mod tests {
                     vertices: &[],
                 };
                 // Amplitudes at a time of their own.
-                let other = Places {
+                let other = Kinematics {
                     num_nodes: 1,
                     poses: &moved[2..],
                     points: &places.points[1..],

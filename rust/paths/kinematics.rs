@@ -6,7 +6,7 @@ use crate::geometry::pose::Pose;
 
 /// Where everything is at a number of times, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Places<'a> {
+pub struct Kinematics<'a> {
     /// Number of times.
     pub num_nodes: usize,
     /// Number of bodies.

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 use crate::numeric::chebyshev::{interpolation_weights, series_tail};
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 
 /// Vertices of a body that are looked at to tell how well their motion is resolved.
 const NUM_PROBED_VERTICES: usize = 1024;
@@ -261,7 +261,7 @@ impl Placement {
     }
 
     /// Everything at some times, with the vertices of the bodies `deforming`, numbers among those that deform.
-    pub fn at(&self, times: &[f64], deforming: &[usize]) -> Kinematics {
+    pub fn at(&self, times: &[f64], deforming: &[usize]) -> NodePlaces {
         let vertices = deforming.iter().map(|body| {
             let motion = &self.vertices[*body];
             let mut positions = Vec::with_capacity(times.len() * motion.num_vertices());
@@ -270,7 +270,7 @@ impl Placement {
             }
             positions
         });
-        Kinematics {
+        NodePlaces {
             num_nodes: times.len(),
             num_bodies: self.num_bodies(),
             poses: times.iter().flat_map(|x| self.poses_at(*x)).collect(),
@@ -303,7 +303,7 @@ impl Placement {
 
 /// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame.
 #[derive(Clone, Debug)]
-pub struct Kinematics {
+pub struct NodePlaces {
     num_nodes: usize,
     num_bodies: usize,
     poses: Vec<Pose>,
@@ -311,12 +311,12 @@ pub struct Kinematics {
     vertices: Vec<Vec<[f64; 3]>>,
 }
 
-impl Kinematics {
+impl NodePlaces {
     /// Run something with these places and the cross-sections of the point targets [m^2].
-    pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Places) -> T) -> T {
+    pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Kinematics) -> T) -> T {
         let vertices: Vec<&[[f64; 3]]> = self.vertices.iter().map(Vec::as_slice).collect();
         let points = if rcs.is_empty() { &[] } else { self.points.as_slice() };
-        run(&Places {
+        run(&Kinematics {
             num_nodes: self.num_nodes,
             num_bodies: self.num_bodies,
             poses: &self.poses,

@@ -10,7 +10,7 @@ use crate::antennas::array::{Array, Sight};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::moving_triangle::Facet;
 use crate::numeric::trig::sinc;
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 
 /// Material points with what their amplitude needs besides the geometry.
 pub struct Scatterers {
@@ -126,7 +126,7 @@ impl Scatterers {
     }
 
     /// Delay and amplitude of one path of one channel at one time.
-    pub fn path(&self, places: &Places, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    pub fn path(&self, places: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let Some(&body) = self.body.get(path) else {
             let point = path - self.len();
             let (t, r) = self.array.pair(channel, places.points[node * places.rcs.len() + point]);
@@ -148,7 +148,7 @@ impl Scatterers {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, path: usize) -> Option<Facet> {
+    fn facet_of(&self, places: &Kinematics, node: usize, path: usize) -> Option<Facet> {
         let corners = self.facet[path]?;
         let body = self.body[path];
         let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
@@ -160,7 +160,7 @@ impl Scatterers {
 
     /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
     /// Distances do not depend on the frame they are measured in, so this is exact for a moving sensor too.
-    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
+    pub fn delay_rates(&self, places: &Kinematics, rates: &Kinematics) -> Vec<f64> {
         let num_paths = self.len() + places.points.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()

@@ -417,7 +417,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
     let poses = [Pose::IDENTITY; 2];
-    let places = crate::paths::kinematics::Places {
+    let places = crate::paths::kinematics::Kinematics {
         num_nodes: 1,
         num_bodies: 2,
         poses: &poses,
