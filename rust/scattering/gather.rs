@@ -19,7 +19,7 @@ use crate::rays::scene::Snapshot;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::material_frame::Ground;
+use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::material_points::Points;
 use crate::scattering::patch::{Patch, patch};
 use crate::scattering::physical_optics::{Sampling, Weigh};
@@ -38,8 +38,8 @@ impl Scatterers {
     ) -> Self {
         Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
             if let Some(patch) = patch(hits, shown, pixel) {
-                let ground = Ground::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
-                weigh.patch(&patch, &ground, &materials[patch.body as usize], points);
+                let frame = MaterialFrame::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
             }
         })
         .with_vertices(|body| snapshot.surface(body).vertices().len())
@@ -68,8 +68,8 @@ impl Scatterers {
                 distance,
                 normal,
             };
-            let ground = Ground::of_mesh(snapshot, body, triangle, 0);
-            weigh.leaf(&patch, leaf, &ground, &materials[body as usize], points);
+            let frame = MaterialFrame::of_mesh(snapshot, body, triangle, 0);
+            weigh.leaf(&patch, leaf, &frame, &materials[body as usize], points);
         });
         for (body, speckle) in samples.speckles.iter().enumerate() {
             let Some(speckle) = speckle else { continue };
@@ -94,12 +94,12 @@ impl Scatterers {
                     reflection: surfels.reflection[pixel],
                     albedo: surfels.albedo[pixel],
                 });
-                let ground = Ground {
+                let frame = MaterialFrame {
                     pose: &Pose::IDENTITY,
                     carrier: None,
                     speckle: mix(seed ^ u64::from(patch.body)),
                 };
-                weigh.patch(&patch, &ground, &material, points);
+                weigh.patch(&patch, &frame, &material, points);
             }
         }))
     }

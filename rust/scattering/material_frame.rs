@@ -17,7 +17,7 @@ pub(crate) const SPECKLE_CELL: f64 = 0.3e-3;
 pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_776);
 
 /// What material points stay with.
-pub(crate) struct Ground<'a> {
+pub(crate) struct MaterialFrame<'a> {
     pub(crate) pose: &'a Pose,
     /// Where the body deforms.
     pub(crate) carrier: Option<Carrier>,
@@ -25,7 +25,7 @@ pub(crate) struct Ground<'a> {
     pub(crate) speckle: u64,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> MaterialFrame<'a> {
     /// A triangle of a body.
     pub(crate) fn of_mesh(snapshot: &'a Snapshot, body: u32, triangle: u32, seed: u64) -> Self {
         let surface = snapshot.surface(body);

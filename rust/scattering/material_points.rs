@@ -7,7 +7,7 @@ use num_complex::Complex64;
 
 use crate::antennas::array::Array;
 use crate::paths::scatterers::{Edges, Scatterers, Weight};
-use crate::scattering::material_frame::Ground;
+use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::patch::Patch;
 
 /// Cell of points that belong to none.
@@ -48,7 +48,7 @@ pub(crate) struct Spot {
 
 impl Points {
     /// One more, unless it sends nothing back; its weights are there already.
-    pub(crate) fn push(&mut self, patch: &Patch, ground: &Ground, spot: Spot, num_channels: usize) {
+    pub(crate) fn push(&mut self, patch: &Patch, frame: &MaterialFrame, spot: Spot, num_channels: usize) {
         let first = self.weights.len() - num_channels;
         if self.weights[first..].iter().all(Weight::is_silent) {
             self.weights.truncate(first);
@@ -57,9 +57,9 @@ impl Points {
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
         self.order.push(spot.order);
-        self.facet.push(ground.carrier.as_ref().map(|carrier| carrier.vertices));
+        self.facet.push(frame.carrier.as_ref().map(|carrier| carrier.vertices));
         self.position.push(spot.position);
-        self.normal.push(ground.normal(patch.normal));
+        self.normal.push(frame.normal(patch.normal));
         self.patch.push(spot.edges);
         self.area.push(spot.area);
         self.cube.push(spot.cube);

@@ -13,7 +13,7 @@ use crate::paths::scatterers::{Edges, Weight, bisector};
 use crate::rays::scene::Snapshot;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::material_frame::{Ground, speckle_turns};
+use crate::scattering::material_frame::{MaterialFrame, speckle_turns};
 use crate::scattering::material_points::{NO_CELL, Points, Spot};
 use crate::scattering::patch::Patch;
 use crate::scattering::sampling::Leaf;
@@ -48,11 +48,11 @@ impl Weigh<'_> {
     }
 
     /// The material point of a patch: what its material sends back by every channel, mirror-like and diffuse.
-    pub(crate) fn patch(&self, patch: &Patch, ground: &Ground, material: &Material, points: &mut Points) {
+    pub(crate) fn patch(&self, patch: &Patch, frame: &MaterialFrame, material: &Material, points: &mut Points) {
         let Some(area) = patch.area() else { return };
         let point = patch.point();
-        let position = ground.position(point);
-        let cube = ground.cube(position);
+        let position = frame.position(point);
+        let cube = frame.cube(position);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
             Sampling::Footprint => TAU * speckle_turns(cube),
@@ -77,11 +77,18 @@ impl Weigh<'_> {
             area,
             cube,
         };
-        points.push(patch, ground, spot, self.array.num_channels());
+        points.push(patch, frame, spot, self.array.num_channels());
     }
 
     /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
-    pub(crate) fn leaf(&self, patch: &Patch, leaf: &Leaf, ground: &Ground, material: &Material, points: &mut Points) {
+    pub(crate) fn leaf(
+        &self,
+        patch: &Patch,
+        leaf: &Leaf,
+        frame: &MaterialFrame,
+        material: &Material,
+        points: &mut Points,
+    ) {
         let Some(area) = patch.area() else { return };
         let num_channels = self.array.num_channels();
         let point = patch.point();
@@ -136,13 +143,13 @@ impl Weigh<'_> {
                 }
             });
             let spot = Spot {
-                position: ground.position(end),
-                edges: ground.edges(across),
+                position: frame.position(end),
+                edges: frame.edges(across),
                 order: axes.len() as u8,
                 area: 0.0,
                 cube: 0,
             };
-            points.push(patch, ground, spot, num_channels);
+            points.push(patch, frame, spot, num_channels);
         }
     }
 
@@ -159,10 +166,10 @@ impl Weigh<'_> {
         let Speckle {
             points: spread, normal, ..
         } = speckle;
-        let ground = Ground::of_mesh(snapshot, body, spread.triangle[point], 0);
+        let frame = MaterialFrame::of_mesh(snapshot, body, spread.triangle[point], 0);
         let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
         let position = spread.position(surface, point);
-        let place = ground.pose.point(position);
+        let place = frame.pose.point(position);
         // A surface that stretches has the same points with more area each.
         let stretch = area(&surface.corners(triangle)) / area(&surface.rest_corners(triangle));
         let phasor = Complex64::cis(TAU * spread.turns[point]);
@@ -181,13 +188,13 @@ impl Weigh<'_> {
             ..Patch::NOTHING
         };
         let spot = Spot {
-            position: ground.position(place),
+            position: frame.position(place),
             edges: Edges::default(),
             order: 0,
             area: 0.0,
             cube: 0,
         };
-        points.push(&patch, &ground, spot, self.array.num_channels());
+        points.push(&patch, &frame, spot, self.array.num_channels());
     }
 
     /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
