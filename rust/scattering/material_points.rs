@@ -36,7 +36,7 @@ pub(crate) struct Points {
 
 /// Where on a patch a material point is, and what it stands for.
 #[derive(Clone, Copy)]
-pub(crate) struct Spot {
+pub(crate) struct SurfaceSample {
     /// On its ground.
     pub(crate) position: DVec3,
     pub(crate) edges: Edges,
@@ -48,7 +48,7 @@ pub(crate) struct Spot {
 
 impl Points {
     /// One more, unless it sends nothing back; its weights are there already.
-    pub(crate) fn push(&mut self, patch: &Patch, frame: &MaterialFrame, spot: Spot, num_channels: usize) {
+    pub(crate) fn push(&mut self, patch: &Patch, frame: &MaterialFrame, sample: SurfaceSample, num_channels: usize) {
         let first = self.weights.len() - num_channels;
         if self.weights[first..].iter().all(Weight::is_silent) {
             self.weights.truncate(first);
@@ -56,13 +56,13 @@ impl Points {
         }
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
-        self.order.push(spot.order);
+        self.order.push(sample.order);
         self.facet.push(frame.carrier.as_ref().map(|carrier| carrier.vertices));
-        self.position.push(spot.position);
+        self.position.push(sample.position);
         self.normal.push(frame.normal(patch.normal));
-        self.patch.push(spot.edges);
-        self.area.push(spot.area);
-        self.cube.push(spot.cube);
+        self.patch.push(sample.edges);
+        self.area.push(sample.area);
+        self.cube.push(sample.cube);
     }
 
     pub(crate) fn with_array(self, array: Array) -> Scatterers {

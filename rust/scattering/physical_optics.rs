@@ -14,7 +14,7 @@ use crate::rays::scene::Snapshot;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::{MaterialFrame, speckle_turns};
-use crate::scattering::material_points::{NO_CELL, Points, Spot};
+use crate::scattering::material_points::{NO_CELL, Points, SurfaceSample};
 use crate::scattering::patch::Patch;
 use crate::scattering::sampling::Leaf;
 use crate::scattering::taper::taper;
@@ -70,14 +70,14 @@ impl Weigh<'_> {
             let diffuse = phasor * self.diffuse(&response, area);
             points.weights.push(Weight { mirror, diffuse });
         }
-        let spot = Spot {
+        let sample = SurfaceSample {
             position,
             edges: Edges::default(),
             order: 0,
             area,
             cube,
         };
-        points.push(patch, frame, spot, self.array.num_channels());
+        points.push(patch, frame, sample, self.array.num_channels());
     }
 
     /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
@@ -142,14 +142,14 @@ impl Weigh<'_> {
                     DVec3::ZERO
                 }
             });
-            let spot = Spot {
+            let sample = SurfaceSample {
                 position: frame.position(end),
                 edges: frame.edges(across),
                 order: axes.len() as u8,
                 area: 0.0,
                 cube: 0,
             };
-            points.push(patch, frame, spot, num_channels);
+            points.push(patch, frame, sample, num_channels);
         }
     }
 
@@ -187,14 +187,14 @@ impl Weigh<'_> {
             normal: normal[point],
             ..Patch::NOTHING
         };
-        let spot = Spot {
+        let sample = SurfaceSample {
             position: frame.position(place),
             edges: Edges::default(),
             order: 0,
             area: 0.0,
             cube: 0,
         };
-        points.push(&patch, &frame, spot, self.array.num_channels());
+        points.push(&patch, &frame, sample, self.array.num_channels());
     }
 
     /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
