@@ -182,7 +182,7 @@ pub(super) struct Node {
     /// [sr]
     pub(super) solid_angle: f64,
     pub(super) found: Found,
-    pub(super) look: Look,
+    pub(super) look: CellEcho,
     /// How much it leaves open, relative to what it may, once that is known.
     pub(super) open: f64,
 }
@@ -209,7 +209,7 @@ pub struct Leaf {
 
 /// What a cell adds to the sum, and how it varies.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
+pub(super) struct CellEcho {
     /// Field reflected and received, relative to a conductor where the gain is largest.
     pub(super) amplitude: f64,
     /// Half of what the phase turns over the cell, along u and v [rad].
@@ -240,7 +240,7 @@ impl Place {
     }
 }
 
-impl Look {
+impl CellEcho {
     pub(super) const NOTHING: Self = Self {
         amplitude: 0.0,
         slope: [0.0; 2],

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::cells::{BUNDLE, CELLS_ACROSS, FEW_PARTS, Look, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
+use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::geometry::aabb::Bounds;
@@ -33,11 +33,11 @@ pub(super) struct Judge<'a> {
 
 impl Judge<'_> {
     /// What a cell adds to the sum.
-    pub(super) fn look(&self, cell: &Cell, found: &Found) -> Look {
+    pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
         let cosine = -found.normal.dot(direction);
         if !found.is_hit() || cosine <= 0.0 || found.distance <= 0.0 {
-            return Look::NOTHING;
+            return CellEcho::NOTHING;
         }
         let polarization = self.array.polarization;
         let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, found.normal, direction, direction));
@@ -53,7 +53,7 @@ impl Judge<'_> {
                 least[axis] = least[axis].min(bisector.dot(edges[axis]) * slope[axis].signum());
             }
         }
-        Look {
+        CellEcho {
             amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
             steep: least.map(|least| self.rule.end_points && least > STEEP),

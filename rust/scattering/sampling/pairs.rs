@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::cells::{Ends, Look, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
+use super::cells::{CellEcho, Ends, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 
 impl Quadtree {
     /// How much a cell leaves open, at most, relative to what it may.
@@ -115,7 +115,7 @@ impl Quadtree {
                 *damped /= if turns_round { 1.0 } else { 1.0 + slopes[axis].abs() };
             }
         }
-        let of = |look: &Look, damped: f64| look.amplitude * damped / look.tolerance;
+        let of = |look: &CellEcho, damped: f64| look.amplitude * damped / look.tolerance;
         let field = of(&node.look, damped[0])
             .max(of(&other.look, damped[1]))
             .min(f64::from(f32::MAX));
