@@ -88,7 +88,7 @@ pub enum Source {
 /// Rays of frames.
 #[derive(Clone, Copy, Debug)]
 pub enum RaySampling {
-    /// Through cells that are split where it matters, see [`crate::scattering::sampling::Rule`].
+    /// Through cells that are split where it matters, see [`crate::scattering::sampling::Refinement`].
     Adaptive {
         /// Coarsest cells.
         base: ImagePlane,

@@ -18,7 +18,7 @@ use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Rule;
+use crate::scattering::sampling::Refinement;
 
 /// Hits of the pixels of an image.
 pub struct Image {
@@ -118,7 +118,7 @@ impl Rays {
                 budget,
                 end_points,
             } => {
-                let rule = Rule {
+                let refinement = Refinement {
                     base,
                     rcs_floor,
                     budget,
@@ -130,7 +130,7 @@ impl Rays {
                     _ => None,
                 };
                 let (cast, seed) = (model.cast(), model.settings.seed);
-                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &rule, seed, before)?;
+                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &refinement, seed, before)?;
                 Ok(Self::Cells(scene, samples))
             }
             RaySampling::Pixels(plane, _) => {

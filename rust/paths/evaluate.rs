@@ -525,14 +525,14 @@ mod tests {
                 Sampling::Footprint,
                 1,
             );
-            let rule = crate::scattering::sampling::Rule {
+            let refinement = crate::scattering::sampling::Refinement {
                 beam: None,
                 base: plane,
                 rcs_floor: 1e-3,
                 budget: Some(1000),
                 end_points: true,
             };
-            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &rule, 1, None).unwrap();
+            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
             let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
             for scatterers in [of_pixels, of_cells] {
                 let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();

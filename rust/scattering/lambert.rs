@@ -17,7 +17,7 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
-use crate::scattering::sampling::Rule;
+use crate::scattering::sampling::Refinement;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
@@ -138,15 +138,15 @@ impl Speckle {
         snapshot: &Snapshot,
         body: u32,
         cast: &Cast,
-        rule: &Rule,
+        refinement: &Refinement,
         seed: u64,
         before: Option<&Self>,
         moved: Option<&Tree>,
     ) -> (Self, Counts) {
         let surface = snapshot.surface(body);
-        let before = before.filter(|before| before.points.is_of(surface, rule.rcs_floor, seed));
+        let before = before.filter(|before| before.points.is_of(surface, refinement.rcs_floor, seed));
         let points = before.map_or_else(
-            || Arc::new(Points::new(surface, rule.rcs_floor, seed)),
+            || Arc::new(Points::new(surface, refinement.rcs_floor, seed)),
             |before| before.points.clone(),
         );
 
@@ -154,8 +154,8 @@ impl Speckle {
         let sight = |point: usize| {
             let position = snapshot.pose(body).point(points.position(surface, point));
             let place = [position.y / position.x, position.z / position.x];
-            let (row, column) = rule.base.pixel(place);
-            let (rows, columns) = (rule.base.rows as f64, rule.base.columns as f64);
+            let (row, column) = refinement.base.pixel(place);
+            let (rows, columns) = (refinement.base.rows as f64, refinement.base.columns as f64);
             let is_inside = position.x > 0.0 && (0.0..rows).contains(&row) && (0.0..columns).contains(&column);
             is_inside.then(|| Sight {
                 key: morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32),

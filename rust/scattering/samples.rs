@@ -7,7 +7,7 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::Snapshot;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
-use crate::scattering::sampling::{Leaf, Quadtree, Rule};
+use crate::scattering::sampling::{Leaf, Quadtree, Refinement};
 
 /// Cells and points.
 pub struct Samples {
@@ -28,17 +28,17 @@ impl Samples {
         cast: &Cast,
         materials: &[Material],
         array: &Array,
-        rule: &Rule,
+        refinement: &Refinement,
         seed: u64,
         before: Option<(&Snapshot, &Self)>,
     ) -> Result<Self> {
-        rule.check()?;
-        let [u, v] = rule.base.ranges();
+        refinement.check()?;
+        let [u, v] = refinement.base.ranges();
         let in_front = |beam: &Beam| beam.in_front(|| snapshot.nearest_in_front(), u, v);
-        let beam = rule.beam.and_then(in_front);
-        let rule = &Rule {
+        let beam = refinement.beam.and_then(in_front);
+        let refinement = &Refinement {
             beam: beam.as_ref(),
-            ..*rule
+            ..*refinement
         };
         let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
         let cast = &Cast {
@@ -52,7 +52,7 @@ impl Samples {
             cast,
             materials,
             array,
-            rule,
+            refinement,
             previous.map(|samples| &samples.tree).zip(moved.as_ref()),
         )?;
         let mut counts = tree.counts;
@@ -63,7 +63,7 @@ impl Samples {
                 continue;
             }
             let known = previous.and_then(|samples| samples.speckles[body].as_ref());
-            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, rule, seed, known, moved.as_ref());
+            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, refinement, seed, known, moved.as_ref());
             counts = counts.plus(more);
             speckles.push(Some(speckle));
         }

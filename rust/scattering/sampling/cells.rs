@@ -55,7 +55,7 @@ pub(super) const MAX_SIDE: usize = 1 << 14;
 
 /// What cells are split for.
 #[derive(Clone, Copy, Debug)]
-pub struct Rule<'a> {
+pub struct Refinement<'a> {
     /// The coarsest cells.
     pub base: ImagePlane,
     /// Smallest cross-section of interest [m^2].
@@ -251,7 +251,7 @@ impl CellEcho {
     };
 }
 
-impl Rule<'_> {
+impl Refinement<'_> {
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<()> {
         self.base.check()?;

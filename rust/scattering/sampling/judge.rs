@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
+use super::cells::{
+    BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, Refinement, SHARE, STEEP,
+};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::geometry::aabb::Bounds;
@@ -27,7 +29,7 @@ pub(super) struct Judge<'a> {
     pub(super) snapshot: &'a Snapshot,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
-    pub(super) rule: &'a Rule<'a>,
+    pub(super) refinement: &'a Refinement<'a>,
     pub(super) wavelength: f64,
 }
 
@@ -56,8 +58,8 @@ impl Judge<'_> {
         CellEcho {
             amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
-            steep: least.map(|least| self.rule.end_points && least > STEEP),
-            tolerance: SHARE * self.rule.field(found.distance, self.wavelength),
+            steep: least.map(|least| self.refinement.end_points && least > STEEP),
+            tolerance: SHARE * self.refinement.field(found.distance, self.wavelength),
             point: found.distance * direction,
             advance: -cosine,
         }
@@ -79,7 +81,7 @@ impl Judge<'_> {
                     .filter_map(move |piece| self.target(&corners(piece), number))
             })
         });
-        let base = &self.rule.base;
+        let base = &self.refinement.base;
         let is_small = |target: &Target| target.width[0] < base.du || target.width[1] < base.dv;
         parts.filter(is_small).collect()
     }
@@ -101,7 +103,7 @@ impl Judge<'_> {
             .iter()
             .map(|corner| corner.length())
             .fold(f64::INFINITY, f64::min);
-        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= self.rule.field(distance, self.wavelength);
+        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= self.refinement.field(distance, self.wavelength);
         let width = [u, v].map(|[low, high]| (high - low) / CELLS_ACROSS);
         is_bright.then_some(Target { u, v, width })
     }

@@ -10,7 +10,7 @@ mod judge;
 mod pairs;
 mod refine;
 
-pub use cells::{Leaf, Quadtree, Rule};
+pub use cells::{Leaf, Quadtree, Refinement};
 
 #[cfg(test)]
 mod tests;

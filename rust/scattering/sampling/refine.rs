@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Rule, SIDES};
+use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Refinement, SIDES};
 use super::judge::{Judge, Target, bundles, cell};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
@@ -23,20 +23,23 @@ impl Quadtree {
         cast: &Cast,
         materials: &[Material],
         array: &Array,
-        rule: &Rule,
+        refinement: &Refinement,
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
         let judge = Judge {
             snapshot,
             materials,
             array,
-            rule,
+            refinement,
             wavelength: SPEED_OF_LIGHT / array.frequency,
         };
-        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam.as_ref() == rule.beam);
+        let previous =
+            previous.filter(|(tree, _)| tree.planes[0] == refinement.base && tree.beam.as_ref() == refinement.beam);
         let mut tree = Self {
-            planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
-            roots: vec![NONE; rule.base.num_pixels()],
+            planes: (0..=MAX_LEVEL)
+                .map(|level| refinement.base.divided(1 << level))
+                .collect(),
+            roots: vec![NONE; refinement.base.num_pixels()],
             nodes: Vec::new(),
             parts: Vec::new(),
             wholes: Vec::new(),
@@ -46,16 +49,16 @@ impl Quadtree {
             counts: Counts::default(),
             num_coarse: 0,
             allowed: 1.0,
-            beam: rule.beam.cloned(),
+            beam: refinement.beam.cloned(),
             wavelength: judge.wavelength,
-            end_points: rule.end_points,
+            end_points: refinement.end_points,
         };
         let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&judge, cast, previous, &cells);
 
         // The base grid.
-        let cells = rule.base_cells();
+        let cells = refinement.base_cells();
         for (node, cell) in cells.iter().enumerate() {
-            tree.roots[cell.row as usize * rule.base.columns + cell.column as usize] = node as u32;
+            tree.roots[cell.row as usize * refinement.base.columns + cell.column as usize] = node as u32;
         }
         add(&mut tree, cells)?;
 
@@ -63,7 +66,7 @@ impl Quadtree {
         let targets = judge.targets();
         for level in 0..MAX_LEVEL {
             let mut split = tree.cells_on(&targets, level);
-            split.truncate(rule.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
+            split.truncate(refinement.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
             let cells = tree.split(&mut split);
             add(&mut tree, cells)?;
         }
@@ -74,7 +77,7 @@ impl Quadtree {
         tree.measure(&all);
         tree.raise(&all);
         tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
-        let (mut step, most) = (FIRST_STEP, rule.budget.unwrap_or(usize::MAX));
+        let (mut step, most) = (FIRST_STEP, refinement.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
             let before = tree.allowed;
             tree.allowed = (before / step).max(1.0);

@@ -54,7 +54,7 @@ fn array() -> Array {
 }
 
 const BASE: ImagePlane = ImagePlane::centered(33, 40, 0.5, 0.6);
-const RULE: Rule<'static> = Rule {
+const RULE: Refinement<'static> = Refinement {
     beam: None,
     base: BASE,
     rcs_floor: 1e-6,
@@ -62,13 +62,13 @@ const RULE: Rule<'static> = Rule {
     end_points: true,
 };
 
-fn grow(scene: &Snapshot, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
+fn grow(scene: &Snapshot, refinement: &Refinement, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
     let conductor = Material::Constant(Response {
         reflection: Complex64::from(-1.0),
         albedo: 0.0,
     });
     let materials = vec![conductor; scene.num_bodies()];
-    Quadtree::grow(scene, &Cast::default(), &materials, &array(), rule, previous).unwrap()
+    Quadtree::grow(scene, &Cast::default(), &materials, &array(), refinement, previous).unwrap()
 }
 
 /// A wall and two plates, of which one is shifted.
@@ -133,7 +133,7 @@ fn a_small_target_between_the_rays_of_the_base_grid_is_found() {
     let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
     assert!((area / 36e-6 - 1.0).abs() < 0.3, "{area}");
     // One that is less than asked for is not looked for.
-    let dim = Rule {
+    let dim = Refinement {
         rcs_floor: 10.0,
         ..RULE
     };
@@ -158,11 +158,11 @@ fn a_budget_is_kept_and_cells_leave_as_little_open_as_it_pays_for() {
     let needed = grow(&scene(0.0), &RULE, None).nodes.len();
     let mut last = f64::INFINITY;
     for budget in [needed / 8, needed / 2, 2 * needed] {
-        let rule = Rule {
+        let refinement = Refinement {
             budget: Some(budget),
             ..RULE
         };
-        let tree = grow(&scene(0.0), &rule, None);
+        let tree = grow(&scene(0.0), &refinement, None);
         assert!(tree.counts.rays <= budget);
         assert!(
             tree.nodes.len() >= (budget / 2).min(needed) && tree.nodes.len() <= needed,
@@ -182,7 +182,7 @@ fn links_are_those_of_the_neighbours_in_the_end() {
     // Steps are taken back where there is a budget.
     let needed = grow(&scene(0.0), &RULE, None).nodes.len();
     for budget in [None, Some(needed / 2)] {
-        let tree = grow(&scene(0.0), &Rule { budget, ..RULE }, None);
+        let tree = grow(&scene(0.0), &Refinement { budget, ..RULE }, None);
         let mut num_finer = 0;
         for index in (0..tree.nodes.len()).filter(|index| tree.parts[*index] == NONE) {
             for (link, (axis, side)) in tree.links[index].iter().zip(SIDES) {
@@ -205,7 +205,7 @@ fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
     assert_eq!(tree.nodes.len(), BASE.num_pixels());
     assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
     // Without ends every cell has to be fine enough for its centre to stand for it.
-    let centres = Rule {
+    let centres = Refinement {
         end_points: false,
         ..RULE
     };
