@@ -5,8 +5,8 @@
 //! the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are one batch of rays.
 
 mod cells;
+mod criterion;
 mod ends;
-mod judge;
 mod pairs;
 mod refine;
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Refinement, SIDES};
-use super::judge::{Judge, Target, bundles, cell};
+use super::criterion::{Criterion, Target, bundles, cell};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
@@ -26,7 +26,7 @@ impl Quadtree {
         refinement: &Refinement,
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
-        let judge = Judge {
+        let criterion = Criterion {
             snapshot,
             materials,
             array,
@@ -50,10 +50,10 @@ impl Quadtree {
             num_coarse: 0,
             allowed: 1.0,
             beam: refinement.beam.cloned(),
-            wavelength: judge.wavelength,
+            wavelength: criterion.wavelength,
             end_points: refinement.end_points,
         };
-        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&judge, cast, previous, &cells);
+        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&criterion, cast, previous, &cells);
 
         // The base grid.
         let cells = refinement.base_cells();
@@ -63,7 +63,7 @@ impl Quadtree {
         add(&mut tree, cells)?;
 
         // Parts of meshes that it may have missed.
-        let targets = judge.targets();
+        let targets = criterion.targets();
         for level in 0..MAX_LEVEL {
             let mut split = tree.cells_on(&targets, level);
             split.truncate(refinement.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
@@ -289,7 +289,7 @@ impl Quadtree {
     /// Cast the rays of new cells.
     pub(super) fn add(
         &mut self,
-        judge: &Judge,
+        criterion: &Criterion,
         cast: &Cast,
         previous: Option<(&Self, &Tree)>,
         cells: &[Place],
@@ -322,7 +322,9 @@ impl Quadtree {
                 (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = judge.snapshot.cast_batch(&points, &bundles(&new), cast, known.as_ref());
+        let (found, counts) = criterion
+            .snapshot
+            .cast_batch(&points, &bundles(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         self.num_cast += new.len();
         let mut found = found.into_iter();
@@ -343,7 +345,7 @@ impl Quadtree {
                 place: *place,
                 cell,
                 solid_angle: cell.solid_angle(),
-                look: judge.look(&cell, &found),
+                look: criterion.look(&cell, &found),
                 found,
                 open: 0.0,
             }

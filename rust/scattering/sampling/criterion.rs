@@ -25,7 +25,7 @@ pub(super) struct Target {
 }
 
 /// Everything that cells are judged by.
-pub(super) struct Judge<'a> {
+pub(super) struct Criterion<'a> {
     pub(super) snapshot: &'a Snapshot,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
@@ -33,7 +33,7 @@ pub(super) struct Judge<'a> {
     pub(super) wavelength: f64,
 }
 
-impl Judge<'_> {
+impl Criterion<'_> {
     /// What a cell adds to the sum.
     pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
