@@ -7,11 +7,11 @@ use crate::antennas::pattern::Pattern;
 
 /// From the antennas of one kind to those of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Direction {
     /// From the transmitters to the receivers.
-    Forth,
+    Forward,
     /// From the receivers to the transmitters.
-    Back,
+    Backward,
 }
 
 /// Antennas of one kind.
@@ -32,14 +32,14 @@ impl<'a> Antennas<'a> {
     }
 }
 
-impl Way {
+impl Direction {
     /// Those that tubes go: both, but only one where one antenna sends and receives, which stands for the other.
     pub fn of(array: &Array) -> &'static [Self] {
         let is_one = array.tx.len() == 1 && array.tx == array.rx && array.tx_patterns == array.rx_patterns;
         if is_one {
-            &[Self::Forth]
+            &[Self::Forward]
         } else {
-            &[Self::Forth, Self::Back]
+            &[Self::Forward, Self::Backward]
         }
     }
 
@@ -70,8 +70,8 @@ impl Way {
     /// What belongs to where tubes start, and to where they end.
     fn ordered<T>(self, transmitter: T, receiver: T) -> [T; 2] {
         match self {
-            Self::Forth => [transmitter, receiver],
-            Self::Back => [receiver, transmitter],
+            Self::Forward => [transmitter, receiver],
+            Self::Backward => [receiver, transmitter],
         }
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::direction::Way;
+use super::direction::Direction;
 use super::interaction::Place;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -24,7 +24,7 @@ pub struct Bounces {
     /// Those of one antenna where tubes start after the other; of one that has no such route those of another.
     points: Vec<Point>,
     /// Per route.
-    ways: Vec<Way>,
+    directions: Vec<Direction>,
     /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
@@ -43,7 +43,7 @@ struct Point {
 
 /// One route.
 pub struct Route {
-    way: Way,
+    direction: Direction,
     order: usize,
     points: Vec<Point>,
     /// Per channel.
@@ -72,19 +72,19 @@ impl Point {
 
 impl Route {
     /// Over these places, for all antennas where tubes start; nothing comes back yet.
-    pub fn new(way: Way, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
+    pub fn new(direction: Direction, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
         let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
         Self {
-            way,
+            direction,
             order: places.len(),
-            points: points.repeat(way.antennas(array)[0].len()),
+            points: points.repeat(direction.antennas(array)[0].len()),
             weights: vec![Complex64::ZERO; array.num_channels()],
         }
     }
 
     /// The way of its tubes and the number of reflections.
-    pub fn kind(&self) -> (Way, usize) {
-        (self.way, self.order)
+    pub fn kind(&self) -> (Direction, usize) {
+        (self.direction, self.order)
     }
 
     /// What comes of the antenna `start`: `weights` per antenna where tubes end.
@@ -94,7 +94,7 @@ impl Route {
             self.points[start * self.order + i] = point;
         }
         for (end, weight) in weights.iter().enumerate() {
-            self.weights[self.way.channel(array, start, end)] = *weight;
+            self.weights[self.direction.channel(array, start, end)] = *weight;
         }
     }
 }
@@ -103,7 +103,7 @@ impl Bounces {
     pub(super) fn of_routes(snapshot: &Snapshot, array: Array, routes: impl Iterator<Item = Route>) -> Self {
         let mut bounces = Self::empty(array);
         for route in routes {
-            bounces.push(route.way, &route.points, &route.weights);
+            bounces.push(route.direction, &route.points, &route.weights);
         }
         let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
         let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
@@ -120,14 +120,14 @@ impl Bounces {
             array,
             first: vec![0],
             points: Vec::new(),
-            ways: Vec::new(),
+            directions: Vec::new(),
             weights: Vec::new(),
             deforming: Vec::new(),
         }
     }
 
-    fn push(&mut self, way: Way, points: &[Point], weights: &[Complex64]) {
-        self.ways.push(way);
+    fn push(&mut self, direction: Direction, points: &[Point], weights: &[Complex64]) {
+        self.directions.push(direction);
         self.points.extend(points);
         self.weights.extend(weights);
         self.first.push(self.points.len());
@@ -141,7 +141,7 @@ impl Bounces {
             let are_wanted = points.iter().all(|point| is_wanted(point.body));
             let channels = self.num_channels();
             let weights = &self.weights[channels * route..channels * (route + 1)];
-            parts[usize::from(!are_wanted)].push(self.ways[route], points, weights);
+            parts[usize::from(!are_wanted)].push(self.directions[route], points, weights);
         }
         for part in &mut parts {
             let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
@@ -162,16 +162,16 @@ impl Bounces {
 
     /// Number of reflections of every route.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
-        let routes = self.first.windows(2).zip(&self.ways);
-        routes.map(|(ends, way)| (ends[1] - ends[0]) / way.antennas(&self.array)[0].len())
+        let routes = self.first.windows(2).zip(&self.directions);
+        routes.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
     }
 
     /// The body of every route that is the last before a receiver, as the first antenna where tubes start has it.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
-        let routes = self.first.iter().zip(&self.ways).zip(self.orders());
-        routes.map(|((first, way), order)| match way {
-            Way::Forth => self.points[first + order - 1].body,
-            Way::Back => self.points[*first].body,
+        let routes = self.first.iter().zip(&self.directions).zip(self.orders());
+        routes.map(|((first, direction), order)| match direction {
+            Direction::Forward => self.points[first + order - 1].body,
+            Direction::Backward => self.points[*first].body,
         })
     }
 
@@ -214,16 +214,16 @@ impl Bounces {
     /// Of the antenna of a channel where tubes start.
     fn points(&self, route: usize, channel: usize) -> &[Point] {
         let points = &self.points[self.first[route]..self.first[route + 1]];
-        let way = self.ways[route];
-        let order = points.len() / way.antennas(&self.array)[0].len();
-        let [start, _] = way.numbers(&self.array, channel);
+        let direction = self.directions[route];
+        let order = points.len() / direction.antennas(&self.array)[0].len();
+        let [start, _] = direction.numbers(&self.array, channel);
         &points[start * order..(start + 1) * order]
     }
 
     /// Places and patterns of the antennas of a channel where the tubes of a route start and end.
     fn antennas(&self, channel: usize, route: usize) -> [(DVec3, &Pattern); 2] {
-        let way = self.ways[route];
-        let ([starts, ends], [start, end]) = (way.antennas(&self.array), way.numbers(&self.array, channel));
+        let direction = self.directions[route];
+        let ([starts, ends], [start, end]) = (direction.antennas(&self.array), direction.numbers(&self.array, channel));
         [starts.get(start), ends.get(end)]
     }
 

@@ -15,7 +15,7 @@ use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::taper::taper;
 
-use super::direction::Way;
+use super::direction::Direction;
 use super::field::transverse;
 use super::interaction::Place;
 use super::launch::Launch;
@@ -241,13 +241,13 @@ impl Bounces {
         sampling: Sampling,
     ) -> (Self, Counts) {
         let sensor = Sensor::new(snapshot, materials, &array, limits);
-        let (ways, view) = (Way::of(&array), View::of(launches));
-        let twice = 2.0 / ways.len() as f64; // of shares that add up to one
+        let (directions, view) = (Direction::of(&array), View::of(launches));
+        let twice = 2.0 / directions.len() as f64; // of shares that add up to one
         let of = |launch: &Launch| {
             let mut routes: Vec<Route> = Vec::new();
             let mut counts = Counts::default();
-            for way in ways {
-                let [starts, ends] = way.antennas(&array);
+            for direction in directions {
+                let [starts, ends] = direction.antennas(&array);
                 for start in 0..starts.len() {
                     let arrive = |tube: &Tube, places: &[Place]| {
                         let weight = |end: usize| {
@@ -261,10 +261,10 @@ impl Bounces {
                         if weights.iter().all(|weight| *weight == Complex64::ZERO) {
                             return;
                         }
-                        let kind = (*way, places.len());
+                        let kind = (*direction, places.len());
                         let known = routes.iter().position(|route| route.kind() == kind);
                         let index = known.unwrap_or_else(|| {
-                            routes.push(Route::new(*way, &array, snapshot, places));
+                            routes.push(Route::new(*direction, &array, snapshot, places));
                             routes.len() - 1
                         });
                         routes[index].set(&array, snapshot, start, places, &weights);

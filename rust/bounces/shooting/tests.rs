@@ -158,11 +158,11 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
             assert!((slope - expected / (2.0 * step)).abs() < 1e-7, "{echo:?}");
         }
         // W dOmega L / (R cos_i): the wave from the image is a wave from a point.
-        let (way, back) = (last(u, v) - image, last(u, v));
-        let cosine = -normal.dot(way.normalize());
+        let (direction, back) = (last(u, v) - image, last(u, v));
+        let cosine = -normal.dot(direction.normalize());
         let weight = 0.5 * (cosine - normal.dot(back.normalize()));
         let solid_angle = 1e-6 * (1.0 + u * u + v * v).powf(-1.5);
-        let expected = weight * solid_angle * way.length() / (back.length() * cosine);
+        let expected = weight * solid_angle * direction.length() / (back.length() * cosine);
         assert!((echo.amplitude - expected).norm() < 1e-12 * expected, "{echo:?}");
     }
 }
@@ -314,7 +314,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         };
         assert!(got.distance(2.0 * n * n.dot(re) - re) < 1e-12 && im == DVec3::ZERO);
 
-        // Back to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
+        // Backward to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
         let (te, tm) = (Complex64::new(-0.6, 0.2), Complex64::new(0.3, -0.1));
         let any = Incidence {
             mirrored: [te, tm],
