@@ -1,4 +1,4 @@
-//! Routes of material points: delays and amplitudes follow from where their bodies are.
+//! Paths of material points: delays and amplitudes follow from where their bodies are.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -15,17 +15,17 @@ use crate::paths::kinematics::Kinematics;
 use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::Snapshot;
 
-/// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
+/// Paths between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
 /// number of reflections.
 pub struct Bounces {
     array: Array,
-    /// Where the points of every route begin, and where those of the last end.
+    /// Where the points of every path begin, and where those of the last end.
     first: Vec<usize>,
-    /// Those of one antenna where tubes start after the other; of one that has no such route those of another.
+    /// Those of one antenna where tubes start after the other; of one that has no such path those of another.
     points: Vec<Point>,
-    /// Per route.
+    /// Per path.
     directions: Vec<Direction>,
-    /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
+    /// `(path, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
@@ -41,8 +41,8 @@ struct Point {
     position: DVec3,
 }
 
-/// One route.
-pub struct Route {
+/// One path.
+pub struct BouncePath {
     direction: Direction,
     order: usize,
     points: Vec<Point>,
@@ -70,7 +70,7 @@ impl Point {
     }
 }
 
-impl Route {
+impl BouncePath {
     /// Over these places, for all antennas where tubes start; nothing comes back yet.
     pub fn new(direction: Direction, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
         let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
@@ -100,10 +100,10 @@ impl Route {
 }
 
 impl Bounces {
-    pub(super) fn of_routes(snapshot: &Snapshot, array: Array, routes: impl Iterator<Item = Route>) -> Self {
+    pub(super) fn of_paths(snapshot: &Snapshot, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
         let mut bounces = Self::empty(array);
-        for route in routes {
-            bounces.push(route.direction, &route.points, &route.weights);
+        for path in paths {
+            bounces.push(path.direction, &path.points, &path.weights);
         }
         let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
         let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
@@ -114,7 +114,7 @@ impl Bounces {
         bounces
     }
 
-    /// No routes.
+    /// No paths.
     pub fn empty(array: Array) -> Self {
         Self {
             array,
@@ -133,15 +133,15 @@ impl Bounces {
         self.first.push(self.points.len());
     }
 
-    /// The routes over wanted bodies alone, and the others, both in the same order.
+    /// The paths over wanted bodies alone, and the others, both in the same order.
     pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
         let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
-        for route in 0..self.len() {
-            let points = &self.points[self.first[route]..self.first[route + 1]];
+        for path in 0..self.len() {
+            let points = &self.points[self.first[path]..self.first[path + 1]];
             let are_wanted = points.iter().all(|point| is_wanted(point.body));
             let channels = self.num_channels();
-            let weights = &self.weights[channels * route..channels * (route + 1)];
-            parts[usize::from(!are_wanted)].push(self.directions[route], points, weights);
+            let weights = &self.weights[channels * path..channels * (path + 1)];
+            parts[usize::from(!are_wanted)].push(self.directions[path], points, weights);
         }
         for part in &mut parts {
             let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
@@ -150,7 +150,7 @@ impl Bounces {
         parts
     }
 
-    /// Number of routes.
+    /// Number of paths.
     pub fn len(&self) -> usize {
         self.first.len() - 1
     }
@@ -160,16 +160,16 @@ impl Bounces {
         self.array.num_channels()
     }
 
-    /// Number of reflections of every route.
+    /// Number of reflections of every path.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
-        let routes = self.first.windows(2).zip(&self.directions);
-        routes.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
+        let paths = self.first.windows(2).zip(&self.directions);
+        paths.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
     }
 
-    /// The body of every route that is the last before a receiver, as the first antenna where tubes start has it.
+    /// The body of every path that is the last before a receiver, as the first antenna where tubes start has it.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
-        let routes = self.first.iter().zip(&self.directions).zip(self.orders());
-        routes.map(|((first, direction), order)| match direction {
+        let paths = self.first.iter().zip(&self.directions).zip(self.orders());
+        paths.map(|((first, direction), order)| match direction {
             Direction::Forward => self.points[first + order - 1].body,
             Direction::Backward => self.points[*first].body,
         })
@@ -180,27 +180,27 @@ impl Bounces {
         &self.deforming
     }
 
-    /// Delays of the selected routes at `places`, which need no point targets, and amplitudes at others.
+    /// Delays of the selected paths at `places`, which need no point targets, and amplitudes at others.
     pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
             [places.num_nodes, amplitudes_at.num_nodes],
             self.num_channels(),
             selection,
-            |node, channel, route| self.path(places, node, channel, route).0,
-            |node, channel, route| self.path(amplitudes_at, node, channel, route).1,
+            |node, channel, path| self.path(places, node, channel, path).0,
+            |node, channel, path| self.path(amplitudes_at, node, channel, path).1,
         )
     }
 
-    /// Rate of every delay [s/s], `(channel, route)`, at the first node of `places`; `rates` are the time derivatives.
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
     pub fn delay_rates(&self, places: &Kinematics, rates: &Kinematics) -> Vec<f64> {
-        let num_routes = self.len();
-        (0..self.num_channels() * num_routes)
+        let num_paths = self.len();
+        (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
-                let (channel, route) = (i / num_routes, i % num_routes);
-                let [start, end] = self.antennas(channel, route).map(|antenna| (antenna.0, DVec3::ZERO));
+                let (channel, path) = (i / num_paths, i % num_paths);
+                let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
                 let (mut rate, mut from) = (0.0, start);
-                let points = self.points(route, channel);
+                let points = self.points(path, channel);
                 let moving = points.iter().map(|point| self.motion(places, rates, point));
                 for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
@@ -212,25 +212,25 @@ impl Bounces {
     }
 
     /// Of the antenna of a channel where tubes start.
-    fn points(&self, route: usize, channel: usize) -> &[Point] {
-        let points = &self.points[self.first[route]..self.first[route + 1]];
-        let direction = self.directions[route];
+    fn points(&self, path: usize, channel: usize) -> &[Point] {
+        let points = &self.points[self.first[path]..self.first[path + 1]];
+        let direction = self.directions[path];
         let order = points.len() / direction.antennas(&self.array)[0].len();
         let [start, _] = direction.numbers(&self.array, channel);
         &points[start * order..(start + 1) * order]
     }
 
-    /// Places and patterns of the antennas of a channel where the tubes of a route start and end.
-    fn antennas(&self, channel: usize, route: usize) -> [(DVec3, &Pattern); 2] {
-        let direction = self.directions[route];
+    /// Places and patterns of the antennas of a channel where the tubes of a path start and end.
+    fn antennas(&self, channel: usize, path: usize) -> [(DVec3, &Pattern); 2] {
+        let direction = self.directions[path];
         let ([starts, ends], [start, end]) = (direction.antennas(&self.array), direction.numbers(&self.array, channel));
         [starts.get(start), ends.get(end)]
     }
 
-    /// Delay and amplitude of one route of one channel at one time, README eq. (7).
-    fn path(&self, places: &Kinematics, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
-        let [start, end] = self.antennas(channel, route);
-        let points = self.points(route, channel);
+    /// Delay and amplitude of one path of one channel at one time, README eq. (7).
+    fn path(&self, places: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+        let [start, end] = self.antennas(channel, path);
+        let points = self.points(path, channel);
         let departure = self.position(places, node, &points[0]) - start.0;
         let (mut length, mut last) = (0.0, start.0);
         for point in points {
@@ -241,7 +241,7 @@ impl Bounces {
         let arrival = last - end.0;
         let distance = arrival.length();
         let gains = start.1.gain(departure) * end.1.gain(arrival);
-        let weight = self.weights[route * self.num_channels() + channel];
+        let weight = self.weights[path * self.num_channels() + channel];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
         ((length + distance) / SPEED_OF_LIGHT, amplitude)
     }

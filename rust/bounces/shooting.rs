@@ -19,7 +19,7 @@ use super::direction::Direction;
 use super::field::transverse;
 use super::interaction::Place;
 use super::launch::Launch;
-use super::path::{Bounces, Route};
+use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
 
 /// The part of the image plane where tubes start.
@@ -231,7 +231,7 @@ impl<'a> Sensor<'a> {
 }
 
 impl Bounces {
-    /// Routes of two and more reflections of all cells, in their order, and what they took; one material per body.
+    /// Paths of two and more reflections of all cells, in their order, and what they took; one material per body.
     pub fn new(
         snapshot: &Snapshot,
         launches: &[Launch],
@@ -244,7 +244,7 @@ impl Bounces {
         let (directions, view) = (Direction::of(&array), View::of(launches));
         let twice = 2.0 / directions.len() as f64; // of shares that add up to one
         let of = |launch: &Launch| {
-            let mut routes: Vec<Route> = Vec::new();
+            let mut paths: Vec<BouncePath> = Vec::new();
             let mut counts = Counts::default();
             for direction in directions {
                 let [starts, ends] = direction.antennas(&array);
@@ -262,21 +262,21 @@ impl Bounces {
                             return;
                         }
                         let kind = (*direction, places.len());
-                        let known = routes.iter().position(|route| route.kind() == kind);
+                        let known = paths.iter().position(|path| path.kind() == kind);
                         let index = known.unwrap_or_else(|| {
-                            routes.push(Route::new(*direction, &array, snapshot, places));
-                            routes.len() - 1
+                            paths.push(BouncePath::new(*direction, &array, snapshot, places));
+                            paths.len() - 1
                         });
-                        routes[index].set(&array, snapshot, start, places, &weights);
+                        paths[index].set(&array, snapshot, start, places, &weights);
                     };
                     counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
                 }
             }
-            (routes, counts)
+            (paths, counts)
         };
-        let (routes, counts): (Vec<Vec<Route>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
+        let (paths, counts): (Vec<Vec<BouncePath>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
         let counts = counts.into_iter().fold(Counts::default(), Counts::plus);
-        (Self::of_routes(snapshot, array, routes.into_iter().flatten()), counts)
+        (Self::of_paths(snapshot, array, paths.into_iter().flatten()), counts)
     }
 }
 
