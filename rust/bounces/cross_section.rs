@@ -69,9 +69,9 @@ impl Shooter<'_> {
         let across = DVec3::Z.cross(k).try_normalize().unwrap_or(DVec3::Y);
         let axes = [across, k.cross(across)];
         let range = |axis: DVec3| {
-            let places = corners.map(|corner| corner.dot(axis));
-            let low = places.iter().copied().fold(f64::INFINITY, f64::min);
-            (low, places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
+            let positions = corners.map(|corner| corner.dot(axis));
+            let low = positions.iter().copied().fold(f64::INFINITY, f64::min);
+            (low, positions.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
         };
         let [first, second] = axes.map(range);
         let finest = RAYS_PER_WAVELENGTH / self.wavelength;
@@ -85,9 +85,9 @@ impl Shooter<'_> {
 
         // Sums of rows, added in their order.
         let row = |row: usize| -> Complex64 {
-            let place = second.0 + (row as f64 + 0.5) * size[1];
+            let height = second.0 + (row as f64 + 0.5) * size[1];
             let cell = |column: usize| {
-                let origin = (first.0 + (column as f64 + 0.5) * size[0]) * axes[0] + place * axes[1];
+                let origin = (first.0 + (column as f64 + 0.5) * size[0]) * axes[0] + height * axes[1];
                 self.cell(aspect, origin + (near - 0.1 * depth.max(size[0])) * k, axes, size)
             };
             (0..columns).map(cell).sum()
@@ -107,9 +107,9 @@ impl Shooter<'_> {
         };
         let send = |tube: &Tube| {
             let sent = self.send(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
-            let seen = sent.filter(|_| !self.is_hidden(&tube.place, to, f64::INFINITY));
+            let seen = sent.filter(|_| !self.is_hidden(&tube.interaction, to, f64::INFINITY));
             seen.map_or(Complex64::ZERO, |Sent { amplitude, weight, .. }| {
-                let path = tube.length - to.dot(tube.place.point);
+                let path = tube.length - to.dot(tube.interaction.point);
                 amplitude * weight * Complex64::cis(-TAU * (path / self.wavelength).fract())
             })
         };

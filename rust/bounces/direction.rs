@@ -17,18 +17,18 @@ pub enum Direction {
 /// Antennas of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct Antennas<'a> {
-    places: &'a [DVec3],
+    positions: &'a [DVec3],
     patterns: &'a [Pattern],
 }
 
 impl<'a> Antennas<'a> {
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.positions.len()
     }
 
     /// Place and pattern of one.
     pub fn get(&self, number: usize) -> (DVec3, &'a Pattern) {
-        (self.places[number], &self.patterns[number])
+        (self.positions[number], &self.patterns[number])
     }
 }
 
@@ -46,11 +46,11 @@ impl Direction {
     /// Antennas where tubes start, and those where they end.
     pub fn antennas(self, array: &Array) -> [Antennas<'_>; 2] {
         let transmitters = Antennas {
-            places: &array.tx,
+            positions: &array.tx,
             patterns: &array.tx_patterns,
         };
         let receivers = Antennas {
-            places: &array.rx,
+            positions: &array.rx,
             patterns: &array.rx_patterns,
         };
         self.ordered(transmitters, receivers)

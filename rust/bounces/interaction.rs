@@ -14,7 +14,7 @@ const MIN_COSINE: f64 = 1e-6;
 
 /// A place on a surface, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct Interaction {
     /// Number of the body.
     pub body: u32,
     /// Number of the triangle in its surface.
@@ -32,7 +32,7 @@ pub struct Place {
     pub bend: DMat3,
 }
 
-impl Place {
+impl Interaction {
     /// Where a ray with a unit direction meets a triangle, on the plane beyond its edges if need be, and how far that is
     /// [m]. None where the ray is along the facet, or comes from behind the surface.
     pub fn new(snapshot: &Snapshot, body: u32, triangle: u32, origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
@@ -67,7 +67,7 @@ impl Place {
         let on_facet = origin + distance * direction;
         let step = leaving(on_facet);
         let turn = pose.rotation;
-        let place = Self {
+        let interaction = Self {
             body,
             triangle,
             point: origin + length * direction,
@@ -76,7 +76,7 @@ impl Place {
             face: turn * lit,
             bend: turn * bend * turn.transpose(),
         };
-        (length > -step).then_some((place, length))
+        (length > -step).then_some((interaction, length))
     }
 }
 

@@ -5,7 +5,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::direction::Direction;
-use super::interaction::Place;
+use super::interaction::Interaction;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
@@ -52,31 +52,34 @@ pub struct BouncePath {
 
 impl Point {
     /// At a place that stays with its body.
-    fn new(snapshot: &Snapshot, place: &Place) -> Self {
-        let surface = snapshot.surface(place.body);
-        let position = snapshot.pose(place.body).point_to_body(place.point);
+    fn new(snapshot: &Snapshot, interaction: &Interaction) -> Self {
+        let surface = snapshot.surface(interaction.body);
+        let position = snapshot.pose(interaction.body).point_to_body(interaction.point);
         if !surface.is_deformed() {
             return Self {
-                body: place.body,
+                body: interaction.body,
                 facet: None,
                 position,
             };
         }
         Self {
-            body: place.body,
-            facet: Some(surface.vertices_of(place.triangle)),
-            position: Facet::new(surface.corners(place.triangle)).coordinates(position),
+            body: interaction.body,
+            facet: Some(surface.vertices_of(interaction.triangle)),
+            position: Facet::new(surface.corners(interaction.triangle)).coordinates(position),
         }
     }
 }
 
 impl BouncePath {
     /// Over these places, for all antennas where tubes start; nothing comes back yet.
-    pub fn new(direction: Direction, array: &Array, snapshot: &Snapshot, places: &[Place]) -> Self {
-        let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
+    pub fn new(direction: Direction, array: &Array, snapshot: &Snapshot, interactions: &[Interaction]) -> Self {
+        let points: Vec<Point> = interactions
+            .iter()
+            .map(|interaction| Point::new(snapshot, interaction))
+            .collect();
         Self {
             direction,
-            order: places.len(),
+            order: interactions.len(),
             points: points.repeat(direction.antennas(array)[0].len()),
             weights: vec![Complex64::ZERO; array.num_channels()],
         }
@@ -88,8 +91,15 @@ impl BouncePath {
     }
 
     /// What comes of the antenna `start`: `weights` per antenna where tubes end.
-    pub fn set(&mut self, array: &Array, snapshot: &Snapshot, start: usize, places: &[Place], weights: &[Complex64]) {
-        let points = places.iter().map(|place| Point::new(snapshot, place));
+    pub fn set(
+        &mut self,
+        array: &Array,
+        snapshot: &Snapshot,
+        start: usize,
+        interactions: &[Interaction],
+        weights: &[Complex64],
+    ) {
+        let points = interactions.iter().map(|interaction| Point::new(snapshot, interaction));
         for (i, point) in points.enumerate() {
             self.points[start * self.order + i] = point;
         }
@@ -180,19 +190,19 @@ impl Bounces {
         &self.deforming
     }
 
-    /// Delays of the selected paths at `places`, which need no point targets, and amplitudes at others.
-    pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
+    /// Delays of the selected paths at `kinematics`, which need no point targets, and amplitudes at others.
+    pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
-            [places.num_nodes, amplitudes_at.num_nodes],
+            [kinematics.num_nodes, amplitudes_at.num_nodes],
             self.num_channels(),
             selection,
-            |node, channel, path| self.path(places, node, channel, path).0,
+            |node, channel, path| self.path(kinematics, node, channel, path).0,
             |node, channel, path| self.path(amplitudes_at, node, channel, path).1,
         )
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
-    pub fn delay_rates(&self, places: &Kinematics, rates: &Kinematics) -> Vec<f64> {
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time derivatives.
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
         let num_paths = self.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
@@ -201,7 +211,7 @@ impl Bounces {
                 let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
                 let (mut rate, mut from) = (0.0, start);
                 let points = self.points(path, channel);
-                let moving = points.iter().map(|point| self.motion(places, rates, point));
+                let moving = points.iter().map(|point| self.motion(kinematics, rates, point));
                 for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
@@ -228,13 +238,13 @@ impl Bounces {
     }
 
     /// Delay and amplitude of one path of one channel at one time, README eq. (7).
-    fn path(&self, places: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, path);
         let points = self.points(path, channel);
-        let departure = self.position(places, node, &points[0]) - start.0;
+        let departure = self.position(kinematics, node, &points[0]) - start.0;
         let (mut length, mut last) = (0.0, start.0);
         for point in points {
-            let next = self.position(places, node, point);
+            let next = self.position(kinematics, node, point);
             length += (next - last).length();
             last = next;
         }
@@ -247,16 +257,19 @@ impl Bounces {
     }
 
     /// Where a material point is [m].
-    fn position(&self, places: &Kinematics, node: usize, point: &Point) -> DVec3 {
-        let pose = &places.poses[node * places.num_bodies + point.body as usize];
-        let facet = self.facet_of(places, node, point);
+    fn position(&self, kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
+        let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
+        let facet = self.facet_of(kinematics, node, point);
         pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
     }
 
     /// Where a material point is at the first node [m], and how it moves [m/s].
-    fn motion(&self, places: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
-        let (pose, rate) = (&places.poses[point.body as usize], &rates.poses[point.body as usize]);
-        let facets = [places, rates].map(|places| self.facet_of(places, 0, point));
+    fn motion(&self, kinematics: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
+        let (pose, rate) = (
+            &kinematics.poses[point.body as usize],
+            &rates.poses[point.body as usize],
+        );
+        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, point));
         let (position, velocity) = match facets {
             [Some(facet), Some(facet_rate)] => {
                 (facet.point(point.position), facet.velocity(&facet_rate, point.position))
@@ -267,10 +280,10 @@ impl Bounces {
     }
 
     /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Kinematics, node: usize, point: &Point) -> Option<Facet> {
+    fn facet_of(&self, kinematics: &Kinematics, node: usize, point: &Point) -> Option<Facet> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
-        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
         Some(Facet::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))

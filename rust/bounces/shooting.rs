@@ -17,7 +17,7 @@ use crate::scattering::taper::taper;
 
 use super::direction::Direction;
 use super::field::transverse;
-use super::interaction::Place;
+use super::interaction::Interaction;
 use super::launch::Launch;
 use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
@@ -41,18 +41,18 @@ impl View {
 
     /// What a tube over these places to an antenna counts of what goes this way: the less, the more it widens beside one
     /// from the antenna that goes the same way back; all of it where none starts. Both add up to one.
-    fn share(&self, tube: &Tube, places: &[Place], antenna: DVec3) -> f64 {
+    fn share(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
         let back = self
-            .shows(tube.place.point)
-            .then(|| Tube::widening_back(places, antenna));
+            .shows(tube.interaction.point)
+            .then(|| Tube::widening_back(interactions, antenna));
         let Some(back) = back.flatten() else { return 1.0 };
         let share = back / (tube.widening() + back);
         if share.is_finite() { share } else { 0.5 }
     }
 
     fn shows(&self, point: DVec3) -> bool {
-        let (place, [low, high]) = (point.yz() / point.x, self.corners);
-        point.x > 0.0 && place.cmpge(low).all() && place.cmple(high).all()
+        let (position, [low, high]) = (point.yz() / point.x, self.corners);
+        point.x > 0.0 && position.cmpge(low).all() && position.cmple(high).all()
     }
 }
 
@@ -96,9 +96,9 @@ pub(super) struct Shooter<'a> {
 impl Shooter<'_> {
     /// Follow a tube that was launched with a share of the largest gain; `arrive` gets it at every surface from the second on,
     /// with all places so far.
-    pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+    pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
-        let mut places = vec![tube.place];
+        let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
             tube.reflect(self.mirrored(&tube));
             if tube.field.power() * share < self.limits.floor {
@@ -109,15 +109,15 @@ impl Shooter<'_> {
             if !tube.advance(self.snapshot) {
                 break;
             }
-            places.push(tube.place);
-            arrive(&tube, &places);
+            interactions.push(tube.interaction);
+            arrive(&tube, &interactions);
         }
         counts
     }
 
     /// Coefficients of the surface where a tube arrives.
     pub(super) fn mirrored(&self, tube: &Tube) -> [Complex64; 2] {
-        self.materials[tube.place.body as usize].mirrored(tube.cosine(), self.wavelength)
+        self.materials[tube.interaction.body as usize].mirrored(tube.cosine(), self.wavelength)
     }
 
     /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
@@ -130,8 +130,8 @@ impl Shooter<'_> {
         polarization: Option<DVec3>,
         sampling: Sampling,
     ) -> Option<Sent> {
-        let place = &tube.place;
-        if place.normal.dot(direction) <= 0.0 || place.face.dot(direction) <= 0.0 {
+        let interaction = &tube.interaction;
+        if interaction.normal.dot(direction) <= 0.0 || interaction.face.dot(direction) <= 0.0 {
             return None;
         }
 
@@ -163,20 +163,20 @@ impl Shooter<'_> {
         polarization: Option<DVec3>,
         sampling: Sampling,
     ) -> Option<(Sent, f64)> {
-        let offset = antenna - tube.place.point;
+        let offset = antenna - tube.interaction.point;
         let distance = offset.length();
         if distance == 0.0 {
             return None;
         }
         let sent = self.send(tube, size, offset / distance, polarization, sampling)?;
-        let is_hidden = self.is_hidden(&tube.place, antenna - tube.place.before, 1.0 - 1e-9);
+        let is_hidden = self.is_hidden(&tube.interaction, antenna - tube.interaction.before, 1.0 - 1e-9);
         (!is_hidden).then_some((sent, distance))
     }
 
     /// Whether something stands in the way from a place before `far`, in lengths of the direction.
-    pub(super) fn is_hidden(&self, place: &Place, direction: DVec3, far: f64) -> bool {
+    pub(super) fn is_hidden(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
-            origin: place.before,
+            origin: interaction.before,
             direction,
             start: 0.0,
         };
@@ -214,12 +214,12 @@ impl<'a> Sensor<'a> {
         &self,
         launch: &Launch,
         (antenna, pattern): (DVec3, &Pattern),
-        arrive: impl FnMut(&Tube, &[Place]),
+        arrive: impl FnMut(&Tube, &[Interaction]),
     ) -> Counts {
         let Some(tube) = Tube::launch(self.shooter.snapshot, launch, antenna, self.array.polarization) else {
             return Counts::default();
         };
-        let share = pattern.gain(tube.place.point - antenna) / pattern.peak();
+        let share = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
         self.shooter.follow(tube, share, arrive)
     }
 
@@ -249,11 +249,11 @@ impl Bounces {
             for direction in directions {
                 let [starts, ends] = direction.antennas(&array);
                 for start in 0..starts.len() {
-                    let arrive = |tube: &Tube, places: &[Place]| {
+                    let arrive = |tube: &Tube, interactions: &[Interaction]| {
                         let weight = |end: usize| {
                             let sent = sensor.receive(tube, launch, ends.get(end).0, sampling);
                             sent.map_or(Complex64::ZERO, |(sent, _)| {
-                                let share = twice * view.share(tube, places, ends.get(end).0);
+                                let share = twice * view.share(tube, interactions, ends.get(end).0);
                                 Complex64::I / (2.0 * TAU) * sent.amplitude * (share * sent.weight * tube.length)
                             })
                         };
@@ -261,13 +261,13 @@ impl Bounces {
                         if weights.iter().all(|weight| *weight == Complex64::ZERO) {
                             return;
                         }
-                        let kind = (*direction, places.len());
+                        let kind = (*direction, interactions.len());
                         let known = paths.iter().position(|path| path.kind() == kind);
                         let index = known.unwrap_or_else(|| {
-                            paths.push(BouncePath::new(*direction, &array, snapshot, places));
+                            paths.push(BouncePath::new(*direction, &array, snapshot, interactions));
                             paths.len() - 1
                         });
-                        paths[index].set(&array, snapshot, start, places, &weights);
+                        paths[index].set(&array, snapshot, start, interactions, &weights);
                     };
                     counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
                 }

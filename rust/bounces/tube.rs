@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::field::{Field, Incidence};
-use super::interaction::{Place, leaving};
+use super::interaction::{Interaction, leaving};
 use super::launch::Launch;
 use crate::rays::scene::{NO_BODY, Snapshot};
 use crate::rays::tree::Ray;
@@ -15,7 +15,7 @@ pub struct Tube {
     /// Unit direction in which it arrives, or leaves once it is reflected.
     pub direction: DVec3,
     /// Where it arrives.
-    pub place: Place,
+    pub interaction: Interaction,
     /// Length of its path [m]: from the antenna, or from the front of a plane wave through the origin.
     pub length: f64,
     /// Derivatives of the place by the plane coordinates of the cell, along the surface [m].
@@ -35,24 +35,24 @@ impl Tube {
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
         let ray = DVec3::new(1.0, u, v) / w;
-        let (place, distance) = Place::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
+        let (interaction, distance) = Interaction::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
         let edges = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| {
             let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
-            land(distance * turn, ray, place.normal)
+            land(distance * turn, ray, interaction.normal)
         });
 
-        Self::onto(place, edges, antenna, polarization)
+        Self::onto(interaction, edges, antenna, polarization)
     }
 
     /// From an antenna to a patch of surface with these edges, if it sees the lit side.
-    fn onto(place: Place, edges: [DVec3; 2], antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
-        let offset = place.point - antenna;
+    fn onto(interaction: Interaction, edges: [DVec3; 2], antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
+        let offset = interaction.point - antenna;
         let length = offset.length();
         let direction = offset / length;
-        let is_lit = place.normal.dot(offset) < 0.0 && place.face.dot(offset) < 0.0;
+        let is_lit = interaction.normal.dot(offset) < 0.0 && interaction.face.dot(offset) < 0.0;
         is_lit.then(|| Self {
             direction,
-            place,
+            interaction,
             length,
             edges,
             turns: edges.map(|edge| (edge - direction * direction.dot(edge)) / length),
@@ -79,12 +79,12 @@ impl Tube {
         if hit.body == NO_BODY {
             return None;
         }
-        let (place, _) = Place::new(snapshot, hit.body, hit.triangle, origin, direction)?;
+        let (interaction, _) = Interaction::new(snapshot, hit.body, hit.triangle, origin, direction)?;
         Some(Self {
             direction,
-            place,
-            length: direction.dot(place.point),
-            edges: axes.map(|axis| land(axis, direction, place.normal)),
+            interaction,
+            length: direction.dot(interaction.point),
+            edges: axes.map(|axis| land(axis, direction, interaction.normal)),
             turns: [DVec3::ZERO; 2],
             field: Field::launch(polarization, direction),
             spread: axes[0].cross(axes[1]).length(),
@@ -93,7 +93,7 @@ impl Tube {
 
     /// Cosine of the angle of incidence.
     pub fn cosine(&self) -> f64 {
-        -self.place.normal.dot(self.direction)
+        -self.interaction.normal.dot(self.direction)
     }
 
     /// Area across the tube per unit of both plane coordinates [m^2].
@@ -107,36 +107,36 @@ impl Tube {
     }
 
     /// Widening of a tube from an antenna that goes back to the first of the places.
-    pub fn widening_back(places: &[Place], antenna: DVec3) -> Option<f64> {
-        let (last, others) = places.split_last()?;
+    pub fn widening_back(interactions: &[Interaction], antenna: DVec3) -> Option<f64> {
+        let (last, others) = interactions.split_last()?;
         let mut tube = Self::onto(*last, last.normal.any_orthonormal_pair().into(), antenna, None)?;
-        for place in others.iter().rev() {
+        for interaction in others.iter().rev() {
             tube.reflect([Complex64::ONE; 2]);
-            tube.arrive(*place, tube.place.point.distance(place.point));
+            tube.arrive(*interaction, tube.interaction.point.distance(interaction.point));
         }
         Some(tube.widening())
     }
 
     /// Turn into the mirror's direction; the surface has the coefficients `r_TE` and `r_TM`.
     pub fn reflect(&mut self, mirrored: [Complex64; 2]) {
-        let (n, k) = (self.place.normal, self.direction);
+        let (n, k) = (self.interaction.normal, self.direction);
         let incidence = self.incidence(mirrored);
         self.field = self.field.reflect(&incidence);
         self.direction = incidence.reflected();
         for i in 0..2 {
             // Of k - 2 (n.k) n.
-            let (turn, bend) = (self.turns[i], self.place.bend * self.edges[i]);
+            let (turn, bend) = (self.turns[i], self.interaction.bend * self.edges[i]);
             self.turns[i] = turn - 2.0 * ((n.dot(turn) + bend.dot(k)) * n + n.dot(k) * bend);
         }
     }
 
     /// Go on to the next surface. Returns whether there is one.
     pub fn advance(&mut self, snapshot: &Snapshot) -> bool {
-        if self.place.face.dot(self.direction) <= 0.0 {
+        if self.interaction.face.dot(self.direction) <= 0.0 {
             return false;
         }
         // It starts before the facet, the length counts from the curved surface.
-        let origin = self.place.before;
+        let origin = self.interaction.before;
         let hit = snapshot.cast(&Ray {
             origin,
             direction: self.direction,
@@ -145,29 +145,33 @@ impl Tube {
         if hit.body == NO_BODY {
             return false;
         }
-        let Some((mut place, distance)) =
-            Place::new(snapshot, hit.body, hit.triangle, self.place.point, self.direction)
+        let Some((mut interaction, distance)) =
+            Interaction::new(snapshot, hit.body, hit.triangle, self.interaction.point, self.direction)
         else {
             return false;
         };
         if distance < 2.0 * leaving(origin) {
-            place.before = origin; // of both surfaces, which touch
+            interaction.before = origin; // of both surfaces, which touch
         }
 
-        self.arrive(place, distance);
+        self.arrive(interaction, distance);
         true
     }
 
     /// Go on to a place at a distance [m].
-    fn arrive(&mut self, place: Place, distance: f64) {
+    fn arrive(&mut self, interaction: Interaction, distance: f64) {
         // Every focal line on the way puts the wave a quarter of a turn ahead.
         let caustics = self.caustics(distance);
         self.field = self.field.times(Complex64::I.powu(caustics));
         for i in 0..2 {
-            self.edges[i] = land(self.edges[i] + distance * self.turns[i], self.direction, place.normal);
+            self.edges[i] = land(
+                self.edges[i] + distance * self.turns[i],
+                self.direction,
+                interaction.normal,
+            );
         }
         self.length += distance;
-        self.place = place;
+        self.interaction = interaction;
     }
 
     /// What the surface sends in a unit direction, see [`Field::send`].
@@ -178,7 +182,7 @@ impl Tube {
     fn incidence(&self, mirrored: [Complex64; 2]) -> Incidence {
         Incidence {
             direction: self.direction,
-            normal: self.place.normal,
+            normal: self.interaction.normal,
             mirrored,
         }
     }

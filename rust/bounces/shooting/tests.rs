@@ -40,16 +40,16 @@ fn echoes(
     let sensor = Sensor::new(snapshot, materials, array, limits);
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
-        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, places| {
+        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, interactions| {
             let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
                 return;
             };
             echoes.push(Echo {
-                order: places.len(),
+                order: interactions.len(),
                 half_path: 0.5 * (tube.length + distance),
-                slope: tube.slope(-tube.place.point.normalize()),
+                slope: tube.slope(-tube.interaction.point.normalize()),
                 amplitude: sent.amplitude / distance,
-                gain: (transmitter.gain(places[0].point) * receiver.gain(tube.place.point)).sqrt(),
+                gain: (transmitter.gain(interactions[0].point) * receiver.gain(tube.interaction.point)).sqrt(),
             });
         });
         echoes
@@ -88,10 +88,10 @@ fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
 /// A patch of a sphere about a place, `rings` times `rings` cells to both sides of a direction.
 fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: u32) -> Arc<Surface> {
     let (x, y) = towards.any_orthonormal_pair();
-    let place = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
+    let angle = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
     let vertices: Vec<DVec3> = (0..=cells)
         .flat_map(|i| (0..=cells).map(move |j| (i, j)))
-        .map(|(i, j)| center + radius * (towards + place(i).tan() * x + place(j).tan() * y).normalize())
+        .map(|(i, j)| center + radius * (towards + angle(i).tan() * x + angle(j).tan() * y).normalize())
         .collect();
     let triangles: Vec<[u32; 3]> = (0..cells)
         .flat_map(|i| (0..cells).map(move |j| i * (cells + 1) + j))
@@ -272,7 +272,7 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
                 let [Some(next), Some(last)] = [twice(u + du, v + dv), twice(u - du, v - dv)] else {
                     continue;
                 };
-                let edge = (next.place.point - last.place.point) / (2.0 * step);
+                let edge = (next.interaction.point - last.interaction.point) / (2.0 * step);
                 let turn = (next.direction - last.direction) / (2.0 * step);
                 assert!(
                     tube.edges[i].distance(edge) < 2e-3 * edge.length(),
@@ -357,7 +357,7 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
         let mut tube = Tube::launch(&snapshot, &launch, DVec3::ZERO, None).unwrap();
         tube.reflect([Complex64::ONE, -Complex64::ONE]);
         assert!(tube.advance(&snapshot));
-        assert_eq!(tube.place.body, 1);
+        assert_eq!(tube.interaction.body, 1);
         let Field::Scalar(field) = tube.field else {
             unreachable!()
         };
@@ -417,7 +417,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
     let poses = [Pose::IDENTITY; 2];
-    let places = crate::paths::kinematics::Kinematics {
+    let kinematics = crate::paths::kinematics::Kinematics {
         num_nodes: 1,
         num_bodies: 2,
         poses: &poses,
@@ -430,7 +430,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
         last: one.len(),
         step: 1,
     };
-    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&places, &places, all).unwrap());
+    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&kinematics, &kinematics, all).unwrap());
     assert_eq!((a.delay, a.amplitude), (b.delay, b.amplitude));
     assert_eq!(counts.stopped, 0);
     // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
