@@ -7,7 +7,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::shooting::{Limits, Sent, Shooter};
+use super::shooting::{Limits, Radiation, Shooter};
 use super::tube::Tube;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
@@ -105,16 +105,16 @@ impl Shooter<'_> {
         let Some(tube) = Tube::plane_wave(self.snapshot, origin, -from, axes, polarizations.map(|e| e[0])) else {
             return Complex64::ZERO;
         };
-        let send = |tube: &Tube| {
-            let sent = self.send(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
-            let seen = sent.filter(|_| !self.is_hidden(&tube.interaction, to, f64::INFINITY));
-            seen.map_or(Complex64::ZERO, |Sent { amplitude, weight, .. }| {
+        let radiate = |tube: &Tube| {
+            let radiated = self.radiate(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
+            let seen = radiated.filter(|_| !self.is_occluded(&tube.interaction, to, f64::INFINITY));
+            seen.map_or(Complex64::ZERO, |Radiation { amplitude, weight, .. }| {
                 let path = tube.length - to.dot(tube.interaction.point);
                 amplitude * weight * Complex64::cis(-TAU * (path / self.wavelength).fract())
             })
         };
-        let mut total = send(&tube);
-        self.follow(tube, 1.0, |tube, _| total += send(tube));
+        let mut total = radiate(&tube);
+        self.follow(tube, 1.0, |tube, _| total += radiate(tube));
         total
     }
 }

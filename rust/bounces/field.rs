@@ -83,7 +83,7 @@ impl Field {
 
     /// W of README eqs. (8) and (9): what the surface sends in a unit direction, to an antenna with the unit vector
     /// `received` across it.
-    pub fn send(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
+    pub fn radiate(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
         match (*self, received) {
             (Self::Vector(field), Some(received)) => {
                 let (n, k) = (incidence.normal, incidence.direction);

@@ -122,14 +122,14 @@ impl Shooter<'_> {
 
     /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
     /// faces there.
-    pub(super) fn send(
+    pub(super) fn radiate(
         &self,
         tube: &Tube,
         size: [f64; 2],
         direction: DVec3,
         polarization: Option<DVec3>,
         sampling: Sampling,
-    ) -> Option<Sent> {
+    ) -> Option<Radiation> {
         let interaction = &tube.interaction;
         if interaction.normal.dot(direction) <= 0.0 || interaction.face.dot(direction) <= 0.0 {
             return None;
@@ -149,32 +149,32 @@ impl Shooter<'_> {
 
         // W sqrt(dOmega / dA_perp) dA of README eq. (7).
         let received = polarization.map(|e| transverse(e, direction));
-        let sent = tube.send(self.mirrored(tube), direction, received);
-        let amplitude = sent * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
-        (amplitude != Complex64::ZERO).then_some(Sent { amplitude, weight })
+        let radiated = tube.radiate(self.mirrored(tube), direction, received);
+        let amplitude = radiated * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
+        (amplitude != Complex64::ZERO).then_some(Radiation { amplitude, weight })
     }
 
     /// The same to an antenna at a place of the sensor frame, if that is in sight, and its distance [m].
-    pub(super) fn send_to(
+    pub(super) fn radiate_to(
         &self,
         tube: &Tube,
         size: [f64; 2],
         antenna: DVec3,
         polarization: Option<DVec3>,
         sampling: Sampling,
-    ) -> Option<(Sent, f64)> {
+    ) -> Option<(Radiation, f64)> {
         let offset = antenna - tube.interaction.point;
         let distance = offset.length();
         if distance == 0.0 {
             return None;
         }
-        let sent = self.send(tube, size, offset / distance, polarization, sampling)?;
-        let is_hidden = self.is_hidden(&tube.interaction, antenna - tube.interaction.before, 1.0 - 1e-9);
-        (!is_hidden).then_some((sent, distance))
+        let radiated = self.radiate(tube, size, offset / distance, polarization, sampling)?;
+        let is_occluded = self.is_occluded(&tube.interaction, antenna - tube.interaction.before, 1.0 - 1e-9);
+        (!is_occluded).then_some((radiated, distance))
     }
 
     /// Whether something stands in the way from a place before `far`, in lengths of the direction.
-    pub(super) fn is_hidden(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
+    pub(super) fn is_occluded(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
             origin: interaction.before,
             direction,
@@ -185,7 +185,7 @@ impl Shooter<'_> {
 }
 
 /// What the footprint of a cell sends.
-pub(super) struct Sent {
+pub(super) struct Radiation {
     /// Such that a path to an antenna at a distance R has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this over R.
     pub(super) amplitude: Complex64,
     /// Mean of the phase over the footprint, tapered.
@@ -224,9 +224,9 @@ impl<'a> Sensor<'a> {
     }
 
     /// What comes to an antenna.
-    fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Sent, f64)> {
+    fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Radiation, f64)> {
         self.shooter
-            .send_to(tube, launch.size, antenna, self.array.polarization, sampling)
+            .radiate_to(tube, launch.size, antenna, self.array.polarization, sampling)
     }
 }
 
@@ -251,10 +251,12 @@ impl Bounces {
                 for start in 0..starts.len() {
                     let arrive = |tube: &Tube, interactions: &[Interaction]| {
                         let weight = |end: usize| {
-                            let sent = sensor.receive(tube, launch, ends.get(end).0, sampling);
-                            sent.map_or(Complex64::ZERO, |(sent, _)| {
+                            let radiated = sensor.receive(tube, launch, ends.get(end).0, sampling);
+                            radiated.map_or(Complex64::ZERO, |(radiated, _)| {
                                 let share = twice * view.share(tube, interactions, ends.get(end).0);
-                                Complex64::I / (2.0 * TAU) * sent.amplitude * (share * sent.weight * tube.length)
+                                Complex64::I / (2.0 * TAU)
+                                    * radiated.amplitude
+                                    * (share * radiated.weight * tube.length)
                             })
                         };
                         let weights: Vec<Complex64> = (0..ends.len()).map(weight).collect();

@@ -174,9 +174,9 @@ impl Tube {
         self.interaction = interaction;
     }
 
-    /// What the surface sends in a unit direction, see [`Field::send`].
-    pub fn send(&self, mirrored: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
-        self.field.send(&self.incidence(mirrored), direction, received)
+    /// What the surface sends in a unit direction, see [`Field::radiate`].
+    pub fn radiate(&self, mirrored: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
+        self.field.radiate(&self.incidence(mirrored), direction, received)
     }
 
     fn incidence(&self, mirrored: [Complex64; 2]) -> Incidence {

@@ -41,14 +41,14 @@ fn echoes(
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
         sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, interactions| {
-            let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
+            let Some((radiated, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
                 return;
             };
             echoes.push(Echo {
                 order: interactions.len(),
                 half_path: 0.5 * (tube.length + distance),
                 slope: tube.slope(-tube.interaction.point.normalize()),
-                amplitude: sent.amplitude / distance,
+                amplitude: radiated.amplitude / distance,
                 gain: (transmitter.gain(interactions[0].point) * receiver.gain(tube.interaction.point)).sqrt(),
             });
         });
@@ -322,8 +322,8 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         };
         let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
         let gamma = te * seen.te - tm * seen.tm;
-        let sent = field.send(&any, -k, Some(transverse(e, -k)));
-        assert!((sent - gamma * any.cosine()).norm() < 1e-12, "{sent} {gamma}");
+        let radiated = field.radiate(&any, -k, Some(transverse(e, -k)));
+        assert!((radiated - gamma * any.cosine()).norm() < 1e-12, "{radiated} {gamma}");
         // Into the mirror's direction: cos E_r.
         let Field::Vector([re, im]) = field.reflect(&any) else {
             unreachable!()
@@ -331,10 +331,10 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         let to = any.reflected();
         let received = transverse(e, to);
         let expected = Complex64::new(re.dot(received), im.dot(received)) * any.cosine();
-        assert!((field.send(&any, to, Some(received)) - expected).norm() < 1e-12);
+        assert!((field.radiate(&any, to, Some(received)) - expected).norm() < 1e-12);
         // Without a polarisation likewise.
-        let sent = Field::Scalar(Complex64::ONE).send(&conductor, to, None);
-        assert!((sent + conductor.cosine()).norm() < 1e-12);
+        let radiated = Field::Scalar(Complex64::ONE).radiate(&conductor, to, None);
+        assert!((radiated + conductor.cosine()).norm() < 1e-12);
     }
 }
 
