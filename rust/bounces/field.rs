@@ -23,7 +23,7 @@ pub struct Incidence {
     /// Unit normal towards the incident side.
     pub normal: DVec3,
     /// `r_TE` and `r_TM`.
-    pub mirrored: [Complex64; 2],
+    pub coefficients: [Complex64; 2],
 }
 
 impl Incidence {
@@ -40,7 +40,7 @@ impl Incidence {
     /// README eq. (9): the power is the mean of both polarisations, the phase that of the field across the plane of
     /// incidence. A mean of both fields would be nothing where two walls meet at a right angle.
     fn scalar(&self) -> Complex64 {
-        let [te, tm] = self.mirrored;
+        let [te, tm] = self.coefficients;
         let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
         if te == Complex64::ZERO {
             return Complex64::from(power.sqrt());
@@ -87,10 +87,10 @@ impl Field {
         match (*self, received) {
             (Self::Vector(field), Some(received)) => {
                 let (n, k) = (incidence.normal, incidence.direction);
-                let (reflected, mirrored) = (incidence.reflected(), reflect(field, incidence));
+                let (reflected, reflected_field) = (incidence.reflected(), reflect(field, incidence));
                 let part = |i: usize| {
-                    let magnetic = k.cross(field[i]) + reflected.cross(mirrored[i]);
-                    let electric = n.cross(field[i] + mirrored[i]);
+                    let magnetic = k.cross(field[i]) + reflected.cross(reflected_field[i]);
+                    let electric = n.cross(field[i] + reflected_field[i]);
                     -0.5 * received.dot(n.cross(magnetic) + direction.cross(electric))
                 };
                 Complex64::new(part(0), part(1))
@@ -124,7 +124,7 @@ fn reflect(field: [DVec3; 2], incidence: &Incidence) -> [DVec3; 2] {
     };
     let (p, p_reflected) = (k.cross(s), incidence.reflected().cross(s));
     let along = |axis: DVec3| Complex64::new(field[0].dot(axis), field[1].dot(axis));
-    let [te, tm] = incidence.mirrored;
+    let [te, tm] = incidence.coefficients;
     let (te, tm) = (te * along(s), tm * along(p));
     [s * te.re + p_reflected * tm.re, s * te.im + p_reflected * tm.im]
 }

@@ -100,7 +100,7 @@ impl Shooter<'_> {
         let mut counts = Counts::default();
         let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
-            tube.reflect(self.mirrored(&tube));
+            tube.reflect(self.reflection_coefficients(&tube));
             if tube.field.power() * share < self.limits.floor {
                 counts.stopped += 1;
                 break;
@@ -116,8 +116,8 @@ impl Shooter<'_> {
     }
 
     /// Coefficients of the surface where a tube arrives.
-    pub(super) fn mirrored(&self, tube: &Tube) -> [Complex64; 2] {
-        self.materials[tube.interaction.body as usize].mirrored(tube.cosine(), self.wavelength)
+    pub(super) fn reflection_coefficients(&self, tube: &Tube) -> [Complex64; 2] {
+        self.materials[tube.interaction.body as usize].reflection_coefficients(tube.cosine(), self.wavelength)
     }
 
     /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
@@ -149,7 +149,7 @@ impl Shooter<'_> {
 
         // W sqrt(dOmega / dA_perp) dA of README eq. (7).
         let received = polarization.map(|e| transverse(e, direction));
-        let radiated = tube.radiate(self.mirrored(tube), direction, received);
+        let radiated = tube.radiate(self.reflection_coefficients(tube), direction, received);
         let amplitude = radiated * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
         (amplitude != Complex64::ZERO).then_some(Radiation { amplitude, weight })
     }

@@ -118,9 +118,9 @@ impl Tube {
     }
 
     /// Turn into the mirror's direction; the surface has the coefficients `r_TE` and `r_TM`.
-    pub fn reflect(&mut self, mirrored: [Complex64; 2]) {
+    pub fn reflect(&mut self, coefficients: [Complex64; 2]) {
         let (n, k) = (self.interaction.normal, self.direction);
-        let incidence = self.incidence(mirrored);
+        let incidence = self.incidence(coefficients);
         self.field = self.field.reflect(&incidence);
         self.direction = incidence.reflected();
         for i in 0..2 {
@@ -175,15 +175,15 @@ impl Tube {
     }
 
     /// What the surface sends in a unit direction, see [`Field::radiate`].
-    pub fn radiate(&self, mirrored: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
-        self.field.radiate(&self.incidence(mirrored), direction, received)
+    pub fn radiate(&self, coefficients: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
+        self.field.radiate(&self.incidence(coefficients), direction, received)
     }
 
-    fn incidence(&self, mirrored: [Complex64; 2]) -> Incidence {
+    fn incidence(&self, coefficients: [Complex64; 2]) -> Incidence {
         Incidence {
             direction: self.direction,
             normal: self.interaction.normal,
-            mirrored,
+            coefficients,
         }
     }
 

@@ -77,7 +77,7 @@ impl Material {
 
     /// What is mirrored of the field across the plane of incidence and of that in it, `r_TE` and `r_TM` with the coherent
     /// part of what a rough surface reflects, at a cosine of incidence of waves of a length [m].
-    pub fn mirrored(&self, cosine: f64, wavelength: f64) -> [Complex64; 2] {
+    pub fn reflection_coefficients(&self, cosine: f64, wavelength: f64) -> [Complex64; 2] {
         match self {
             Self::Constant(constant) => [constant.reflection, -constant.reflection],
             Self::Dielectric(dielectric) => {
@@ -274,7 +274,7 @@ mod tests {
             Material::Constant(constant),
         ] {
             for cosine in [1.0, 0.6, 0.1] {
-                let [te, tm] = material.mirrored(cosine, WAVELENGTH);
+                let [te, tm] = material.reflection_coefficients(cosine, WAVELENGTH);
                 assert_eq!(te, material.response(cosine, WAVELENGTH, Seen::TE).reflection);
                 assert_eq!(-tm, material.response(cosine, WAVELENGTH, Seen::TM).reflection);
             }

@@ -305,7 +305,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         let conductor = Incidence {
             direction: k,
             normal: n,
-            mirrored: [Complex64::from(-1.0), Complex64::ONE],
+            coefficients: [Complex64::from(-1.0), Complex64::ONE],
         };
         let field = Field::launch(Some(e), k);
         let Field::Vector([re, _]) = field else { unreachable!() };
@@ -317,7 +317,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         // Backward to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
         let (te, tm) = (Complex64::new(-0.6, 0.2), Complex64::new(0.3, -0.1));
         let any = Incidence {
-            mirrored: [te, tm],
+            coefficients: [te, tm],
             ..conductor
         };
         let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
