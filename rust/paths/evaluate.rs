@@ -144,7 +144,7 @@ struct Sights {
 /// The parts of [`crate::paths::scatterers::Weight`] of eight points.
 #[derive(Clone, Copy)]
 struct Weights {
-    mirror: [Lanes; 2],
+    specular: [Lanes; 2],
     diffuse: [Lanes; 2],
 }
 
@@ -167,7 +167,7 @@ impl Kernel for FollowBlock<'_> {
         ];
         let mut weights = vec![
             Weights {
-                mirror: [nothing; 2],
+                specular: [nothing; 2],
                 diffuse: [nothing; 2],
             };
             num_channels
@@ -187,8 +187,8 @@ impl Kernel for FollowBlock<'_> {
             for channel in 0..num_channels {
                 for lane in 0..LANES {
                     let weight = &scatterers.weights[numbers[lane] * num_channels + channel];
-                    weights[channel].mirror[0][lane] = weight.mirror.re;
-                    weights[channel].mirror[1][lane] = weight.mirror.im;
+                    weights[channel].specular[0][lane] = weight.specular.re;
+                    weights[channel].specular[1][lane] = weight.specular.im;
                     weights[channel].diffuse[0][lane] = weight.diffuse.re;
                     weights[channel].diffuse[1][lane] = weight.diffuse.im;
                 }
@@ -305,7 +305,7 @@ impl Eight {
         let zero = splat(0.0);
         let cos_t = zero.sub(dot::<I>(&self.normal, &t.direction)).max(zero);
         let cos_r = zero.sub(dot::<I>(&self.normal, &r.direction)).max(zero);
-        let mut mirror = cos_t.add(cos_r);
+        let mut specular = cos_t.add(cos_r);
         if self.has_edges {
             // Half of what the phase turns by per length, in turns.
             let rate = splat(0.5 * array.frequency / SPEED_OF_LIGHT);
@@ -316,7 +316,7 @@ impl Eight {
             }
             for side in 0..2 {
                 let turns = dot::<I>(&sum, &self.edges[side]).mul(rate);
-                mirror = mirror.mul(sinc_turns(turns));
+                specular = specular.mul(sinc_turns(turns));
             }
         }
         let diffuse = cos_t.mul(cos_r).sqrt();
@@ -324,8 +324,8 @@ impl Eight {
         let spreading = splat(array.power.sqrt()).mul(load(&t.gain)).mul(load(&r.gain)).div(way);
         let mut amplitude = [[0.0; LANES]; 2];
         for part in 0..2 {
-            let sum = load(&weights.mirror[part])
-                .mul(mirror)
+            let sum = load(&weights.specular[part])
+                .mul(specular)
                 .add(load(&weights.diffuse[part]).mul(diffuse));
             sum.mul(spreading).store(&mut amplitude[part]);
         }

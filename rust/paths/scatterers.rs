@@ -26,7 +26,7 @@ pub struct Scatterers {
     pub(crate) position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the facet.
     pub(crate) normal: Vec<DVec3>,
-    /// Over which the mirror-like part is a mean.
+    /// Over which the specular part is a mean.
     pub(crate) patch: Vec<Edges>,
     /// Bodies of facets and their numbers of vertices.
     pub(crate) deforming: Vec<(u32, usize)>,
@@ -38,7 +38,7 @@ pub struct Scatterers {
 #[derive(Clone, Copy)]
 pub struct Weight {
     /// `(j / 4 pi) Gamma dA / 2`, with what pixels and ends of cells have besides.
-    pub(crate) mirror: Complex64,
+    pub(crate) specular: Complex64,
     /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
     pub(crate) diffuse: Complex64,
 }
@@ -49,7 +49,7 @@ pub type Edges = [DVec3; 2];
 
 impl Weight {
     pub(crate) fn is_silent(&self) -> bool {
-        self.mirror == Complex64::ZERO && self.diffuse == Complex64::ZERO
+        self.specular == Complex64::ZERO && self.diffuse == Complex64::ZERO
     }
 }
 
@@ -196,13 +196,13 @@ impl Scatterers {
     ) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
         let weight = &self.weights[path * self.num_channels() + channel];
-        let mut mirror = weight.mirror * (cos_t + cos_r);
+        let mut specular = weight.specular * (cos_t + cos_r);
         if edges != [DVec3::ZERO; 2] {
             let bisector = bisector(self.array.frequency, t.direction, r.direction);
-            mirror *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
+            specular *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
         }
         let diffuse = weight.diffuse * (cos_t * cos_r).sqrt();
-        (mirror + diffuse) * self.spreading(t, r)
+        (specular + diffuse) * self.spreading(t, r)
     }
 
     /// Radar equation: sqrt(P Gt Gr) (lambda / 4 pi) sqrt(sigma / 4 pi) / (Rt Rr).

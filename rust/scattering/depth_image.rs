@@ -18,7 +18,7 @@ pub struct Surfels<'a> {
     pub distance: &'a [f64],
     /// Unit normals towards the incident side, sensor frame.
     pub normal: &'a [DVec3],
-    /// Field reflection coefficient of the mirror-like part.
+    /// Field reflection coefficient of the specular part.
     pub reflection: &'a [Complex64],
     /// Diffuse albedo.
     pub albedo: &'a [f64],

@@ -1,6 +1,6 @@
 //! From hits to paths: what every hit, or pixel of somebody else's depth image, sends back to every antenna pair.
 //!
-//! Two mechanisms per material (README eqs. (2) and (3)): the mirror-like one is physical optics written on the
+//! Two mechanisms per material (README eqs. (2) and (3)): the specular one is physical optics written on the
 //! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
 //! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
 //! deforms, and its delay and amplitude follow from the geometry at any time of the frame.

@@ -27,7 +27,7 @@ pub const CONDUCTOR: Material = Material::Constant(Response {
 /// What comes back from a surface at one angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
-    /// Field reflection coefficient of the mirror-like part; -1 for a perfect conductor.
+    /// Field reflection coefficient of the specular part; -1 for a perfect conductor.
     pub reflection: Complex64,
     /// Diffuse albedo: power scattered after Lambert over incident power.
     pub albedo: f64,
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn mirror_like_and_scattered_parts_are_what_is_reflected() {
+    fn specular_and_scattered_parts_are_what_is_reflected() {
         let skin = half_space(Complex64::new(7.975, -10.904));
         for roughness in [Roughness::Height(0.3e-3), Roughness::Scattering(0.6)] {
             for cosine in [1.0, 0.5, 0.1] {

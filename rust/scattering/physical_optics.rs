@@ -47,7 +47,7 @@ impl Weigh<'_> {
         material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
     }
 
-    /// The material point of a patch: what its material sends back by every channel, mirror-like and diffuse.
+    /// The material point of a patch: what its material sends back by every channel, specular and diffuse.
     pub(crate) fn patch(&self, patch: &Patch, frame: &MaterialFrame, material: &Material, points: &mut Points) {
         let Some(area) = patch.area() else { return };
         let point = patch.point();
@@ -62,13 +62,13 @@ impl Weigh<'_> {
         for channel in 0..self.array.num_channels() {
             let [t, r] = self.array.directions(channel, point);
             let response = self.response(material, patch.normal, t, r);
-            let mut mirror = mirror(&response, area);
-            if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
+            let mut specular = specular(&response, area);
+            if self.sampling == Sampling::Footprint && specular != Complex64::ZERO {
                 let bisector = bisector(self.array.frequency, t, r);
-                mirror *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
+                specular *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
             }
             let diffuse = phasor * self.diffuse(&response, area);
-            points.weights.push(Weight { mirror, diffuse });
+            points.weights.push(Weight { specular, diffuse });
         }
         let sample = SurfaceSample {
             position,
@@ -80,7 +80,7 @@ impl Weigh<'_> {
         points.push(patch, frame, sample, self.array.num_channels());
     }
 
-    /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
+    /// The material points of a leaf: its ends for the specular part where the phase turns fast, else its centre.
     pub(crate) fn leaf(
         &self,
         patch: &Patch,
@@ -102,7 +102,7 @@ impl Weigh<'_> {
             )
         };
 
-        // What is mirror-like, by centre, ends or corners.
+        // What is specular, by centre, ends or corners.
         let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
         for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
             let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
@@ -119,20 +119,20 @@ impl Weigh<'_> {
             };
             for channel in 0..num_channels {
                 let (response, slopes) = of_channel(channel);
-                let mut mirror = mirror(&response, area);
+                let mut specular = specular(&response, area);
                 let [t, r] = self.array.directions(channel, end);
                 let bisector = bisector(self.array.frequency, t, r);
                 if !leaf.is_linear {
-                    mirror *= taper(slopes[0]) * taper(slopes[1]);
+                    specular *= taper(slopes[0]) * taper(slopes[1]);
                 }
                 for axis in axes.iter().copied() {
                     // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
                     let (x, x_there) = (slopes[axis], bisector.dot(edges_there[axis]));
                     let x = if x_there / x > LEAST_TURN { x_there } else { x };
-                    mirror *= Complex64::new(0.0, sides[axis] / x);
+                    specular *= Complex64::new(0.0, sides[axis] / x);
                 }
                 let diffuse = Complex64::ZERO;
-                points.weights.push(Weight { mirror, diffuse });
+                points.weights.push(Weight { specular, diffuse });
             }
             let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
             let across = [0, 1].map(|axis| {
@@ -177,7 +177,7 @@ impl Weigh<'_> {
             let [t, r] = self.array.directions(channel, place);
             let response = self.response(material, normal[point], t, r);
             points.weights.push(Weight {
-                mirror: Complex64::ZERO,
+                specular: Complex64::ZERO,
                 diffuse: phasor * self.diffuse(&response, stretch * spread.area),
             });
         }
@@ -204,6 +204,6 @@ impl Weigh<'_> {
 }
 
 /// `(j / 4 pi) Gamma dA / 2`.
-pub(crate) fn mirror(response: &Response, area: f64) -> Complex64 {
+pub(crate) fn specular(response: &Response, area: f64) -> Complex64 {
     Complex64::new(0.0, 1.0 / (8.0 * PI)) * response.reflection * area
 }

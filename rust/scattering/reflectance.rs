@@ -9,7 +9,7 @@ use crate::rays::hits::Hits;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::material::Material;
 
-/// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
+/// Power that the material at every pixel returns, specular and diffuse, over incident power, to antennas at the centre
 /// of the array; zero where nothing was hit. `shown` is asked only where it depends on the angle.
 pub fn reflectance<'a>(
     hits: &Hits,

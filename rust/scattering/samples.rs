@@ -1,4 +1,4 @@
-//! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
+//! What a frame samples of a scene: cells for the specular part, points of the surfaces for what is diffuse.
 
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
