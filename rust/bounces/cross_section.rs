@@ -1,4 +1,4 @@
-//! Cross-sections of a body far away: ray tubes of a plane wave, and what they send in one direction.
+//! Radar cross-sections of a body: ray tubes of a plane wave, and the far field radiated in one direction.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -20,15 +20,15 @@ use crate::scattering::physical_optics::Sampling;
 /// Rays per wavelength across a body.
 const RAYS_PER_WAVELENGTH: f64 = 6.0;
 
-/// Rays across a body, at least and at most.
+/// Least and largest number of rays across a body.
 const RAYS: [f64; 2] = [64.0, 1024.0];
 
-/// Where a plane wave comes from and where it is received.
+/// Directions and polarisations of incidence and of reception.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aspect {
     /// Unit vectors from the body to the transmitter and to the receiver.
     pub directions: [DVec3; 2],
-    /// Fields of the antennas, as far as they are transverse; none: antennas without a polarisation.
+    /// Field vectors of both antennas, whose transverse part counts; none: antennas without a polarisation.
     pub polarizations: Option<[DVec3; 2]>,
 }
 
@@ -99,7 +99,7 @@ impl Shooter<'_> {
         4.0 * PI * total.norm_sqr() / (self.wavelength * self.wavelength)
     }
 
-    /// What one cell sends to the receiver.
+    /// Field radiated by one cell towards the receiver.
     fn cell(&self, aspect: &Aspect, origin: DVec3, axes: [DVec3; 2], size: [f64; 2]) -> Complex64 {
         let ([from, to], polarizations) = (aspect.directions, aspect.polarizations);
         let Some(tube) = Tube::plane_wave(self.snapshot, origin, -from, axes, polarizations.map(|e| e[0])) else {

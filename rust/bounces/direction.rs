@@ -1,11 +1,11 @@
-//! Which antennas ray tubes start from, and which they end at.
+//! Directions of ray tubes: antennas where they start and end.
 
 use glam::DVec3;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 
-/// From the antennas of one kind to those of the other.
+/// Direction of ray tubes between transmitters and receivers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From the transmitters to the receivers.
@@ -26,14 +26,15 @@ impl<'a> Antennas<'a> {
         self.positions.len()
     }
 
-    /// Place and pattern of one.
+    /// Position [m] and pattern of an antenna.
     pub fn get(&self, number: usize) -> (DVec3, &'a Pattern) {
         (self.positions[number], &self.patterns[number])
     }
 }
 
 impl Direction {
-    /// Those that tubes go: both, but only one where one antenna sends and receives, which stands for the other.
+    /// Directions that tubes are traced in: both, but only forward for a single antenna that transmits and receives, where both
+    /// give the same paths.
     pub fn of(array: &Array) -> &'static [Self] {
         let is_one = array.tx.len() == 1 && array.tx == array.rx && array.tx_patterns == array.rx_patterns;
         if is_one {
@@ -43,7 +44,7 @@ impl Direction {
         }
     }
 
-    /// Antennas where tubes start, and those where they end.
+    /// Antennas where tubes start, and antennas where tubes end.
     pub fn antennas(self, array: &Array) -> [Antennas<'_>; 2] {
         let transmitters = Antennas {
             positions: &array.tx,
@@ -67,7 +68,7 @@ impl Direction {
         transmitter * array.rx.len() + receiver
     }
 
-    /// What belongs to where tubes start, and to where they end.
+    /// Order a property of transmitters and one of receivers as start and end of tubes.
     fn ordered<T>(self, transmitter: T, receiver: T) -> [T; 2] {
         match self {
             Self::Forward => [transmitter, receiver],

@@ -1,17 +1,17 @@
-//! The field that a ray tube carries: what a reflection makes of it, and what a surface in it sends on.
+//! Fields along ray tubes: launch, reflection, and radiation from a surface.
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-/// Directions this near to the normal, by the square of the sine between them, have no plane of incidence.
+/// Square of the sine to the normal up to which a direction has no plane of incidence.
 const NORMAL: f64 = 1e-20;
 
-/// A field, relative to the one that was launched.
+/// Field relative to the launched field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Field {
-    /// Of antennas without a polarisation: a number.
+    /// Scalar field, of antennas without a polarisation.
     Scalar(Complex64),
-    /// Real and imaginary part of a vector across the ray.
+    /// Real and imaginary part of a vector field across the ray.
     Vector([DVec3; 2]),
 }
 
@@ -32,13 +32,13 @@ impl Incidence {
         -self.normal.dot(self.direction)
     }
 
-    /// Unit direction of the mirrored ray.
+    /// Unit direction of the specular reflection.
     pub fn reflected(&self) -> DVec3 {
         self.direction + 2.0 * self.cosine() * self.normal
     }
 
-    /// README eq. (9): the power is the mean of both polarisations, the phase that of the field across the plane of
-    /// incidence. A mean of both fields would be nothing where two walls meet at a right angle.
+    /// Scalar reflection coefficient, docs/theory.md eq. (9): the power is the mean of both polarisations, the phase that of the
+    /// field across the plane of incidence. A mean of both fields would vanish where two walls meet at a right angle.
     fn scalar(&self) -> Complex64 {
         let [te, tm] = self.coefficients;
         let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
@@ -50,14 +50,14 @@ impl Incidence {
 }
 
 impl Field {
-    /// Of antennas of a polarisation, or of none, in a unit direction.
+    /// Field launched by an antenna of a polarisation, or of none, in a unit direction.
     pub fn launch(polarization: Option<DVec3>, direction: DVec3) -> Self {
         polarization.map_or(Self::Scalar(Complex64::ONE), |e| {
             Self::Vector([transverse(e, direction), DVec3::ZERO])
         })
     }
 
-    /// Power relative to what was launched.
+    /// Power relative to the launched power.
     pub fn power(&self) -> f64 {
         match self {
             Self::Scalar(field) => field.norm_sqr(),
@@ -65,7 +65,7 @@ impl Field {
         }
     }
 
-    /// Times a number.
+    /// Product with a complex factor.
     pub fn times(&self, factor: Complex64) -> Self {
         match *self {
             Self::Scalar(field) => Self::Scalar(field * factor),
@@ -73,7 +73,7 @@ impl Field {
         }
     }
 
-    /// After the reflection.
+    /// Field after the reflection.
     pub fn reflect(&self, incidence: &Incidence) -> Self {
         match *self {
             Self::Scalar(field) => Self::Scalar(field * incidence.scalar()),
@@ -81,8 +81,8 @@ impl Field {
         }
     }
 
-    /// W of README eqs. (8) and (9): what the surface sends in a unit direction, to an antenna with the unit vector
-    /// `received` across it.
+    /// Field radiated in a unit direction to an antenna with the transverse unit vector `received`: W of docs/theory.md eqs.
+    /// (8) and (9).
     pub fn radiate(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
         match (*self, received) {
             (Self::Vector(field), Some(received)) => {
@@ -104,7 +104,7 @@ impl Field {
     }
 }
 
-/// The part of a unit vector across a unit direction, of unit length; zero along it.
+/// Transverse part of a unit vector to a unit direction, normalised; zero where both are parallel.
 pub fn transverse(e: DVec3, direction: DVec3) -> DVec3 {
     (e - direction * e.dot(direction)).normalize_or_zero()
 }
@@ -113,7 +113,7 @@ fn times([re, im]: [DVec3; 2], factor: Complex64) -> [DVec3; 2] {
     [re * factor.re - im * factor.im, re * factor.im + im * factor.re]
 }
 
-/// `E_r = r_TE (E.s) s + r_TM (E.p) p'`, s across the plane of incidence, p and p' in it.
+/// Reflected vector field `E_r = r_TE (E.s) s + r_TM (E.p) p'`, s across the plane of incidence, p and p' in it.
 fn reflect(field: [DVec3; 2], incidence: &Incidence) -> [DVec3; 2] {
     let (n, k) = (incidence.normal, incidence.direction);
     let across = n.cross(k);

@@ -1,4 +1,4 @@
-//! Paths of material points: delays and amplitudes follow from where their bodies are.
+//! Paths over material points: delays and amplitudes evaluated from the kinematics of the bodies.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -15,17 +15,18 @@ use crate::paths::kinematics::Kinematics;
 use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::Snapshot;
 
-/// Paths between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
-/// number of reflections.
+/// Paths between the transmitters and the receivers over two and more surfaces, one per cell of the image and number of
+/// reflections.
 pub struct Bounces {
     array: Array,
-    /// Where the points of every path begin, and where those of the last end.
+    /// Index of the first point of every path, and the number of all points.
     first: Vec<usize>,
-    /// Those of one antenna where tubes start after the other; of one that has no such path those of another.
+    /// Material points of every path, one block per antenna where tubes start; an antenna without the path has the points
+    /// of another.
     points: Vec<Point>,
-    /// Per path.
+    /// Direction of the tubes of every path.
     directions: Vec<Direction>,
-    /// `(path, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
+    /// `(path, channel)`: amplitude without the gains of the antennas and the lengths to and from the last point.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
@@ -35,23 +36,23 @@ pub struct Bounces {
 #[derive(Clone, Copy, Debug)]
 struct Point {
     body: u32,
-    /// Vertices of the facet that it stays with, where the body deforms.
+    /// Vertices of the triangle that carries the point, where the body deforms.
     facet: Option<[u32; 3]>,
-    /// In body coordinates [m], or those of the facet.
+    /// Position in coordinates of the body [m], or of the triangle.
     position: DVec3,
 }
 
-/// One path.
+/// One path of several reflections, for all channels.
 pub struct BouncePath {
     direction: Direction,
     order: usize,
     points: Vec<Point>,
-    /// Per channel.
+    /// Weight per channel, see [`Bounces`].
     weights: Vec<Complex64>,
 }
 
 impl Point {
-    /// At a place that stays with its body.
+    /// Material point at an interaction, in coordinates of its body.
     fn new(snapshot: &Snapshot, interaction: &Interaction) -> Self {
         let surface = snapshot.surface(interaction.body);
         let position = snapshot.pose(interaction.body).point_to_body(interaction.point);
@@ -71,7 +72,7 @@ impl Point {
 }
 
 impl BouncePath {
-    /// Over these places, for all antennas where tubes start; nothing comes back yet.
+    /// Path over these interactions for all antennas where tubes start, with weights of zero.
     pub fn new(direction: Direction, array: &Array, snapshot: &Snapshot, interactions: &[Interaction]) -> Self {
         let points: Vec<Point> = interactions
             .iter()
@@ -85,12 +86,12 @@ impl BouncePath {
         }
     }
 
-    /// The way of its tubes and the number of reflections.
+    /// Direction of the tubes and number of reflections.
     pub fn kind(&self) -> (Direction, usize) {
         (self.direction, self.order)
     }
 
-    /// What comes of the antenna `start`: `weights` per antenna where tubes end.
+    /// Set the points and weights of the antenna `start`; `weights` are per antenna where tubes end.
     pub fn set(
         &mut self,
         array: &Array,
@@ -124,7 +125,7 @@ impl Bounces {
         bounces
     }
 
-    /// No paths.
+    /// An empty list of paths.
     pub fn empty(array: Array) -> Self {
         Self {
             array,
@@ -143,7 +144,7 @@ impl Bounces {
         self.first.push(self.points.len());
     }
 
-    /// The paths over wanted bodies alone, and the others, both in the same order.
+    /// Split into the paths over wanted bodies alone and all others, both in the same order.
     pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
         let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
         for path in 0..self.len() {
@@ -176,7 +177,7 @@ impl Bounces {
         paths.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
     }
 
-    /// The body of every path that is the last before a receiver, as the first antenna where tubes start has it.
+    /// Body of every path that is the last before a receiver, for the first antenna where tubes start.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
         let paths = self.first.iter().zip(&self.directions).zip(self.orders());
         paths.map(|((first, direction), order)| match direction {
@@ -185,12 +186,13 @@ impl Bounces {
         })
     }
 
-    /// Bodies that deform and are met here, in increasing order, and their numbers of vertices.
+    /// Bodies that deform and are on a path, in increasing order, and their numbers of vertices.
     pub fn deforming(&self) -> &[(u32, usize)] {
         &self.deforming
     }
 
-    /// Delays of the selected paths at `kinematics`, which need no point targets, and amplitudes at others.
+    /// Delays of the selected paths at the nodes of `kinematics` and amplitudes at those of `amplitudes_at`; neither needs
+    /// point targets.
     pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
             [kinematics.num_nodes, amplitudes_at.num_nodes],
@@ -221,7 +223,7 @@ impl Bounces {
             .collect()
     }
 
-    /// Of the antenna of a channel where tubes start.
+    /// Points of a path for the antenna of a channel where tubes start.
     fn points(&self, path: usize, channel: usize) -> &[Point] {
         let points = &self.points[self.first[path]..self.first[path + 1]];
         let direction = self.directions[path];
@@ -230,14 +232,14 @@ impl Bounces {
         &points[start * order..(start + 1) * order]
     }
 
-    /// Places and patterns of the antennas of a channel where the tubes of a path start and end.
+    /// Positions and patterns of the antennas of a channel where the tubes of a path start and end.
     fn antennas(&self, channel: usize, path: usize) -> [(DVec3, &Pattern); 2] {
         let direction = self.directions[path];
         let ([starts, ends], [start, end]) = (direction.antennas(&self.array), direction.numbers(&self.array, channel));
         [starts.get(start), ends.get(end)]
     }
 
-    /// Delay and amplitude of one path of one channel at one time, README eq. (7).
+    /// Delay and amplitude of one path of one channel at one time, docs/theory.md eq. (7).
     fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, path);
         let points = self.points(path, channel);
@@ -256,14 +258,14 @@ impl Bounces {
         ((length + distance) / SPEED_OF_LIGHT, amplitude)
     }
 
-    /// Where a material point is [m].
+    /// Position of a material point at a node, sensor frame [m].
     fn position(&self, kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
         let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
         let facet = self.facet_of(kinematics, node, point);
         pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
     }
 
-    /// Where a material point is at the first node [m], and how it moves [m/s].
+    /// Position [m] and velocity [m/s] of a material point at the first node, sensor frame.
     fn motion(&self, kinematics: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
         let (pose, rate) = (
             &kinematics.poses[point.body as usize],
@@ -279,7 +281,7 @@ impl Bounces {
         (pose.point(position), rate.point(position) + pose.direction(velocity))
     }
 
-    /// The facet of a material point of a body that deforms; its corners may be velocities.
+    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
     fn facet_of(&self, kinematics: &Kinematics, node: usize, point: &Point) -> Option<Facet> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;

@@ -39,8 +39,8 @@ impl View {
         Self { corners }
     }
 
-    /// What a tube over these places to an antenna counts of what goes this way: the less, the more it widens beside one
-    /// from the antenna that goes the same way back; all of it where none starts. Both add up to one.
+    /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the other
+    /// direction; the one that widens less counts more, and both shares add up to one. One where no such tube starts.
     fn share(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
         let back = self
             .shows(tube.interaction.point)
@@ -56,20 +56,20 @@ impl View {
     }
 }
 
-/// How far ray tubes are followed.
+/// Limits of the length of paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Most reflections of a path.
     pub max_bounces: usize,
-    /// A tube ends where its power, weighed with the gain of the antenna towards where it was launched relative to the
-    /// peak, is less than this share of what was launched: no later reflection adds to it. Zero: never.
+    /// Smallest power of a tube relative to the launched power, weighted with the gain of the antenna in the direction of
+    /// launch relative to the peak; weaker tubes end. Zero: none.
     pub floor: f64,
 }
 
-/// What was done for the paths.
+/// Counts of rays and of tubes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Rays from surfaces to the next.
+    /// Rays from one surface to the next.
     pub rays: usize,
     /// Tubes that ended at the floor.
     pub stopped: usize,
@@ -84,18 +84,18 @@ impl Counts {
     }
 }
 
-/// The scene as ray tubes see it.
+/// Scene, materials and limits that ray tubes are traced with.
 pub(super) struct Shooter<'a> {
     pub(super) snapshot: &'a Snapshot,
-    /// One per body.
+    /// Material of every body.
     pub(super) materials: &'a [Material],
     pub(super) wavelength: f64,
     pub(super) limits: Limits,
 }
 
 impl Shooter<'_> {
-    /// Follow a tube that was launched with a share of the largest gain; `arrive` gets it at every surface from the second on,
-    /// with all places so far.
+    /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface from the
+    /// second on, with all interactions so far.
     pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
         let mut interactions = vec![tube.interaction];
@@ -115,13 +115,13 @@ impl Shooter<'_> {
         counts
     }
 
-    /// Coefficients of the surface where a tube arrives.
+    /// Reflection coefficients `r_TE` and `r_TM` of the surface where a tube arrives.
     pub(super) fn reflection_coefficients(&self, tube: &Tube) -> [Complex64; 2] {
         self.materials[tube.interaction.body as usize].reflection_coefficients(tube.cosine(), self.wavelength)
     }
 
-    /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
-    /// faces there.
+    /// Field radiated by the footprint of a cell of a size in a unit direction, to an antenna of a polarisation. None where
+    /// the illuminated side faces away.
     pub(super) fn radiate(
         &self,
         tube: &Tube,
@@ -147,14 +147,15 @@ impl Shooter<'_> {
             return None;
         }
 
-        // W sqrt(dOmega / dA_perp) dA of README eq. (7).
+        // W sqrt(dOmega / dA_perp) dA of docs/theory.md eq. (7).
         let received = polarization.map(|e| transverse(e, direction));
         let radiated = tube.radiate(self.reflection_coefficients(tube), direction, received);
         let amplitude = radiated * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
         (amplitude != Complex64::ZERO).then_some(Radiation { amplitude, weight })
     }
 
-    /// The same to an antenna at a place of the sensor frame, if that is in sight, and its distance [m].
+    /// Field radiated by the footprint to an antenna at a position of the sensor frame, and the distance of the antenna [m].
+    /// None where the antenna is occluded.
     pub(super) fn radiate_to(
         &self,
         tube: &Tube,
@@ -173,7 +174,7 @@ impl Shooter<'_> {
         (!is_occluded).then_some((radiated, distance))
     }
 
-    /// Whether something stands in the way from a place before `far`, in lengths of the direction.
+    /// True if a surface occludes the ray from an interaction up to `far` lengths of the direction.
     pub(super) fn is_occluded(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
             origin: interaction.before,
@@ -184,9 +185,9 @@ impl Shooter<'_> {
     }
 }
 
-/// What the footprint of a cell sends.
+/// Field radiated by the footprint of a cell.
 pub(super) struct Radiation {
-    /// Such that a path to an antenna at a distance R has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this over R.
+    /// Amplitude at unit distance: a path to an antenna at a distance R has `sqrt(P Gt Gr) j / (4 pi)` times this over R.
     pub(super) amplitude: Complex64,
     /// Mean of the phase over the footprint, tapered.
     pub(super) weight: f64,
@@ -209,7 +210,7 @@ impl<'a> Sensor<'a> {
         Self { shooter, array }
     }
 
-    /// Follow the tube from an antenna to what a cell has hit.
+    /// Trace the tube from an antenna to the hit of a cell.
     fn shoot(
         &self,
         launch: &Launch,
@@ -223,7 +224,7 @@ impl<'a> Sensor<'a> {
         self.shooter.follow(tube, share, arrive)
     }
 
-    /// What comes to an antenna.
+    /// Field that arrives at an antenna from a footprint, and the distance [m].
     fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Radiation, f64)> {
         self.shooter
             .radiate_to(tube, launch.size, antenna, self.array.polarization, sampling)
@@ -231,7 +232,7 @@ impl<'a> Sensor<'a> {
 }
 
 impl Bounces {
-    /// Paths of two and more reflections of all cells, in their order, and what they took; one material per body.
+    /// Paths of two and more reflections of all cells, in the order of the cells, and counts; one material per body.
     pub fn new(
         snapshot: &Snapshot,
         launches: &[Launch],
