@@ -17,7 +17,7 @@ use crate::paths::series::{Paths, Selection};
 /// Numbers of a vector.
 const LANES: usize = 8;
 
-/// Paths that one thread follows in a row, through all times.
+/// Number of paths that one thread evaluates together, at all times.
 const BLOCK: usize = 32 * LANES;
 
 /// One number of eight paths each.
@@ -27,12 +27,13 @@ type Lanes = [f64; LANES];
 type Lanes3 = [Lanes; 3];
 
 impl Scatterers {
-    /// Delays of the selected paths at `places`, and amplitudes at others: first the material points, then the point targets.
+    /// Delays of the selected paths at the nodes of `kinematics`, and amplitudes at those of `amplitudes_at`: first the material
+    /// points, then the point targets.
     pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         self.paths_by(places, amplitudes_at, selection, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// Delays and amplitudes as [`Self::paths`], by an instruction set.
     pub fn paths_by(
         &self,
         places: &Kinematics,
@@ -72,7 +73,7 @@ impl Scatterers {
         Ok(paths)
     }
 
-    /// Eight material points, if their bodies do not deform.
+    /// Eight material points in coordinates of their bodies; none if one of the bodies deforms.
     #[inline(always)]
     fn eight(&self, numbers: &[usize; LANES]) -> Option<Eight> {
         let mut bodies = [0; LANES];
@@ -104,16 +105,16 @@ impl Scatterers {
     }
 }
 
-/// Follows a block of paths.
+/// Evaluation of a block of paths.
 struct FollowBlock<'a> {
     scatterers: &'a Scatterers,
     places: &'a Kinematics<'a>,
     amplitudes_at: &'a Kinematics<'a>,
     selection: Selection,
-    /// Of the selected paths, and how many there are.
+    /// First path of the block and number of paths, among the selected ones.
     first: usize,
     count: usize,
-    /// Their part of every row `(node, channel)`.
+    /// Part of the block in every row `(node, channel)`.
     delays: Vec<&'a mut [f64]>,
     amplitudes: Vec<&'a mut [Complex64]>,
 }
@@ -133,7 +134,7 @@ struct Poses {
     origin: Lanes3,
 }
 
-/// What an antenna sees of eight points: [`crate::antennas::array::Sight`] with the gain of the field.
+/// Directions, distances and field gains from an antenna to eight points, see [`crate::antennas::array::Sight`].
 #[derive(Clone, Copy)]
 struct Sights {
     distance: Lanes,
@@ -141,7 +142,7 @@ struct Sights {
     gain: Lanes,
 }
 
-/// The parts of [`crate::paths::scatterers::Weight`] of eight points.
+/// Weights of eight points, see [`crate::paths::scatterers::Weight`].
 #[derive(Clone, Copy)]
 struct Weights {
     specular: [Lanes; 2],
@@ -229,7 +230,7 @@ impl Kernel for FollowBlock<'_> {
 }
 
 impl FollowBlock<'_> {
-    /// Paths of some numbers, from a place in the block on.
+    /// Evaluate paths one by one, for the entries of the block from `first` on.
     #[inline(never)]
     fn one_by_one(&mut self, first: usize, numbers: &[usize]) {
         let (scatterers, num_channels) = (self.scatterers, self.scatterers.num_channels());
@@ -249,7 +250,7 @@ impl FollowBlock<'_> {
 }
 
 impl Eight {
-    /// Of their bodies, at a node of some places.
+    /// Poses of the bodies at a node.
     #[inline(always)]
     fn poses<I: Isa>(&self, places: &Kinematics, node: usize) -> Poses {
         let of = &places.poses[node * places.num_bodies..];
@@ -279,7 +280,7 @@ impl Eight {
         poses
     }
 
-    /// In the sensor frame, with the bodies at poses.
+    /// Points, normals and edges in the sensor frame, for poses of the bodies.
     #[inline(always)]
     fn at<I: Isa>(&self, pose: &Poses) -> Self {
         let mut there = Self {
@@ -297,7 +298,7 @@ impl Eight {
         there
     }
 
-    /// Amplitudes, real and imaginary; as [`Scatterers::surface_amplitude`].
+    /// Amplitudes, real and imaginary part, as [`Scatterers::surface_amplitude`].
     #[inline(always)]
     fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
         let splat = <I::F64 as Vector>::splat;
@@ -307,7 +308,7 @@ impl Eight {
         let cos_r = zero.sub(dot::<I>(&self.normal, &r.direction)).max(zero);
         let mut specular = cos_t.add(cos_r);
         if self.has_edges {
-            // Half of what the phase turns by per length, in turns.
+            // Half the wave vectors' sum, in turns per metre.
             let rate = splat(0.5 * array.frequency / SPEED_OF_LIGHT);
             let mut sum = [[0.0; LANES]; 3];
             for axis in 0..3 {
@@ -344,7 +345,7 @@ fn placed<I: Isa>(poses: &Poses, points: &Lanes3) -> Lanes3 {
     placed
 }
 
-/// Vectors of bodies in the axes of the sensor.
+/// Vectors of bodies, rotated to the axes of the sensor.
 #[inline(always)]
 fn turned<I: Isa>(poses: &Poses, vectors: &Lanes3) -> Lanes3 {
     let mut turned = [[0.0; LANES]; 3];
@@ -367,7 +368,7 @@ fn dot<I: Isa>(a: &Lanes3, b: &Lanes3) -> I::F64 {
     sum
 }
 
-/// Place and pattern of an antenna; transmitters come first.
+/// Position and pattern of an antenna; transmitters come first.
 #[inline(always)]
 fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
     match antenna.checked_sub(array.tx.len()) {
@@ -376,7 +377,7 @@ fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
     }
 }
 
-/// From a place to points.
+/// Offsets of points from a position [m].
 #[inline(always)]
 fn offsets<I: Isa>(points: &Lanes3, place: DVec3) -> Lanes3 {
     let mut offsets = [[0.0; LANES]; 3];
@@ -392,7 +393,7 @@ fn distance<I: Isa>(offsets: &Lanes3) -> I::F64 {
     dot::<I>(offsets, offsets).sqrt()
 }
 
-/// What an antenna sees of points of the sensor frame.
+/// Directions, distances and field gains from an antenna to points of the sensor frame.
 #[inline(always)]
 fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
     let (place, pattern) = antenna_of(array, antenna);

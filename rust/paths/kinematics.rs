@@ -1,10 +1,10 @@
-//! Poses of bodies, positions of points and of vertices, at the times of a frame.
+//! Kinematics: poses of bodies, positions of points and of vertices, at node times of a frame.
 
 use glam::DVec3;
 
 use crate::geometry::pose::Pose;
 
-/// Where everything is at a number of times, in the sensor frame.
+/// Poses, points and vertices at node times, in the sensor frame; borrowed.
 #[derive(Clone, Copy, Debug)]
 pub struct Kinematics<'a> {
     /// Number of times.

@@ -1,5 +1,5 @@
-//! Motion over a frame: bodies, point targets and vertices as the sensor sees them at the Chebyshev times of the frame, and the
-//! series through them.
+//! Motion over a frame: bodies, point targets and vertices in the sensor frame at the Chebyshev times of the frame, and the
+//! series through these samples.
 //!
 //! Times are `x` from -1 at the start of the first ramp to 1 at the last sample.
 
@@ -10,7 +10,7 @@ use crate::geometry::pose::Pose;
 use crate::numeric::chebyshev::{interpolation_weights, series_tail};
 use crate::paths::kinematics::Kinematics;
 
-/// Vertices of a body that are looked at to tell how well their motion is resolved.
+/// Largest number of vertices of a body that the error of the motion is estimated from.
 const NUM_PROBED_VERTICES: usize = 1024;
 
 /// Positions of the vertices of a body that deforms, `(time, vertex)` [m].
@@ -21,7 +21,7 @@ pub struct VertexMotion {
 }
 
 impl VertexMotion {
-    /// From positions `(time, vertex)`.
+    /// Motion from positions `(time, vertex)` [m], body coordinates.
     pub fn new(num_times: usize, positions: Vec<[f64; 3]>) -> Self {
         Self { num_times, positions }
     }
@@ -70,7 +70,7 @@ impl VertexMotion {
     }
 }
 
-/// A pose, or the time derivative of one, of every body, and the same of point targets and vertices.
+/// Poses of bodies, positions of point targets and vertices in the sensor frame, or the time derivatives of all.
 ///
 /// `poses`: `(time, body)` maps of body coordinates to the axes of `sensor`; likewise `points` `(time, point)` [m].
 #[derive(Clone, Debug)]
@@ -78,20 +78,20 @@ pub struct Placement {
     num_times: usize,
     poses: Vec<Pose>,
     points: Vec<DVec3>,
-    /// Per body that deforms.
+    /// Motion of the vertices, per body that deforms.
     vertices: Vec<VertexMotion>,
 }
 
 /// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)` [m].
 #[derive(Clone, Debug)]
 pub struct World {
-    /// Sensor to world.
+    /// Pose of the sensor, sensor to world.
     pub sensor: Vec<Pose>,
-    /// Body to world.
+    /// Poses of the bodies, body to world.
     pub poses: Vec<Pose>,
-    /// In the world [m].
+    /// Positions of the point targets in the world [m].
     pub points: Vec<DVec3>,
-    /// Of every body that deforms, in body coordinates [m]; may have fewer times than the rest.
+    /// Vertices of every body that deforms, in body coordinates [m]; may have fewer times than the poses.
     pub vertices: Vec<VertexMotion>,
 }
 
@@ -101,7 +101,7 @@ impl World {
         self.sensor.len()
     }
 
-    /// Seen from the sensor: axes of the sensor, origin at `center`, the middle of its array in its own axes [m].
+    /// Placement in the axes of the sensor, with the origin at `center`, the middle of the array in sensor axes [m].
     pub fn seen(&self, center: DVec3) -> Placement {
         let num_times = self.num_times();
         let bodies = self.poses.chunks((self.poses.len() / num_times).max(1));
@@ -125,7 +125,7 @@ impl World {
         }
     }
 
-    /// Time derivative of [`Self::seen`] at a time at which everything is at `at` and changes by `rates`: one time each.
+    /// Time derivative of [`Self::seen`] at a single time, from positions `at` and time derivatives `rates` in the world.
     pub fn seen_rates(at: &Self, rates: &Self, center: DVec3) -> Placement {
         let (sensor, rate) = (&at.sensor[0], &rates.sensor[0]);
         let seen = at.seen(center);
@@ -187,7 +187,7 @@ impl Placement {
             .all(|(i, point)| *point == self.points[i % number.max(1)])
     }
 
-    /// Largest error of the series through the places of anything [m]: bodies reach `radii` (body,) beyond their origin [m].
+    /// Largest error of the series through all positions [m]: bodies reach `radii` (body,) beyond their origin [m].
     pub fn tail(&self, radii: &[f64]) -> f64 {
         let (num_bodies, num_points) = (self.num_bodies(), self.num_points());
         let of_body = |body: usize| {
@@ -215,7 +215,7 @@ impl Placement {
         bodies.chain(points).chain(vertices).fold(0.0, f64::max)
     }
 
-    /// Bodies at the time `x`.
+    /// Poses of the bodies at the time `x`.
     pub fn poses_at(&self, x: f64) -> Vec<Pose> {
         let (number, weights) = (self.num_bodies(), interpolation_weights(self.num_times, x));
         let at = |body: usize| {
@@ -243,7 +243,7 @@ impl Placement {
         (0..number).map(at).collect()
     }
 
-    /// Point targets at the time `x` [m].
+    /// Positions of the point targets at the time `x` [m].
     pub fn points_at(&self, x: f64) -> Vec<DVec3> {
         let (number, weights) = (self.num_points(), interpolation_weights(self.num_times, x));
         let at = |point: usize| {
@@ -260,7 +260,7 @@ impl Placement {
         (0..number).map(at).collect()
     }
 
-    /// Everything at some times, with the vertices of the bodies `deforming`, numbers among those that deform.
+    /// Kinematics at times `x`, with the vertices of the bodies `deforming`, indices among the bodies that deform.
     pub fn at(&self, times: &[f64], deforming: &[usize]) -> NodePlaces {
         let vertices = deforming.iter().map(|body| {
             let motion = &self.vertices[*body];
@@ -279,7 +279,7 @@ impl Placement {
         }
     }
 
-    /// Refuses arrays that do not fit a scene.
+    /// Check that the arrays fit a scene.
     pub fn check(&self, num_bodies: usize, num_points: usize, num_vertices: &[usize]) -> Result<()> {
         let checks = [
             ("poses", num_bodies, self.num_bodies()),
@@ -301,7 +301,7 @@ impl Placement {
     }
 }
 
-/// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame.
+/// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame; owned.
 #[derive(Clone, Debug)]
 pub struct NodePlaces {
     num_nodes: usize,
@@ -312,7 +312,7 @@ pub struct NodePlaces {
 }
 
 impl NodePlaces {
-    /// Run something with these places and the cross-sections of the point targets [m^2].
+    /// Run a function with the borrowed kinematics and the cross-sections of the point targets [m^2].
     pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Kinematics) -> T) -> T {
         let vertices: Vec<&[[f64; 3]]> = self.vertices.iter().map(Vec::as_slice).collect();
         let points = if rcs.is_empty() { &[] } else { self.points.as_slice() };
