@@ -87,9 +87,9 @@
 //! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
-//! let places = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
+//! let kinematics = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
 //! let num_paths = scatterers.len();
-//! let paths = scatterers.paths(&places, &places, Selection { first: 0, last: num_paths, step: 1 })?;
+//! let paths = scatterers.paths(&kinematics, &kinematics, Selection { first: 0, last: num_paths, step: 1 })?;
 //!
 //! // Synthesis: samples of 16 chirps.
 //! let waveform = Waveform {

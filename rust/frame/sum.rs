@@ -290,7 +290,7 @@ impl Groups {
         let (mut body, mut order) = (Vec::new(), Vec::new());
         for group in &self.all {
             let deforming = group.deforming(&self.deforming);
-            let [places, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
+            let [kinematics, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
             let rcs: &[f64] = if group.has_points() { &scene.rcs } else { &[] };
             let number = group.len(self.num_points);
             let selection = Selection {
@@ -298,15 +298,15 @@ impl Groups {
                 last: number,
                 step: 1,
             };
-            let (paths, delay_rates) = places.with(rcs, |places| {
+            let (paths, delay_rates) = kinematics.with(rcs, |kinematics| {
                 changes.with(rcs, |changes| match &group.paths {
                     GroupPaths::Scatterers(scatterers, _) => (
-                        scatterers.paths(places, places, selection),
-                        scatterers.delay_rates(places, changes),
+                        scatterers.paths(kinematics, kinematics, selection),
+                        scatterers.delay_rates(kinematics, changes),
                     ),
                     GroupPaths::Bounces(bounces) => (
-                        bounces.paths(places, places, selection),
-                        bounces.delay_rates(places, changes),
+                        bounces.paths(kinematics, kinematics, selection),
+                        bounces.delay_rates(kinematics, changes),
                     ),
                 })
             });

@@ -29,33 +29,33 @@ type Lanes3 = [Lanes; 3];
 impl Scatterers {
     /// Delays of the selected paths at the nodes of `kinematics`, and amplitudes at those of `amplitudes_at`: first the material
     /// points, then the point targets.
-    pub fn paths(&self, places: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
-        self.paths_by(places, amplitudes_at, selection, Level::best())
+    pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
+        self.paths_by(kinematics, amplitudes_at, selection, Level::best())
     }
 
     /// Delays and amplitudes as [`Self::paths`], by an instruction set.
     pub fn paths_by(
         &self,
-        places: &Kinematics,
+        kinematics: &Kinematics,
         amplitudes_at: &Kinematics,
         selection: Selection,
         level: Level,
     ) -> Result<Paths> {
-        let num_nodes = [places.num_nodes, amplitudes_at.num_nodes];
+        let num_nodes = [kinematics.num_nodes, amplitudes_at.num_nodes];
         let mut paths = Paths::zeros(num_nodes, self.num_channels(), selection)?;
         let num_paths = selection.len();
         if num_paths == 0 {
             return Ok(paths);
         }
-        let mut blocks: Vec<FollowBlock> = (0..num_paths.div_ceil(BLOCK))
-            .map(|block| FollowBlock {
+        let mut blocks: Vec<EvaluateBlock> = (0..num_paths.div_ceil(BLOCK))
+            .map(|block| EvaluateBlock {
                 scatterers: self,
-                places,
+                kinematics,
                 amplitudes_at,
                 selection,
                 first: block * BLOCK,
                 count: BLOCK.min(num_paths - block * BLOCK),
-                delays: Vec::with_capacity(places.num_nodes * self.num_channels()),
+                delays: Vec::with_capacity(kinematics.num_nodes * self.num_channels()),
                 amplitudes: Vec::with_capacity(amplitudes_at.num_nodes * self.num_channels()),
             })
             .collect();
@@ -106,9 +106,9 @@ impl Scatterers {
 }
 
 /// Evaluation of a block of paths.
-struct FollowBlock<'a> {
+struct EvaluateBlock<'a> {
     scatterers: &'a Scatterers,
-    places: &'a Kinematics<'a>,
+    kinematics: &'a Kinematics<'a>,
     amplitudes_at: &'a Kinematics<'a>,
     selection: Selection,
     /// First path of the block and number of paths, among the selected ones.
@@ -149,7 +149,7 @@ struct Weights {
     diffuse: [Lanes; 2],
 }
 
-impl Kernel for FollowBlock<'_> {
+impl Kernel for EvaluateBlock<'_> {
     type Output = ();
 
     #[inline(always)] // see `Kernel`
@@ -194,8 +194,8 @@ impl Kernel for FollowBlock<'_> {
                     weights[channel].diffuse[1][lane] = weight.diffuse.im;
                 }
             }
-            for node in 0..self.places.num_nodes {
-                let position = placed::<I>(&eight.poses::<I>(self.places, node), &eight.position);
+            for node in 0..self.kinematics.num_nodes {
+                let position = placed::<I>(&eight.poses::<I>(self.kinematics, node), &eight.position);
                 for antenna in 0..num_antennas {
                     let (place, _) = antenna_of(array, antenna);
                     distance::<I>(&offsets::<I>(&position, place)).store(&mut distances[antenna]);
@@ -213,12 +213,12 @@ impl Kernel for FollowBlock<'_> {
             for node in 0..self.amplitudes_at.num_nodes {
                 let there = eight.at::<I>(&eight.poses::<I>(self.amplitudes_at, node));
                 for antenna in 0..num_antennas {
-                    sights[antenna] = look::<I>(array, antenna, &there.position);
+                    sights[antenna] = sights_of::<I>(array, antenna, &there.position);
                 }
                 for channel in 0..num_channels {
                     let tx = &sights[channel / array.rx.len()];
                     let rx = &sights[array.tx.len() + channel % array.rx.len()];
-                    let amplitude = there.send::<I>(array, &weights[channel], tx, rx);
+                    let amplitude = there.surface_amplitude::<I>(array, &weights[channel], tx, rx);
                     let row = &mut self.amplitudes[node * num_channels + channel];
                     for lane in 0..count {
                         row[first + lane] = Complex64::new(amplitude[0][lane], amplitude[1][lane]);
@@ -229,7 +229,7 @@ impl Kernel for FollowBlock<'_> {
     }
 }
 
-impl FollowBlock<'_> {
+impl EvaluateBlock<'_> {
     /// Evaluate paths one by one, for the entries of the block from `first` on.
     #[inline(never)]
     fn one_by_one(&mut self, first: usize, numbers: &[usize]) {
@@ -237,7 +237,7 @@ impl FollowBlock<'_> {
         for (row, out) in self.delays.iter_mut().enumerate() {
             let (node, channel) = (row / num_channels, row % num_channels);
             for (lane, number) in numbers.iter().enumerate() {
-                out[first + lane] = scatterers.path(self.places, node, channel, *number).0;
+                out[first + lane] = scatterers.path(self.kinematics, node, channel, *number).0;
             }
         }
         for (row, out) in self.amplitudes.iter_mut().enumerate() {
@@ -252,8 +252,8 @@ impl FollowBlock<'_> {
 impl Eight {
     /// Poses of the bodies at a node.
     #[inline(always)]
-    fn poses<I: Isa>(&self, places: &Kinematics, node: usize) -> Poses {
-        let of = &places.poses[node * places.num_bodies..];
+    fn poses<I: Isa>(&self, kinematics: &Kinematics, node: usize) -> Poses {
+        let of = &kinematics.poses[node * kinematics.num_bodies..];
         let mut poses = Poses {
             axes: [[[0.0; LANES]; 3]; 3],
             origin: [[0.0; LANES]; 3],
@@ -300,7 +300,7 @@ impl Eight {
 
     /// Amplitudes, real and imaginary part, as [`Scatterers::surface_amplitude`].
     #[inline(always)]
-    fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
+    fn surface_amplitude<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
         let splat = <I::F64 as Vector>::splat;
         let load = |lanes: &Lanes| I::F64::load(lanes);
         let zero = splat(0.0);
@@ -395,7 +395,7 @@ fn distance<I: Isa>(offsets: &Lanes3) -> I::F64 {
 
 /// Directions, distances and field gains from an antenna to points of the sensor frame.
 #[inline(always)]
-fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
+fn sights_of<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
     let (place, pattern) = antenna_of(array, antenna);
     let splat = <I::F64 as Vector>::splat;
     let offsets = offsets::<I>(points, place);
@@ -537,7 +537,7 @@ mod tests {
             let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
             for scatterers in [of_pixels, of_cells] {
                 let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();
-                let places = Kinematics {
+                let kinematics = Kinematics {
                     num_nodes: 2,
                     num_bodies: 2,
                     poses: &moved,
@@ -549,8 +549,8 @@ mod tests {
                 let other = Kinematics {
                     num_nodes: 1,
                     poses: &moved[2..],
-                    points: &places.points[1..],
-                    ..places
+                    points: &kinematics.points[1..],
+                    ..kinematics
                 };
                 for (first, step) in [(0, 1), (3, 7)] {
                     let last = scatterers.len() + 1;
@@ -559,14 +559,14 @@ mod tests {
                         [2, 1],
                         scatterers.num_channels(),
                         selection,
-                        |node, channel, path| scatterers.path(&places, node, channel, path).0,
+                        |node, channel, path| scatterers.path(&kinematics, node, channel, path).0,
                         |node, channel, path| scatterers.path(&other, node, channel, path).1,
                     );
                     let expected = expected.unwrap();
                     let strongest = expected.amplitude.iter().fold(0.0, |most: f64, a| most.max(a.norm()));
                     assert!(strongest > 0.0 && selection.len() > 20);
                     for level in Level::available() {
-                        let paths = scatterers.paths_by(&places, &other, selection, level).unwrap();
+                        let paths = scatterers.paths_by(&kinematics, &other, selection, level).unwrap();
                         for (path, expected) in paths.delay.iter().zip(&expected.delay) {
                             assert!((path - expected).abs() <= 1e-15 * expected);
                         }

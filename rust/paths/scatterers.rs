@@ -126,16 +126,18 @@ impl Scatterers {
     }
 
     /// Delay and amplitude of one path of one channel at one time.
-    pub fn path(&self, places: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    pub fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let Some(&body) = self.body.get(path) else {
             let point = path - self.len();
-            let (t, r) = self.array.pair(channel, places.points[node * places.rcs.len() + point]);
-            return (delay(&t, &r), self.point_amplitude(places.rcs[point], &t, &r));
+            let (t, r) = self
+                .array
+                .pair(channel, kinematics.points[node * kinematics.rcs.len() + point]);
+            return (delay(&t, &r), self.point_amplitude(kinematics.rcs[point], &t, &r));
         };
-        let pose = &places.poses[node * places.num_bodies + body as usize];
+        let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
         let mut edges = self.patch[path];
-        if let Some(facet) = self.facet_of(places, node, path) {
+        if let Some(facet) = self.facet_of(kinematics, node, path) {
             (position, normal) = (facet.point(position), facet.normal(normal));
             edges = edges.map(|edge| facet.vector(edge));
         }
@@ -148,11 +150,11 @@ impl Scatterers {
     }
 
     /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
-    fn facet_of(&self, places: &Kinematics, node: usize, path: usize) -> Option<Facet> {
+    fn facet_of(&self, kinematics: &Kinematics, node: usize, path: usize) -> Option<Facet> {
         let corners = self.facet[path]?;
         let body = self.body[path];
         let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
-        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
         Some(Facet::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
@@ -160,24 +162,24 @@ impl Scatterers {
 
     /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
     /// derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor too.
-    pub fn delay_rates(&self, places: &Kinematics, rates: &Kinematics) -> Vec<f64> {
-        let num_paths = self.len() + places.points.len();
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
+        let num_paths = self.len() + kinematics.points.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
                 let (channel, path) = (i / num_paths, i % num_paths);
                 let (position, velocity) = match self.body.get(path) {
                     Some(&body) => {
-                        let (pose, rate) = (&places.poses[body as usize], &rates.poses[body as usize]);
+                        let (pose, rate) = (&kinematics.poses[body as usize], &rates.poses[body as usize]);
                         let (mut position, mut velocity) = (self.position[path], DVec3::ZERO);
-                        let facets = [places, rates].map(|places| self.facet_of(places, 0, path));
+                        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, path));
                         if let [Some(facet), Some(facet_rate)] = facets {
                             velocity = facet.velocity(&facet_rate, position);
                             position = facet.point(position);
                         }
                         (pose.point(position), rate.point(position) + pose.direction(velocity))
                     }
-                    None => (places.points[path - self.len()], rates.points[path - self.len()]),
+                    None => (kinematics.points[path - self.len()], rates.points[path - self.len()]),
                 };
                 let (t, r) = self.array.pair(channel, position);
                 velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT
