@@ -1,9 +1,9 @@
-//! From hits to paths: what every hit, or pixel of somebody else's depth image, sends back to every antenna pair.
+//! Scatterers from hits of rays, from adaptive samples, or from pixels of a depth image.
 //!
-//! Two mechanisms per material (README eqs. (2) and (3)): the specular one is physical optics written on the
-//! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
-//! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
-//! deforms, and its delay and amplitude follow from the geometry at any time of the frame.
+//! Two mechanisms per material (docs/theory.md eqs. (2) and (3)): the specular one is physical optics over the solid
+//! angle of a pixel, the diffuse one is Lambert's law with a random phase of every surface point.
+//! A hit becomes a material point of its body; the point moves with the body, or with its triangle where the body
+//! deforms, and `paths` evaluates its delay and amplitude at any time of the frame.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ use crate::scattering::physical_optics::{Sampling, Weigh};
 use crate::scattering::samples::Samples;
 
 impl Scatterers {
-    /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.
+    /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
         snapshot: &Snapshot,
         hits: &Hits,
@@ -45,8 +45,8 @@ impl Scatterers {
         .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of samples: those of the leaves, which belong to the cell of their leaf's number, and the diffuse ones,
-    /// which belong to [`NO_CELL`].
+    /// Material points of adaptive samples: specular ones of the leaves, numbered by leaf, and diffuse ones, with the cell
+    /// [`NO_CELL`].
     pub fn of_samples(snapshot: &Snapshot, samples: &Samples, materials: &[Material], array: Array) -> Self {
         let weigh = Weigh {
             array: &array,
@@ -84,7 +84,7 @@ impl Scatterers {
             .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
+    /// Material points of all surface elements that return power; `seed` for the diffuse phases.
     pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
         surfels.check()?;
         let num_pixels = surfels.plane.num_pixels();
@@ -104,7 +104,7 @@ impl Scatterers {
         }))
     }
 
-    /// The material points of all cells of an image.
+    /// Gather the material points of all cells of an image.
     fn gather(
         num_cells: usize,
         array: Array,
@@ -123,7 +123,7 @@ impl Scatterers {
     }
 }
 
-/// The material points of a number of things, block by block in parallel.
+/// Gather material points over indices up to `number`, block by block in parallel.
 fn gather(number: usize, add: impl Fn(usize, &mut Points) + Sync) -> Points {
     const BLOCK: usize = 1024;
     let blocks: Vec<Points> = (0..number.div_ceil(BLOCK))

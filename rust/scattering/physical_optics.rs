@@ -19,10 +19,10 @@ use crate::scattering::patch::Patch;
 use crate::scattering::sampling::Leaf;
 use crate::scattering::taper::taper;
 
-/// The phase turns at the end of a cell at least at this part of the rate that it turns at in its centre, else at that.
+/// Least rate of the phase at the end of a cell, relative to the rate in the centre.
 const LEAST_TURN: f64 = 0.5;
 
-/// How a cell stands for the patch it covers.
+/// Sampling of the patch behind a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// One point, no phase variation over the patch and no random phase: the coherent sum over pixels of Stetco
@@ -38,8 +38,8 @@ pub(crate) struct Weigh<'a> {
 }
 
 impl Weigh<'_> {
-    /// What the material of a surface with a unit normal returns to antennas in unit directions. The angle of incidence is
-    /// that whose cosine is the mean of both, which is the mirror's where it matters.
+    /// Response of the material of a surface with a unit normal to antennas in unit directions. The cosine of incidence is
+    /// the mean of both cosines, which is exact in the specular direction.
     pub(crate) fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
         let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
         let polarization = self.array.polarization;
@@ -47,7 +47,7 @@ impl Weigh<'_> {
         material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
     }
 
-    /// The material point of a patch: what its material sends back by every channel, specular and diffuse.
+    /// Append the material point of a patch, with specular and diffuse weights for every channel.
     pub(crate) fn patch(&self, patch: &Patch, frame: &MaterialFrame, material: &Material, points: &mut Points) {
         let Some(area) = patch.area() else { return };
         let point = patch.point();
@@ -80,7 +80,7 @@ impl Weigh<'_> {
         points.push(patch, frame, sample, self.array.num_channels());
     }
 
-    /// The material points of a leaf: its ends for the specular part where the phase turns fast, else its centre.
+    /// Append the material points of a leaf: edge terms for the specular part where the phase varies fast, else the centre.
     pub(crate) fn leaf(
         &self,
         patch: &Patch,
@@ -110,7 +110,7 @@ impl Weigh<'_> {
             let there = patch.about(sides).unwrap_or(*patch);
             let area = there.area().unwrap_or(area);
             let edges_there = there.cell.edges(there.distance, there.normal);
-            // Only at glancing angles the end is not in the plane.
+            // At grazing angles alone the end is not in the plane.
             let is_there = there.cell != patch.cell || sides == [0.0; 2];
             let end = if is_there {
                 there.point()
@@ -153,7 +153,7 @@ impl Weigh<'_> {
         }
     }
 
-    /// A diffuse point of a surface.
+    /// Append a diffuse point of a surface.
     pub(crate) fn diffuse_point(
         &self,
         snapshot: &Snapshot,
@@ -170,7 +170,7 @@ impl Weigh<'_> {
         let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
         let position = spread.position(surface, point);
         let place = frame.pose.point(position);
-        // A surface that stretches has the same points with more area each.
+        // A surface that stretches keeps its points; the area of each grows.
         let stretch = area(&surface.corners(triangle)) / area(&surface.rest_corners(triangle));
         let phasor = Complex64::cis(TAU * spread.turns[point]);
         for channel in 0..self.array.num_channels() {
@@ -197,13 +197,13 @@ impl Weigh<'_> {
         points.push(&patch, &frame, sample, self.array.num_channels());
     }
 
-    /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
+    /// Magnitude of the diffuse weight `(lambda / 4 pi) sqrt(rho dA / pi)`.
     pub(crate) fn diffuse(&self, response: &Response, area: f64) -> f64 {
         SPEED_OF_LIGHT / self.array.frequency / (4.0 * PI) * (response.albedo * area / PI).sqrt()
     }
 }
 
-/// `(j / 4 pi) Gamma dA / 2`.
+/// Specular weight `(j / 4 pi) Gamma dA / 2`.
 pub(crate) fn specular(response: &Response, area: f64) -> Complex64 {
     Complex64::new(0.0, 1.0 / (8.0 * PI)) * response.reflection * area
 }

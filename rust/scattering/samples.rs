@@ -1,4 +1,4 @@
-//! What a frame samples of a scene: cells for the specular part, points of the surfaces for what is diffuse.
+//! Samples of a scene for a frame: cells for the specular part, random points of the surfaces for the diffuse one.
 
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
@@ -9,20 +9,20 @@ use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
 use crate::scattering::sampling::{Leaf, Quadtree, Refinement};
 
-/// Cells and points.
+/// Cells and random points.
 pub struct Samples {
     tree: Quadtree,
-    /// The cells that hit something and were not split.
+    /// Leaves of the quadtree with a hit.
     pub leaves: Vec<Leaf>,
-    /// Points of the bodies whose materials scatter.
+    /// Random points of the bodies whose materials are diffuse.
     pub speckles: Vec<Option<Speckle>>,
-    /// What was done for them.
+    /// Counts of rays and of tiles.
     pub counts: Counts,
 }
 
 impl Samples {
-    /// Cast rays where they are needed; `seed` is that of the points. What was sampled before is taken over where no body has
-    /// moved since.
+    /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are reused
+    /// where no body has moved since.
     pub fn new(
         snapshot: &Snapshot,
         cast: &Cast,
@@ -75,7 +75,7 @@ impl Samples {
         })
     }
 
-    /// Cells that could have been split.
+    /// Number of cells that the budget left coarser than the criterion asks for.
     pub fn num_coarse(&self) -> usize {
         self.tree.num_coarse
     }

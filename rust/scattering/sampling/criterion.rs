@@ -1,4 +1,4 @@
-//! Judgement of cells: what they may leave open, and parts of meshes that want smaller ones.
+//! Criterion of refinement: the residual error that cells may have, and the parts of meshes that need smaller cells.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +16,7 @@ use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::Snapshot;
 use crate::scattering::material::Material;
 
-/// A part of a mesh as the sensor sees it: a rectangle of the image plane that wants cells of a size.
+/// Part of a mesh on the image plane: a rectangle that needs cells of a size.
 pub(super) struct Target {
     pub(super) u: [f64; 2],
     pub(super) v: [f64; 2],
@@ -24,7 +24,7 @@ pub(super) struct Target {
     pub(super) width: [f64; 2],
 }
 
-/// Everything that cells are judged by.
+/// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {
     pub(super) snapshot: &'a Snapshot,
     pub(super) materials: &'a [Material],
@@ -34,7 +34,7 @@ pub(super) struct Criterion<'a> {
 }
 
 impl Criterion<'_> {
-    /// What a cell adds to the sum.
+    /// Echo of a cell: its part of the sum.
     pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
         let cosine = -found.normal.dot(direction);
@@ -86,9 +86,9 @@ impl Criterion<'_> {
         parts.filter(is_small).collect()
     }
 
-    /// A box in the sensor frame, one of a number of pieces.
+    /// Target of a box in the sensor frame, one of a number of pieces.
     pub(super) fn target(&self, corners: &[DVec3; 8], pieces: f64) -> Option<Target> {
-        // What reaches behind the sensor is near, and large.
+        // A box that reaches behind the sensor is near and large.
         if corners.iter().any(|corner| corner.x <= 0.0) {
             return None;
         }
@@ -109,7 +109,7 @@ impl Criterion<'_> {
     }
 }
 
-/// A long box in pieces about as long as it is wide: the frame of the image may lie across it.
+/// Split a long box into pieces about as long as wide: the border of the image may cross the box.
 pub(super) fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
     let size = bounds.max - bounds.min;
     let longest = size.max_position();
@@ -130,7 +130,7 @@ pub(super) fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
         .collect()
 }
 
-/// Where the bundles of cells in their order end: cells of one lie within a square of the image.
+/// Ends of the packets of cells in their order; the cells of a packet lie within a square of the image.
 pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
     let mut ends = Vec::with_capacity(cells.len() / MOST_RAYS + 1);
     let mut first = 0;
@@ -148,7 +148,7 @@ pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
     ends
 }
 
-/// The part of the image plane at a place.
+/// Cell of the image plane at a place of the quadtree.
 pub(super) fn cell(planes: &[ImagePlane], place: &Place) -> Cell {
     planes[place.level as usize].cell(place.row as usize, place.column as usize)
 }

@@ -1,11 +1,11 @@
-//! Pairs of neighbouring cells: what is between them.
+//! Pair errors of neighbouring cells.
 
 use std::f64::consts::TAU;
 
 use super::cells::{CellEcho, Ends, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 
 impl Quadtree {
-    /// How much a cell leaves open, at most, relative to what it may.
+    /// Bound on the residual error of a cell, relative to the allowed one.
     pub(super) fn left_open(&self, index: usize) -> f64 {
         let node = &self.nodes[index];
         if !node.found.is_seen {
@@ -63,7 +63,7 @@ impl Quadtree {
         (pair, is_shared)
     }
 
-    /// What all cells along a side of one, and the one beside that, say of what is between them.
+    /// Pair errors of all cells along a side of one with the neighbour on that side.
     pub(super) fn pair_along(&self, node: usize, axis: usize, side: usize) -> Pair {
         if self.parts[node] == NONE {
             return self.links[node][2 * axis + side].pair;
@@ -73,7 +73,7 @@ impl Quadtree {
             .and(self.pair_along(last, axis, side))
     }
 
-    /// Whether all cells along a side of one are linear.
+    /// True if all cells along a side of one are linear.
     pub(super) fn are_linear(&self, node: usize, axis: usize, side: usize, ends: &[Ends]) -> bool {
         if self.parts[node] == NONE {
             return ends.get(node).is_none_or(|ends| ends.is_linear);
@@ -100,7 +100,7 @@ impl Quadtree {
         [first, first + (2 >> axis)]
     }
 
-    /// What a cell and a neighbour along an axis say of what is between them.
+    /// Pair error of a cell and a neighbour along an axis.
     pub(super) fn compare(&self, index: usize, beside: usize, axis: usize) -> Pair {
         let (node, other) = (&self.nodes[index], &self.nodes[beside]);
         // The other's slopes over a cell of this size, which is no larger.

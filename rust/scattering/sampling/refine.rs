@@ -1,4 +1,4 @@
-//! Refinement: cells are split until they leave open little enough.
+//! Refinement: cells are split until their residual error is small enough.
 
 use std::collections::HashMap;
 
@@ -123,7 +123,7 @@ impl Quadtree {
         Ok(true)
     }
 
-    /// Take back the last cells, and how much the others had left open.
+    /// Remove the last cells, and restore the residual errors of the others.
     pub(super) fn go_back(&mut self, open: &[f64]) {
         let number = open.len();
         self.spare
@@ -175,7 +175,7 @@ impl Quadtree {
         links
     }
 
-    /// What is on one side of a cell, if that is seen.
+    /// Link to the neighbour on one side of a cell, if there is one.
     pub(super) fn linked(&self, index: usize, axis: usize, side: usize) -> Option<usize> {
         let other = self.links[index][2 * axis + side].other as usize;
         let node = self.nodes.get(other)?;
@@ -199,7 +199,7 @@ impl Quadtree {
         }
     }
 
-    /// Find out how much some cells leave open.
+    /// Update the residual errors of cells.
     pub(super) fn measure(&mut self, nodes: &[u32]) {
         let left_open = |node: &u32| {
             let node = *node as usize;
@@ -245,7 +245,7 @@ impl Quadtree {
         }
     }
 
-    /// What finer cells beside a cell that are open themselves say that it leaves open.
+    /// Residual error of a cell by the finer cells beside it.
     pub(super) fn raised(&self, index: usize) -> f64 {
         let mut most: f64 = 0.0;
         if self.parts[index] != NONE {
@@ -275,13 +275,13 @@ impl Quadtree {
         if most > 1.0 { most } else { 0.0 }
     }
 
-    /// Whether a cell leaves too much open and can be split.
+    /// True if the residual error of a cell is too large and the cell can be split.
     pub(super) fn is_open(&self, node: u32) -> bool {
         let node = node as usize;
         self.nodes[node].open > self.allowed && self.could_be_split(node)
     }
 
-    /// Whether a cell has no parts and can have some.
+    /// True if a cell has no parts and can be split.
     pub(super) fn could_be_split(&self, node: usize) -> bool {
         self.parts[node] == NONE && usize::from(self.nodes[node].place.level) < MAX_LEVEL
     }
@@ -421,7 +421,7 @@ impl Quadtree {
         nodes
     }
 
-    /// How many cells can be split within a budget.
+    /// Number of cells that can be split within a budget.
     pub(super) fn affordable(&self, budget: usize) -> usize {
         budget.saturating_sub(self.num_cast) / 4
     }
