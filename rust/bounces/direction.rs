@@ -33,8 +33,8 @@ impl<'a> Antennas<'a> {
 }
 
 impl Direction {
-    /// Directions that tubes are traced in: both, but only forward for a single antenna that transmits and receives, where both
-    /// give the same paths.
+    /// Directions that tubes are traced in: both, but only forward for a single antenna that transmits and receives,
+    /// where both give the same paths.
     pub fn of(array: &Array) -> &'static [Self] {
         let is_one = array.tx.len() == 1 && array.tx == array.rx && array.tx_patterns == array.rx_patterns;
         if is_one {

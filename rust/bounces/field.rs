@@ -37,8 +37,9 @@ impl Incidence {
         self.direction + 2.0 * self.cosine() * self.normal
     }
 
-    /// Scalar reflection coefficient, docs/theory.md eq. (9): the power is the mean of both polarisations, the phase that of the
-    /// field across the plane of incidence. A mean of both fields would vanish where two walls meet at a right angle.
+    /// Scalar reflection coefficient, docs/theory.md eq. (9): the power is the mean of both polarisations, the phase
+    /// that of the field across the plane of incidence. A mean of both fields would vanish where two walls meet at a
+    /// right angle.
     fn scalar(&self) -> Complex64 {
         let [te, tm] = self.coefficients;
         let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
@@ -81,8 +82,8 @@ impl Field {
         }
     }
 
-    /// Field radiated in a unit direction to an antenna with the transverse unit vector `received`: W of docs/theory.md eqs.
-    /// (8) and (9).
+    /// Field radiated in a unit direction to an antenna with the transverse unit vector `received`: W of docs/theory.md
+    /// eqs. (8) and (9).
     pub fn radiate(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
         match (*self, received) {
             (Self::Vector(field), Some(received)) => {

@@ -1,12 +1,13 @@
-//! Interactions of rays with surfaces: on the triangle, which decides visibility, and on the curved surface that the triangle
-//! approximates, which gives path lengths.
+//! Interactions of rays with surfaces: on the triangle, which decides visibility, and on the curved surface that the
+//! triangle approximates, which gives path lengths.
 
 use glam::{DMat3, DVec3};
 
 use crate::geometry::curved_triangle::{bend, shade};
 use crate::rays::scene::Snapshot;
 
-/// Distance before a surface at which rays start, relative to their largest coordinate, which counts as a metre at least.
+/// Distance before a surface at which rays start, relative to their largest coordinate, which counts as a metre at
+/// least.
 const LEAVING: f64 = 1e-7;
 
 /// Smallest cosine between a ray and the normal of a triangle that it hits.
@@ -21,8 +22,8 @@ pub struct Interaction {
     pub triangle: u32,
     /// Point on the curved surface [m].
     pub point: DVec3,
-    /// Point on the incident ray a little before the triangle [m]. Reflected rays start here: they do not hit the triangle
-    /// again, but do hit surfaces that touch it on the incident side, like the other wall of a corner.
+    /// Point on the incident ray a little before the triangle [m]. Reflected rays start here: they do not hit the
+    /// triangle again, but do hit surfaces that touch it on the incident side, like the other wall of a corner.
     pub before: DVec3,
     /// Unit normal of the curved surface towards the incident side.
     pub normal: DVec3,
@@ -33,8 +34,8 @@ pub struct Interaction {
 }
 
 impl Interaction {
-    /// Interaction of a ray with a unit direction and the plane of a triangle, also beyond its edges, and its distance [m].
-    /// None where the ray is parallel to the triangle, or comes from behind the surface.
+    /// Interaction of a ray with a unit direction and the plane of a triangle, also beyond its edges, and its distance
+    /// [m]. None where the ray is parallel to the triangle, or comes from behind the surface.
     pub fn new(snapshot: &Snapshot, body: u32, triangle: u32, origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
         let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
         let (o, d) = (pose.point_to_body(origin), pose.direction_to_body(direction));

@@ -21,8 +21,8 @@ pub struct Bounces {
     array: Array,
     /// Index of the first point of every path, and the number of all points.
     first: Vec<usize>,
-    /// Material points of every path, one block per antenna where tubes start; an antenna without the path has the points
-    /// of another.
+    /// Material points of every path, one block per antenna where tubes start; an antenna without the path has the
+    /// points of another.
     points: Vec<Point>,
     /// Direction of the tubes of every path.
     directions: Vec<Direction>,
@@ -191,8 +191,8 @@ impl Bounces {
         &self.deforming
     }
 
-    /// Delays of the selected paths at the nodes of `kinematics` and amplitudes at those of `amplitudes_at`; neither needs
-    /// point targets.
+    /// Delays of the selected paths at the nodes of `kinematics` and amplitudes at those of `amplitudes_at`; neither
+    /// needs point targets.
     pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
             [kinematics.num_nodes, amplitudes_at.num_nodes],
@@ -203,7 +203,8 @@ impl Bounces {
         )
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time derivatives.
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
+    /// derivatives.
     pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
         let num_paths = self.len();
         (0..self.num_channels() * num_paths)

@@ -39,8 +39,9 @@ impl View {
         Self { corners }
     }
 
-    /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the other
-    /// direction; the one that widens less counts more, and both shares add up to one. One where no such tube starts.
+    /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the
+    /// other direction; the one that widens less counts more, and both shares add up to one. One where no such tube
+    /// starts.
     fn share(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
         let back = self
             .shows(tube.interaction.point)
@@ -61,8 +62,8 @@ impl View {
 pub struct Limits {
     /// Most reflections of a path.
     pub max_bounces: usize,
-    /// Smallest power of a tube relative to the launched power, weighted with the gain of the antenna in the direction of
-    /// launch relative to the peak; weaker tubes end. Zero: none.
+    /// Smallest power of a tube relative to the launched power, weighted with the gain of the antenna in the direction
+    /// of launch relative to the peak; weaker tubes end. Zero: none.
     pub floor: f64,
 }
 
@@ -94,8 +95,8 @@ pub(super) struct Shooter<'a> {
 }
 
 impl Shooter<'_> {
-    /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface from the
-    /// second on, with all interactions so far.
+    /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface
+    /// from the second on, with all interactions so far.
     pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
         let mut interactions = vec![tube.interaction];
@@ -120,8 +121,8 @@ impl Shooter<'_> {
         self.materials[tube.interaction.body as usize].reflection_coefficients(tube.cosine(), self.wavelength)
     }
 
-    /// Field radiated by the footprint of a cell of a size in a unit direction, to an antenna of a polarisation. None where
-    /// the illuminated side faces away.
+    /// Field radiated by the footprint of a cell of a size in a unit direction, to an antenna of a polarisation. None
+    /// where the illuminated side faces away.
     pub(super) fn radiate(
         &self,
         tube: &Tube,
@@ -154,8 +155,8 @@ impl Shooter<'_> {
         (amplitude != Complex64::ZERO).then_some(Radiation { amplitude, weight })
     }
 
-    /// Field radiated by the footprint to an antenna at a position of the sensor frame, and the distance of the antenna [m].
-    /// None where the antenna is occluded.
+    /// Field radiated by the footprint to an antenna at a position of the sensor frame, and the distance of the antenna
+    /// [m]. None where the antenna is occluded.
     pub(super) fn radiate_to(
         &self,
         tube: &Tube,
@@ -187,7 +188,8 @@ impl Shooter<'_> {
 
 /// Field radiated by the footprint of a cell.
 pub(super) struct Radiation {
-    /// Amplitude at unit distance: a path to an antenna at a distance R has `sqrt(P Gt Gr) j / (4 pi)` times this over R.
+    /// Amplitude at unit distance: a path to an antenna at a distance R has `sqrt(P Gt Gr) j / (4 pi)` times this over
+    /// R.
     pub(super) amplitude: Complex64,
     /// Mean of the phase over the footprint, tapered.
     pub(super) weight: f64,

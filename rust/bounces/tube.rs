@@ -61,8 +61,8 @@ impl Tube {
         })
     }
 
-    /// Tube of a plane wave in a unit direction, from a point in front of the scene to the hit of the ray; plane coordinates
-    /// are lengths along `axes` [m].
+    /// Tube of a plane wave in a unit direction, from a point in front of the scene to the hit of the ray; plane
+    /// coordinates are lengths along `axes` [m].
     pub fn plane_wave(
         snapshot: &Snapshot,
         origin: DVec3,
@@ -199,8 +199,8 @@ impl Tube {
         roots.iter().filter(|t| **t > 0.0 && **t < distance).count() as u32
     }
 
-    /// Derivatives of half the path length by the plane coordinates of the image [m], over the footprint and on to an antenna
-    /// in a unit direction.
+    /// Derivatives of half the path length by the plane coordinates of the image [m], over the footprint and on to an
+    /// antenna in a unit direction.
     pub fn slope(&self, direction: DVec3) -> [f64; 2] {
         self.edges.map(|edge| 0.5 * (self.direction - direction).dot(edge))
     }

@@ -27,8 +27,8 @@ type Lanes = [f64; LANES];
 type Lanes3 = [Lanes; 3];
 
 impl Scatterers {
-    /// Delays of the selected paths at the nodes of `kinematics`, and amplitudes at those of `amplitudes_at`: first the material
-    /// points, then the point targets.
+    /// Delays of the selected paths at the nodes of `kinematics`, and amplitudes at those of `amplitudes_at`: first the
+    /// material points, then the point targets.
     pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         self.paths_by(kinematics, amplitudes_at, selection, Level::best())
     }

@@ -17,6 +17,7 @@ pub struct Kinematics<'a> {
     pub points: &'a [DVec3],
     /// Radar cross-sections of the point targets [m^2].
     pub rcs: &'a [f64],
-    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates [m].
+    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates
+    /// [m].
     pub vertices: &'a [&'a [[f64; 3]]],
 }

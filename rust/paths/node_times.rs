@@ -1,5 +1,5 @@
-//! Node times of paths: numbers of Chebyshev times of a frame at which delays and amplitudes are evaluated, so that the series
-//! through them meet a tolerance.
+//! Node times of paths: numbers of Chebyshev times of a frame at which delays and amplitudes are evaluated, so that the
+//! series through them meet a tolerance.
 
 use std::f64::consts::TAU;
 
@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::paths::series::{Paths, Selection};
 
-/// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge slowly:
-/// twice as many times help little.
+/// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge
+/// slowly: twice as many times help little.
 const COUNTS: [usize; 9] = [4, 6, 8, 12, 16, 24, 32, 48, 64];
 
 /// Number of times beyond which the series of a kink no longer improves.
@@ -107,9 +107,9 @@ fn first_within(counts: &[usize], errors: &[f64], goal: f64) -> (usize, f64) {
     pairs.find(|(_, error)| *error <= goal).unwrap_or(last)
 }
 
-/// Errors of the Chebyshev series of some lengths through the paths: rms over the frame relative to l2(amplitudes), the worst
-/// channel's. They are twice the l2 norm of the coefficients beyond a length, as a series through so many times folds them
-/// back; for the last length, that of the whole series, four times the larger of the last two coefficients.
+/// Errors of the Chebyshev series of some lengths through the paths: rms over the frame relative to l2(amplitudes), the
+/// worst channel's. They are twice the l2 norm of the coefficients beyond a length, as a series through so many times
+/// folds them back; for the last length, that of the whole series, four times the larger of the last two coefficients.
 struct SeriesErrors {
     phase: Vec<f64>,
     weight: Vec<f64>,

@@ -1,5 +1,5 @@
-//! Motion over a frame: bodies, point targets and vertices in the sensor frame at the Chebyshev times of the frame, and the
-//! series through these samples.
+//! Motion over a frame: bodies, point targets and vertices in the sensor frame at the Chebyshev times of the frame, and
+//! the series through these samples.
 //!
 //! Times are `x` from -1 at the start of the first ramp to 1 at the last sample.
 
@@ -82,7 +82,8 @@ pub struct Placement {
     vertices: Vec<VertexMotion>,
 }
 
-/// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)` [m].
+/// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)`
+/// [m].
 #[derive(Clone, Debug)]
 pub struct World {
     /// Pose of the sensor, sensor to world.
@@ -125,7 +126,8 @@ impl World {
         }
     }
 
-    /// Time derivative of [`Self::seen`] at a single time, from positions `at` and time derivatives `rates` in the world.
+    /// Time derivative of [`Self::seen`] at a single time, from positions `at` and time derivatives `rates` in the
+    /// world.
     pub fn seen_rates(at: &Self, rates: &Self, center: DVec3) -> Placement {
         let (sensor, rate) = (&at.sensor[0], &rates.sensor[0]);
         let seen = at.seen(center);

@@ -15,7 +15,8 @@ use crate::paths::kinematics::Kinematics;
 /// Material points and the weights of their amplitudes, in arrays.
 pub struct Scatterers {
     pub(crate) array: Array,
-    /// Number of the cell that the point was sampled by: of the pixel, row by row, or in the order of the leaves of a quadtree.
+    /// Number of the cell that the point was sampled by: of the pixel, row by row, or in the order of the leaves of a
+    /// quadtree.
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
     /// Power of the frequency by which the field falls.

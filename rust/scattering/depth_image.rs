@@ -8,8 +8,8 @@ use crate::rays::camera::ImagePlane;
 use crate::scattering::material_points::POINT_SIZE;
 use crate::scattering::patch::Patch;
 
-/// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor frame
-/// at the time of the image.
+/// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor
+/// frame at the time of the image.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfels<'a> {
     /// Image plane.

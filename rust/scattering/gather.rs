@@ -45,8 +45,8 @@ impl Scatterers {
         .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of adaptive samples: specular ones of the leaves, numbered by leaf, and diffuse ones, with the cell
-    /// [`NO_CELL`].
+    /// Material points of adaptive samples: specular ones of the leaves, numbered by leaf, and diffuse ones, with the
+    /// cell [`NO_CELL`].
     pub fn of_samples(snapshot: &Snapshot, samples: &Samples, materials: &[Material], array: Array) -> Self {
         let weigh = Weigh {
             array: &array,

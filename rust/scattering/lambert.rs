@@ -1,8 +1,8 @@
 //! Diffuse scattering: random points on the surface of a body, each with a random phase.
 //!
-//! Points are stratified by area and stand for equal parts of it, so that the expected power of a surface depends neither on
-//! the number of points nor on the rays (docs/theory.md eq. (3)); phases are uniform and independent, so the intensity of many
-//! points is exponentially distributed. Every frame has the same points.
+//! Points are stratified by area and stand for equal parts of it, so that the expected power of a surface depends
+//! neither on the number of points nor on the rays (docs/theory.md eq. (3)); phases are uniform and independent, so the
+//! intensity of many points is exponentially distributed. Every frame has the same points.
 
 use std::sync::Arc;
 
@@ -132,8 +132,8 @@ struct Sight {
 }
 
 impl Speckle {
-    /// Points of a body and their visibility within the image of the refinement. `before`: result at an earlier time; `moved`:
-    /// boxes where bodies have moved since.
+    /// Points of a body and their visibility within the image of the refinement. `before`: result at an earlier time;
+    /// `moved`: boxes where bodies have moved since.
     pub fn new(
         snapshot: &Snapshot,
         body: u32,

@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_fields_are_what_antennas_of_one_polarisation_see() {
+    fn reflection_coefficients_are_what_antennas_of_one_polarisation_see() {
         let skin = half_space(Complex64::new(7.975, -10.904));
         let rough = Dielectric {
             roughness: Roughness::Height(0.3e-3),

@@ -8,12 +8,12 @@ use crate::numeric::random::mix;
 use crate::paths::scatterers::Edges;
 use crate::rays::scene::Snapshot;
 
-/// Edge of the cubes whose surface points share a diffuse phase [m]: a sixteenth of a wavelength at 60 GHz. Waves from both
-/// ends of a cube arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
+/// Edge of the cubes whose surface points share a diffuse phase [m]: a sixteenth of a wavelength at 60 GHz. Waves from
+/// both ends of a cube arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
 pub(crate) const SPECKLE_CELL: f64 = 0.3e-3;
 
-/// Origin of the cubes, in edges: off the planes through the origin of the body, where rounding would assign points of a
-/// plate to either of two cubes.
+/// Origin of the cubes, in edges: off the planes through the origin of the body, where rounding would assign points of
+/// a plate to either of two cubes.
 pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_776);
 
 /// Frame of reference of material points.

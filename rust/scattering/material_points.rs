@@ -93,8 +93,8 @@ impl Points {
         self.cube.append(&mut other.cube);
     }
 
-    /// Scale the diffuse weights of points that share a cube. Equal phases add up as fields, not as powers; the scaled power
-    /// of a cube is that of its area for any number of cells.
+    /// Scale the diffuse weights of points that share a cube. Equal phases add up as fields, not as powers; the scaled
+    /// power of a cube is that of its area for any number of cells.
     pub(crate) fn share_speckle(&mut self, num_channels: usize) {
         let is_diffuse = |weights: &[Weight]| weights.iter().any(|w| w.diffuse != Complex64::ZERO);
         let mut areas: HashMap<u64, f64> = HashMap::new();

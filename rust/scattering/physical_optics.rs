@@ -38,8 +38,8 @@ pub(crate) struct Weigh<'a> {
 }
 
 impl Weigh<'_> {
-    /// Response of the material of a surface with a unit normal to antennas in unit directions. The cosine of incidence is
-    /// the mean of both cosines, which is exact in the specular direction.
+    /// Response of the material of a surface with a unit normal to antennas in unit directions. The cosine of incidence
+    /// is the mean of both cosines, which is exact in the specular direction.
     pub(crate) fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
         let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
         let polarization = self.array.polarization;
@@ -80,7 +80,8 @@ impl Weigh<'_> {
         points.push(patch, frame, sample, self.array.num_channels());
     }
 
-    /// Append the material points of a leaf: edge terms for the specular part where the phase varies fast, else the centre.
+    /// Append the material points of a leaf: edge terms for the specular part where the phase varies fast, else the
+    /// centre.
     pub(crate) fn leaf(
         &self,
         patch: &Patch,

@@ -9,8 +9,8 @@ use crate::rays::hits::Hits;
 use crate::rays::smooth_hits::Shown;
 use crate::scattering::material::Material;
 
-/// Power reflectance of the material at every pixel, specular and diffuse, for antennas at the centre of the array; zero
-/// where nothing was hit. `shown` is evaluated only for materials that depend on the angle.
+/// Power reflectance of the material at every pixel, specular and diffuse, for antennas at the centre of the array;
+/// zero where nothing was hit. `shown` is evaluated only for materials that depend on the angle.
 pub fn reflectance<'a>(
     hits: &Hits,
     materials: &[Material],

@@ -21,8 +21,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are reused
-    /// where no body has moved since.
+    /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are
+    /// reused where no body has moved since.
     pub fn new(
         snapshot: &Snapshot,
         cast: &Cast,
@@ -75,7 +75,7 @@ impl Samples {
         })
     }
 
-    /// Number of cells that the budget left coarser than the criterion asks for.
+    /// Number of cells that could be split further.
     pub fn num_coarse(&self) -> usize {
         self.tree.num_coarse
     }

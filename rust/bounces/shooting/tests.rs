@@ -19,14 +19,15 @@ struct Echo {
     /// Its derivatives by the plane coordinates of the image [m]; times the width of the cell and the wave number they
     /// are half the change of the phase over the cell.
     slope: [f64; 2],
-    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega` here.
+    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega`
+    /// here.
     amplitude: Complex64,
     /// `sqrt(Gt Gr)` of the directions of departure and arrival.
     gain: f64,
 }
 
-/// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first antennas;
-/// one material per body.
+/// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first
+/// antennas; one material per body.
 fn echoes(
     snapshot: &Snapshot,
     launches: &[Launch],
@@ -85,7 +86,7 @@ fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
     Arc::new(Surface::new(&vertices, &[[0, 1, 2], [0, 2, 3]], ShadingMode::Flat).unwrap())
 }
 
-/// A patch of a sphere about a place, `rings` times `rings` cells to both sides of a direction.
+/// A patch of a sphere about a point, `rings` times `rings` cells to both sides of a direction.
 fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: u32) -> Arc<Surface> {
     let (x, y) = towards.any_orthonormal_pair();
     let angle = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
@@ -314,7 +315,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         };
         assert!(got.distance(2.0 * n * n.dot(re) - re) < 1e-12 && im == DVec3::ZERO);
 
-        // Backward to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
+        // Back to the antenna: Gamma cos of docs/theory.md eqs. (2) and (5), for every material.
         let (te, tm) = (Complex64::new(-0.6, 0.2), Complex64::new(0.3, -0.1));
         let any = Incidence {
             coefficients: [te, tm],
@@ -324,7 +325,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         let gamma = te * seen.te - tm * seen.tm;
         let radiated = field.radiate(&any, -k, Some(transverse(e, -k)));
         assert!((radiated - gamma * any.cosine()).norm() < 1e-12, "{radiated} {gamma}");
-        // Into the mirror's direction: cos E_r.
+        // In the specular direction: cos E_r.
         let Field::Vector([re, im]) = field.reflect(&any) else {
             unreachable!()
         };

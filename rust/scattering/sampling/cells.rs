@@ -14,8 +14,8 @@ use crate::rays::hits::Counts;
 /// Largest number of times that a cell of the base grid is halved.
 pub const MAX_LEVEL: usize = 6;
 
-/// Cells are split until what each leaves open is this part of the field of the smallest cross-section of interest. Thousands of
-/// cells together then leave open a tenth to a third of it (spheres of 5 to 20 cm).
+/// Cells are split until what each leaves open is this part of the field of the smallest cross-section of interest.
+/// Thousands of cells together then leave open a tenth to a third of it (spheres of 5 to 20 cm).
 pub(super) const SHARE: f64 = 1e-2;
 
 /// Parts of meshes that are smaller than a cell get as many cells across.
@@ -30,8 +30,9 @@ pub(super) const SMOOTH: f64 = 0.5;
 /// Half of what the phase turns over a cell from which on it stands for its ends [rad].
 pub(super) const STEEP: f64 = 1.0;
 
-/// What cells may leave open goes down by this factor, in the end by less if the next step would take more rays than there are:
-/// cells that are done but for some leave edges where they end, which are worse than all of them somewhat coarser.
+/// What cells may leave open goes down by this factor, in the end by less if the next step would take more rays than
+/// there are: cells that are done but for some leave edges where they end, which are worse than all of them somewhat
+/// coarser.
 pub(super) const FIRST_STEP: f64 = 4.0;
 
 pub(super) const LAST_STEP: f64 = 1.4;
@@ -79,7 +80,8 @@ pub struct Quadtree {
     pub(super) parts: Vec<u32>,
     /// The node of every four parts.
     pub(super) wholes: Vec<u32>,
-    /// Links to the neighbours on the sides of every node, in the order of [`SIDES`]; up to date for those without parts.
+    /// Links to the neighbours on the sides of every node, in the order of [`SIDES`]; up to date for those without
+    /// parts.
     pub(super) links: Vec<[Link; 4]>,
     /// Hits of rays whose cells were removed again.
     pub(super) spare: HashMap<Place, Found>,
@@ -87,7 +89,8 @@ pub struct Quadtree {
     pub(super) num_cast: usize,
     /// Counts of rays and of tiles.
     pub counts: Counts,
-    /// Cells that were not split, though they could have been: nothing was to be gained.
+    /// Number of cells that could be split further: the criterion does not ask for finer ones, or the budget is
+    /// exhausted.
     pub num_coarse: usize,
     /// Residual error allowed per cell: 1, or more where the budget is exhausted.
     pub allowed: f64,
@@ -124,7 +127,8 @@ pub(super) struct Pair {
 /// Link to the neighbour on one side of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link {
-    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not known.
+    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not
+    /// known.
     pub(super) other: u32,
     /// Pair error of both. It depends on their hits alone and stays valid as long as they are neighbours.
     pub(super) pair: Pair,
@@ -189,9 +193,9 @@ pub(super) struct Node {
 
 /// A cell that was not split.
 ///
-/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or so to
-/// either side along an axis, the integral over the cell is that of its two ends, at every frequency:
-/// `sin(x)/x exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
+/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or
+/// so to either side along an axis, the integral over the cell is that of its two ends, at every frequency: `sin(x)/x
+/// exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
 #[derive(Clone, Copy, Debug)]
 pub struct Leaf {
     /// Place in the quadtree.
@@ -202,8 +206,8 @@ pub struct Leaf {
     pub is_linear: bool,
     /// The axes, u and v, of which it has ends.
     pub has_ends: [bool; 2],
-    /// Points that no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both axes
-    /// have ends, or the centre.
+    /// Points that no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both
+    /// axes have ends, or the centre.
     pub kept: u8,
 }
 

@@ -65,7 +65,8 @@ impl Criterion<'_> {
         }
     }
 
-    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the base grid.
+    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the
+    /// base grid.
     pub(super) fn targets(&self) -> Vec<Target> {
         let bodies = 0..self.snapshot.num_bodies() as u32;
         let parts = bodies.flat_map(|body| {

@@ -235,8 +235,8 @@ impl Quadtree {
         cells
     }
 
-    /// Cells leave more open than they show where finer ones beside them say so: what a fine cell at the border sees is not what
-    /// the ray in the middle of a coarse one does.
+    /// Cells leave more open than they show where finer ones beside them say so: what a fine cell at the border sees is
+    /// not what the ray in the middle of a coarse one does.
     pub(super) fn raise(&mut self, nodes: &[u32]) {
         let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
         for (node, raised) in nodes.iter().zip(raised) {
@@ -356,7 +356,8 @@ impl Quadtree {
         Ok(())
     }
 
-    /// The places of the four parts of every cell, those near each other one after the other; they will be the next nodes.
+    /// The places of the four parts of every cell, those near each other one after the other; they will be the next
+    /// nodes.
     pub(super) fn split(&mut self, nodes: &mut [u32]) -> Vec<Place> {
         nodes.sort_by_cached_key(|node| self.nodes[*node as usize].place.order());
         let mut cells = Vec::with_capacity(4 * nodes.len());
