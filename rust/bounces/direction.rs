@@ -8,9 +8,9 @@ use crate::antennas::pattern::Pattern;
 /// Direction of ray tubes between transmitters and receivers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From the transmitters to the receivers.
+    /// Tubes start at the transmitters and end at the receivers.
     Forward,
-    /// From the receivers to the transmitters.
+    /// Tubes start at the receivers and end at the transmitters.
     Backward,
 }
 

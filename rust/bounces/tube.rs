@@ -124,7 +124,7 @@ impl Tube {
         self.field = self.field.reflect(&incidence);
         self.direction = incidence.reflected();
         for i in 0..2 {
-            // Of k - 2 (n.k) n.
+            // Derivatives of k - 2 (n.k) n.
             let (turn, bend) = (self.turns[i], self.interaction.bend * self.edges[i]);
             self.turns[i] = turn - 2.0 * ((n.dot(turn) + bend.dot(k)) * n + n.dot(k) * bend);
         }

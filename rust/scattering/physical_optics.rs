@@ -103,7 +103,7 @@ impl Weigh<'_> {
             )
         };
 
-        // What is specular, by centre, ends or corners.
+        // The specular part, by centre, ends or corners.
         let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
         for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
             let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);

@@ -16,8 +16,8 @@ struct Echo {
     order: usize,
     /// Half the length of the path [m].
     half_path: f64,
-    /// Its derivatives by the plane coordinates of the image [m]; times the width of the cell and the wave number they
-    /// are half the change of the phase over the cell.
+    /// Derivatives of the path by the plane coordinates of the image [m]; times the width of the cell and the wave
+    /// number they are half the change of the phase over the cell.
     slope: [f64; 2],
     /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega`
     /// here.
@@ -26,7 +26,7 @@ struct Echo {
     gain: f64,
 }
 
-/// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first
+/// Echoes of every cell at the centre of the array by two and more reflections, with the patterns of the first
 /// antennas; one material per body.
 fn echoes(
     snapshot: &Snapshot,
@@ -122,7 +122,7 @@ fn launches(snapshot: &Snapshot, plane: &ImagePlane) -> Vec<Launch> {
     Launch::of_image(&snapshot.cast_image(plane).unwrap())
 }
 
-/// What a cell has hit, if anything.
+/// Hit of a cell, if any.
 fn cell(snapshot: &Snapshot, u: f64, v: f64) -> Option<Launch> {
     let hit = snapshot.cast(&Ray {
         origin: DVec3::ZERO,

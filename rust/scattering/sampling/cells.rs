@@ -14,8 +14,8 @@ use crate::rays::hits::Counts;
 /// Largest number of times that a cell of the base grid is halved.
 pub const MAX_LEVEL: usize = 6;
 
-/// Cells are split until what each leaves open is this part of the field of the smallest cross-section of interest.
-/// Thousands of cells together then leave open a tenth to a third of it (spheres of 5 to 20 cm).
+/// Residual error of a cell relative to the field of the smallest cross-section of interest, at which splitting stops.
+/// Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to 20 cm).
 pub(super) const SHARE: f64 = 1e-2;
 
 /// Parts of meshes that are smaller than a cell get as many cells across.
@@ -30,9 +30,9 @@ pub(super) const SMOOTH: f64 = 0.5;
 /// Half of what the phase turns over a cell from which on it stands for its ends [rad].
 pub(super) const STEEP: f64 = 1.0;
 
-/// What cells may leave open goes down by this factor, in the end by less if the next step would take more rays than
-/// there are: cells that are done but for some leave edges where they end, which are worse than all of them somewhat
-/// coarser.
+/// Factor by which the allowed residual error decreases from step to step, in the end by less if the next step would
+/// take more rays than there are: cells that are done but for some leave edges where they end, which are worse than all
+/// of them somewhat coarser.
 pub(super) const FIRST_STEP: f64 = 4.0;
 
 pub(super) const LAST_STEP: f64 = 1.4;
@@ -113,7 +113,7 @@ pub(super) enum Partner {
 /// Pair error: difference between two neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// Field per solid angle over what may be left open.
+    /// Field per solid angle over the allowed residual field.
     pub(super) field: f32,
     /// Part that may be other than one smooth surface.
     pub(super) jump: f32,
@@ -151,7 +151,7 @@ impl Pair {
         is_alike: true,
     };
 
-    /// Of all pairs along a side: the worst of each.
+    /// Worst pair errors of all pairs along a side.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             field: self.field.max(other.field),

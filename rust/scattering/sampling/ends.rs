@@ -75,7 +75,7 @@ impl Quadtree {
         }
     }
 
-    /// Of the cell beside one along v, or its parts, the one that has a corner where that one has; none where a larger
+    /// Cell beside one along v, or the part of it, that shares a corner with the cell; none where a larger
     /// one has its side there.
     pub(super) fn at_corner(&self, index: usize, beside: usize, u: usize, v: usize) -> Option<usize> {
         let (place, other) = (&self.nodes[index].place, &self.nodes[beside].place);

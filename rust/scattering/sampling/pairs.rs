@@ -37,7 +37,7 @@ impl Quadtree {
         f64::from(most) * node.solid_angle
     }
 
-    /// What a cell and what is beside it say of what is between them, and whether the end of the cell on that side is
+    /// Pair error of a cell and the neighbour on one side, and true if the edge term of the cell on that side is
     /// cancelled: by cells as large or smaller all along it, or by a larger one that is cancelled all along its side.
     /// With `ends`, those of all cells, linear ones only.
     pub(super) fn beside(&self, index: usize, axis: usize, side: usize, other: usize, ends: &[Ends]) -> (Pair, bool) {
@@ -141,8 +141,8 @@ impl Quadtree {
         let from_planes = wavenumber * height(node).max(height(other));
         let jump = from_slopes.abs().min(from_planes) / square;
 
-        // What the slopes differ by. Where the cell has ends, that is so much less as these have slopes: of the cell,
-        // or in a plane their own. Amplitudes of one material only differ smoothly.
+        // The difference of the slopes. Where the cell has ends, that is so much less as these have slopes: of the
+        // cell, or in a plane their own. Amplitudes of one material only differ smoothly.
         let is_plane = from_planes < PLANE;
         let steep = node.look.steep;
         let bend = |axis: usize| {

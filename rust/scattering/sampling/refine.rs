@@ -71,7 +71,7 @@ impl Quadtree {
             add(&mut tree, cells)?;
         }
 
-        // Cells that leave too much open, of a smaller and smaller target, as far as the budget goes.
+        // Cells with too large a residual error, of a smaller and smaller target, as far as the budget goes.
         let all: Vec<u32> = (0..tree.nodes.len() as u32).collect();
         tree.link(&all);
         tree.measure(&all);
@@ -93,7 +93,7 @@ impl Quadtree {
         Ok(tree)
     }
 
-    /// Split cells until none leaves more open than is allowed, unless that takes more rays than some number.
+    /// Split cells until no residual error exceeds the allowed one, unless that takes more rays than some number.
     pub(super) fn refine(
         &mut self,
         most: usize,
@@ -235,7 +235,7 @@ impl Quadtree {
         cells
     }
 
-    /// Cells leave more open than they show where finer ones beside them say so: what a fine cell at the border sees is
+    /// Raise the residual errors of cells by those of finer neighbours: what a fine cell at the border sees is
     /// not what the ray in the middle of a coarse one does.
     pub(super) fn raise(&mut self, nodes: &[u32]) {
         let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
