@@ -114,7 +114,7 @@ impl Shooter<'_> {
             })
         };
         let mut total = radiate(&tube);
-        self.follow(tube, 1.0, |tube, _| total += radiate(tube));
+        self.trace(tube, 1.0, |tube, _| total += radiate(tube));
         total
     }
 }

@@ -97,7 +97,7 @@ pub(super) struct Shooter<'a> {
 impl Shooter<'_> {
     /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface
     /// from the second on, with all interactions so far.
-    pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
+    pub(super) fn trace(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
         let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
@@ -223,7 +223,7 @@ impl<'a> Sensor<'a> {
             return Counts::default();
         };
         let share = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
-        self.shooter.follow(tube, share, arrive)
+        self.shooter.trace(tube, share, arrive)
     }
 
     /// Field that arrives at an antenna from a footprint, and the distance [m].
