@@ -1,32 +1,32 @@
-//! The one error type of the core; `python.rs` turns it into Python exceptions.
+//! Error type of the core; `python/error.rs` converts errors to Python exceptions.
 
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// Everything that can go wrong in the core. Messages name the argument, what was expected and what came.
+/// Errors of the core. Messages name the argument, the expected and the given value.
 #[derive(Debug)]
 pub enum Error {
-    /// A value outside what the function accepts.
+    /// A value outside the accepted range.
     Value(String),
     /// A result that does not fit into memory.
     Memory(String),
-    /// Stopped, as it was asked for.
+    /// A calculation stopped by request.
     Interrupted,
-    /// A file that does not hold what its format promises; `line` counts from 1.
+    /// A file that violates its format.
     Format {
         /// The file.
         path: PathBuf,
         /// Line of the first fault, counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Description of the fault.
         message: String,
     },
     /// A file that cannot be read.
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -41,7 +41,7 @@ impl Error {
     }
 }
 
-/// Refuses a result of `shape` with `bytes` per entry that memory cannot hold; without this, allocation would end the
+/// Check that a result of `shape` with `bytes` per entry fits into memory; otherwise allocation would abort the
 /// process.
 pub fn fits_memory(name: &str, shape: &[usize], bytes: usize) -> Result<()> {
     let total = shape

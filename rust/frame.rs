@@ -34,10 +34,10 @@ use rays::Rays;
 use stages::{StageTimes, timed};
 use sum::Groups;
 
-/// Series of motions may err by this share of the tolerance.
+/// Share of the tolerance for the error of the series of motions.
 const MOTION_SHARE: f64 = 0.1;
 
-/// Times of motions beyond which no more are asked for.
+/// Largest number of times of a motion.
 const MOST_TIMES: usize = 65;
 
 /// A simulated frame before the receiver.
@@ -46,11 +46,11 @@ pub struct Frame {
     pub cube: Samples,
     /// Per body and point target, in the order of the scene; none for images.
     pub truth: Option<Truth>,
-    /// Counts of what was done.
+    /// Counts of rays and paths, errors and run times.
     pub counts: Counts,
 }
 
-/// Kept from frame to frame: what did not move need not be cast again. Results do not depend on it.
+/// Rays and surfaces kept from frame to frame: static tiles are not cast again. Results do not depend on the memory.
 #[derive(Default)]
 pub struct Memory {
     /// Rays of the frame before.
@@ -62,20 +62,20 @@ pub struct Memory {
     shapes: Shapes,
 }
 
-/// Counts of what was done for a frame, summed over its parts, and the worst errors.
+/// Counts of rays and paths of a frame, summed over its parts, and the worst errors.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
     /// Times at which rays were cast.
     pub casts: usize,
     /// Rays that were cast.
     pub rays_cast: usize,
-    /// Of all rays, those that hit a body.
+    /// Rays that hit a body.
     pub rays_hit: usize,
     /// Tiles left out.
     pub tiles_skipped: usize,
     /// Tiles taken over from the frame before.
     pub tiles_reused: usize,
-    /// Cells of adaptive sampling that could have been split.
+    /// Cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub cells_not_split: Option<usize>,
     /// Paths, those of several reflections included.
     pub paths: usize,
@@ -83,11 +83,11 @@ pub struct Counts {
     pub paths_skipped: usize,
     /// Paths of several reflections.
     pub bounce_paths: usize,
-    /// Rays from surfaces to the next.
+    /// Rays from one surface to the next.
     pub bounce_rays: usize,
     /// Ray tubes that ended at the floor.
     pub bounces_stopped: usize,
-    /// How the sum was formed.
+    /// Statistics of the sum.
     pub sum: Outcome,
     /// Distance of the farthest echo [m].
     pub farthest: f64,
@@ -97,8 +97,8 @@ pub struct Counts {
     pub times: StageTimes,
 }
 
-/// Simulate a frame. `at` and `rates`: places and their time derivatives at the middle of the frame, in the world;
-/// `motion`: places at the Chebyshev times of the frame. None where these are too few for the motion.
+/// Simulate a frame. `motion`: positions at the Chebyshev times of the frame, in the world; `rates`: time derivatives
+/// at the middle of the frame. None where the times are too few for the motion.
 pub fn simulate(
     model: &Model,
     motion: &World,
@@ -135,8 +135,8 @@ pub fn simulate(
     Ok(Some(frame.finish(motion_error)))
 }
 
-/// Paths at one time, from the rays of the first part of the frame that `motion` and `rates` describe; `at` and `rates_at`: one
-/// time each.
+/// Paths at one time, from the rays of the first part of the frame that `motion` and `rates` describe; `at`
+/// and `rates_at`: positions and time derivatives at that time.
 pub fn paths(
     model: &Model,
     (motion, rates): (&World, &World),
@@ -155,7 +155,7 @@ pub fn paths(
     groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)
 }
 
-/// Image of what rays hit at one time.
+/// Image of the hits of rays at one time.
 pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image>> {
     let placement = model.placement(at)?;
     let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
@@ -177,7 +177,7 @@ pub fn occluded(
     Ok(scene.occluded(points, ends_early))
 }
 
-/// A frame that grows part by part.
+/// Frame under construction, part by part.
 struct FrameBuilder<'a> {
     model: &'a Model,
     cube: Option<Samples>,

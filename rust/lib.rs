@@ -88,9 +88,9 @@
 //! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
-//! let places = Places { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
+//! let kinematics = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
 //! let num_paths = scatterers.len();
-//! let paths = scatterers.paths(&places, &places, Selection { first: 0, last: num_paths, step: 1 })?;
+//! let paths = scatterers.paths(&kinematics, &kinematics, Selection { first: 0, last: num_paths, step: 1 })?;
 //!
 //! // Synthesis: samples of 16 chirps.
 //! let waveform = Waveform {
@@ -145,7 +145,7 @@ pub use error::{Error, Result};
 pub use geometry::aabb::Bounds;
 pub use geometry::pose::Pose;
 pub use numeric::simd::Level;
-pub use paths::kinematics::Places;
+pub use paths::kinematics::Kinematics;
 pub use paths::scatterers::Scatterers;
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;

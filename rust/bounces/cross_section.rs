@@ -1,4 +1,4 @@
-//! Cross-sections of a body far away: ray tubes of a plane wave, and what they send in one direction.
+//! Radar cross-sections of a body: ray tubes of a plane wave, and the far field radiated in one direction.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::shooting::{Limits, Sent, Shooter};
+use super::shooting::{Limits, Radiation, Shooter};
 use super::tube::Tube;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
@@ -20,15 +20,15 @@ use crate::scattering::physical_optics::Sampling;
 /// Rays per wavelength across a body.
 const RAYS_PER_WAVELENGTH: f64 = 6.0;
 
-/// Rays across a body, at least and at most.
+/// Least and largest number of rays across a body.
 const RAYS: [f64; 2] = [64.0, 1024.0];
 
-/// Where a plane wave comes from and where it is received.
+/// Directions and polarisations of incidence and of reception.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aspect {
     /// Unit vectors from the body to the transmitter and to the receiver.
     pub directions: [DVec3; 2],
-    /// Fields of the antennas, as far as they are transverse; none: antennas without a polarisation.
+    /// Field vectors of both antennas, whose transverse part counts; none: antennas without a polarisation.
     pub polarizations: Option<[DVec3; 2]>,
 }
 
@@ -69,9 +69,9 @@ impl Shooter<'_> {
         let across = DVec3::Z.cross(k).try_normalize().unwrap_or(DVec3::Y);
         let axes = [across, k.cross(across)];
         let range = |axis: DVec3| {
-            let places = corners.map(|corner| corner.dot(axis));
-            let low = places.iter().copied().fold(f64::INFINITY, f64::min);
-            (low, places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
+            let positions = corners.map(|corner| corner.dot(axis));
+            let low = positions.iter().copied().fold(f64::INFINITY, f64::min);
+            (low, positions.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
         };
         let [first, second] = axes.map(range);
         let finest = RAYS_PER_WAVELENGTH / self.wavelength;
@@ -85,9 +85,9 @@ impl Shooter<'_> {
 
         // Sums of rows, added in their order.
         let row = |row: usize| -> Complex64 {
-            let place = second.0 + (row as f64 + 0.5) * size[1];
+            let height = second.0 + (row as f64 + 0.5) * size[1];
             let cell = |column: usize| {
-                let origin = (first.0 + (column as f64 + 0.5) * size[0]) * axes[0] + place * axes[1];
+                let origin = (first.0 + (column as f64 + 0.5) * size[0]) * axes[0] + height * axes[1];
                 self.cell(aspect, origin + (near - 0.1 * depth.max(size[0])) * k, axes, size)
             };
             (0..columns).map(cell).sum()
@@ -99,22 +99,22 @@ impl Shooter<'_> {
         4.0 * PI * total.norm_sqr() / (self.wavelength * self.wavelength)
     }
 
-    /// What one cell sends to the receiver.
+    /// Field radiated by one cell towards the receiver.
     fn cell(&self, aspect: &Aspect, origin: DVec3, axes: [DVec3; 2], size: [f64; 2]) -> Complex64 {
         let ([from, to], polarizations) = (aspect.directions, aspect.polarizations);
         let Some(tube) = Tube::plane_wave(self.snapshot, origin, -from, axes, polarizations.map(|e| e[0])) else {
             return Complex64::ZERO;
         };
-        let send = |tube: &Tube| {
-            let sent = self.send(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
-            let seen = sent.filter(|_| !self.is_hidden(&tube.place, to, f64::INFINITY));
-            seen.map_or(Complex64::ZERO, |Sent { amplitude, weight, .. }| {
-                let path = tube.length - to.dot(tube.place.point);
+        let radiate = |tube: &Tube| {
+            let radiated = self.radiate(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
+            let seen = radiated.filter(|_| !self.is_occluded(&tube.interaction, to, f64::INFINITY));
+            seen.map_or(Complex64::ZERO, |Radiation { amplitude, weight, .. }| {
+                let path = tube.length - to.dot(tube.interaction.point);
                 amplitude * weight * Complex64::cis(-TAU * (path / self.wavelength).fract())
             })
         };
-        let mut total = send(&tube);
-        self.follow(tube, 1.0, |tube, _| total += send(tube));
+        let mut total = radiate(&tube);
+        self.trace(tube, 1.0, |tube, _| total += radiate(tube));
         total
     }
 }

@@ -1,56 +1,57 @@
-//! Which antennas ray tubes start from, and which they end at.
+//! Directions of ray tubes: antennas where they start and end.
 
 use glam::DVec3;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 
-/// From the antennas of one kind to those of the other.
+/// Direction of ray tubes between transmitters and receivers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// From the transmitters to the receivers.
-    Forth,
-    /// From the receivers to the transmitters.
-    Back,
+pub enum Direction {
+    /// Tubes start at the transmitters and end at the receivers.
+    Forward,
+    /// Tubes start at the receivers and end at the transmitters.
+    Backward,
 }
 
 /// Antennas of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct Antennas<'a> {
-    places: &'a [DVec3],
+    positions: &'a [DVec3],
     patterns: &'a [Pattern],
 }
 
 impl<'a> Antennas<'a> {
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.positions.len()
     }
 
-    /// Place and pattern of one.
+    /// Position [m] and pattern of an antenna.
     pub fn get(&self, number: usize) -> (DVec3, &'a Pattern) {
-        (self.places[number], &self.patterns[number])
+        (self.positions[number], &self.patterns[number])
     }
 }
 
-impl Way {
-    /// Those that tubes go: both, but only one where one antenna sends and receives, which stands for the other.
+impl Direction {
+    /// Directions that tubes are traced in: both, but only forward for a single antenna that transmits and receives,
+    /// where both give the same paths.
     pub fn of(array: &Array) -> &'static [Self] {
         let is_one = array.tx.len() == 1 && array.tx == array.rx && array.tx_patterns == array.rx_patterns;
         if is_one {
-            &[Self::Forth]
+            &[Self::Forward]
         } else {
-            &[Self::Forth, Self::Back]
+            &[Self::Forward, Self::Backward]
         }
     }
 
-    /// Antennas where tubes start, and those where they end.
+    /// Antennas where tubes start, and antennas where tubes end.
     pub fn antennas(self, array: &Array) -> [Antennas<'_>; 2] {
         let transmitters = Antennas {
-            places: &array.tx,
+            positions: &array.tx,
             patterns: &array.tx_patterns,
         };
         let receivers = Antennas {
-            places: &array.rx,
+            positions: &array.rx,
             patterns: &array.rx_patterns,
         };
         self.ordered(transmitters, receivers)
@@ -67,11 +68,11 @@ impl Way {
         transmitter * array.rx.len() + receiver
     }
 
-    /// What belongs to where tubes start, and to where they end.
+    /// Order a property of transmitters and one of receivers as start and end of tubes.
     fn ordered<T>(self, transmitter: T, receiver: T) -> [T; 2] {
         match self {
-            Self::Forth => [transmitter, receiver],
-            Self::Back => [receiver, transmitter],
+            Self::Forward => [transmitter, receiver],
+            Self::Backward => [receiver, transmitter],
         }
     }
 }

@@ -1,17 +1,17 @@
-//! The field that a ray tube carries: what a reflection makes of it, and what a surface in it sends on.
+//! Fields along ray tubes: launch, reflection, and radiation from a surface.
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-/// Directions this near to the normal, by the square of the sine between them, have no plane of incidence.
+/// Square of the sine to the normal up to which a direction has no plane of incidence.
 const NORMAL: f64 = 1e-20;
 
-/// A field, relative to the one that was launched.
+/// Field relative to the launched field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Field {
-    /// Of antennas without a polarisation: a number.
+    /// Scalar field, of antennas without a polarisation.
     Scalar(Complex64),
-    /// Real and imaginary part of a vector across the ray.
+    /// Real and imaginary part of a vector field across the ray.
     Vector([DVec3; 2]),
 }
 
@@ -23,7 +23,7 @@ pub struct Incidence {
     /// Unit normal towards the incident side.
     pub normal: DVec3,
     /// `r_TE` and `r_TM`.
-    pub mirrored: [Complex64; 2],
+    pub coefficients: [Complex64; 2],
 }
 
 impl Incidence {
@@ -32,15 +32,16 @@ impl Incidence {
         -self.normal.dot(self.direction)
     }
 
-    /// Unit direction of the mirrored ray.
+    /// Unit direction of the specular reflection.
     pub fn reflected(&self) -> DVec3 {
         self.direction + 2.0 * self.cosine() * self.normal
     }
 
-    /// README eq. (9): the power is the mean of both polarisations, the phase that of the field across the plane of
-    /// incidence. A mean of both fields would be nothing where two walls meet at a right angle.
+    /// Scalar reflection coefficient, docs/theory.md eq. (9): the power is the mean of both polarisations, the phase
+    /// that of the field across the plane of incidence. A mean of both fields would vanish where two walls meet at a
+    /// right angle.
     fn scalar(&self) -> Complex64 {
-        let [te, tm] = self.mirrored;
+        let [te, tm] = self.coefficients;
         let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
         if te == Complex64::ZERO {
             return Complex64::from(power.sqrt());
@@ -50,14 +51,14 @@ impl Incidence {
 }
 
 impl Field {
-    /// Of antennas of a polarisation, or of none, in a unit direction.
+    /// Field launched by an antenna of a polarisation, or of none, in a unit direction.
     pub fn launch(polarization: Option<DVec3>, direction: DVec3) -> Self {
         polarization.map_or(Self::Scalar(Complex64::ONE), |e| {
             Self::Vector([transverse(e, direction), DVec3::ZERO])
         })
     }
 
-    /// Power relative to what was launched.
+    /// Power relative to the launched power.
     pub fn power(&self) -> f64 {
         match self {
             Self::Scalar(field) => field.norm_sqr(),
@@ -65,7 +66,7 @@ impl Field {
         }
     }
 
-    /// Times a number.
+    /// Product with a complex factor.
     pub fn times(&self, factor: Complex64) -> Self {
         match *self {
             Self::Scalar(field) => Self::Scalar(field * factor),
@@ -73,7 +74,7 @@ impl Field {
         }
     }
 
-    /// After the reflection.
+    /// Field after the reflection.
     pub fn reflect(&self, incidence: &Incidence) -> Self {
         match *self {
             Self::Scalar(field) => Self::Scalar(field * incidence.scalar()),
@@ -81,16 +82,16 @@ impl Field {
         }
     }
 
-    /// W of README eqs. (8) and (9): what the surface sends in a unit direction, to an antenna with the unit vector
-    /// `received` across it.
-    pub fn send(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
+    /// Field radiated in a unit direction to an antenna with the transverse unit vector `received`: W of docs/theory.md
+    /// eqs. (8) and (9).
+    pub fn radiate(&self, incidence: &Incidence, direction: DVec3, received: Option<DVec3>) -> Complex64 {
         match (*self, received) {
             (Self::Vector(field), Some(received)) => {
                 let (n, k) = (incidence.normal, incidence.direction);
-                let (reflected, mirrored) = (incidence.reflected(), reflect(field, incidence));
+                let (reflected, reflected_field) = (incidence.reflected(), reflect(field, incidence));
                 let part = |i: usize| {
-                    let magnetic = k.cross(field[i]) + reflected.cross(mirrored[i]);
-                    let electric = n.cross(field[i] + mirrored[i]);
+                    let magnetic = k.cross(field[i]) + reflected.cross(reflected_field[i]);
+                    let electric = n.cross(field[i] + reflected_field[i]);
                     -0.5 * received.dot(n.cross(magnetic) + direction.cross(electric))
                 };
                 Complex64::new(part(0), part(1))
@@ -104,7 +105,7 @@ impl Field {
     }
 }
 
-/// The part of a unit vector across a unit direction, of unit length; zero along it.
+/// Transverse part of a unit vector to a unit direction, normalised; zero where both are parallel.
 pub fn transverse(e: DVec3, direction: DVec3) -> DVec3 {
     (e - direction * e.dot(direction)).normalize_or_zero()
 }
@@ -113,7 +114,7 @@ fn times([re, im]: [DVec3; 2], factor: Complex64) -> [DVec3; 2] {
     [re * factor.re - im * factor.im, re * factor.im + im * factor.re]
 }
 
-/// `E_r = r_TE (E.s) s + r_TM (E.p) p'`, s across the plane of incidence, p and p' in it.
+/// Reflected vector field `E_r = r_TE (E.s) s + r_TM (E.p) p'`, s across the plane of incidence, p and p' in it.
 fn reflect(field: [DVec3; 2], incidence: &Incidence) -> [DVec3; 2] {
     let (n, k) = (incidence.normal, incidence.direction);
     let across = n.cross(k);
@@ -124,7 +125,7 @@ fn reflect(field: [DVec3; 2], incidence: &Incidence) -> [DVec3; 2] {
     };
     let (p, p_reflected) = (k.cross(s), incidence.reflected().cross(s));
     let along = |axis: DVec3| Complex64::new(field[0].dot(axis), field[1].dot(axis));
-    let [te, tm] = incidence.mirrored;
+    let [te, tm] = incidence.coefficients;
     let (te, tm) = (te * along(s), tm * along(p));
     [s * te.re + p_reflected * tm.re, s * te.im + p_reflected * tm.im]
 }

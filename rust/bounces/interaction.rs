@@ -1,40 +1,41 @@
-//! Where a ray meets a surface: at the facet, which says what is in sight, and on the curved surface that the facet stands
-//! for, which says how long paths are.
+//! Interactions of rays with surfaces: on the triangle, which decides visibility, and on the curved surface that the
+//! triangle approximates, which gives path lengths.
 
 use glam::{DMat3, DVec3};
 
 use crate::geometry::curved_triangle::{bend, shade};
 use crate::rays::scene::PosedScene;
 
-/// How far before a surface rays leave it, of their largest coordinate, and of a metre at least [m].
+/// Distance before a surface at which rays start, relative to their largest coordinate, which counts as a metre at
+/// least.
 const LEAVING: f64 = 1e-7;
 
-/// Rays at a smaller cosine to a facet do not meet it.
+/// Smallest cosine between a ray and the normal of a triangle that it hits.
 const MIN_COSINE: f64 = 1e-6;
 
-/// A place on a surface, in the sensor frame.
+/// Interaction of a ray with a surface, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct Interaction {
     /// Number of the body.
     pub body: u32,
     /// Number of the triangle in its surface.
     pub triangle: u32,
-    /// On the curved surface [m].
+    /// Point on the curved surface [m].
     pub point: DVec3,
-    /// A little before the facet on the way there [m]. Rays leave from here: they do not meet the facet again, and of what
-    /// touches it at the place only what the way led to as well, like the other wall where two of them meet.
+    /// Point on the incident ray a little before the triangle [m]. Reflected rays start here: they do not hit the
+    /// triangle again, but do hit surfaces that touch it on the incident side, like the other wall of a corner.
     pub before: DVec3,
     /// Unit normal of the curved surface towards the incident side.
     pub normal: DVec3,
-    /// Unit normal of the facet towards the incident side.
+    /// Unit normal of the triangle towards the incident side.
     pub face: DVec3,
-    /// How the normal changes along the surface [1/m]; zero where it is flat.
+    /// Derivative of the normal along the surface [1/m]; zero where it is flat.
     pub bend: DMat3,
 }
 
-impl Place {
-    /// Where a ray with a unit direction meets a triangle, on the plane beyond its edges if need be, and how far that is
-    /// [m]. None where the ray is along the facet, or comes from behind the surface.
+impl Interaction {
+    /// Interaction of a ray with a unit direction and the plane of a triangle, also beyond its edges, and its distance
+    /// [m]. None where the ray is parallel to the triangle, or comes from behind the surface.
     pub fn new(
         snapshot: &PosedScene,
         body: u32,
@@ -46,7 +47,7 @@ impl Place {
         let (o, d) = (pose.point_to_body(origin), pose.direction_to_body(direction));
         let corners @ [a, b, c] = surface.corners(triangle);
 
-        // The place on the facet, and the weights of its corners there.
+        // The point on the triangle, and its barycentric weights.
         let area_normal = (b - a).cross(c - a);
         let area = area_normal.length();
         let face = area_normal / area;
@@ -60,7 +61,7 @@ impl Place {
         let third = face.cross(b - a).dot(offset) / area;
         let weights = [1.0 - second - third, second, third];
 
-        // The curved surface, unless it would send the ray into the facet.
+        // The curved surface, unless it would reflect the ray into the triangle.
         let normals = surface.corner_normals(triangle);
         let lit = -slope.signum() * face;
         let (mut normal, mut correction) = shade(corners, normals, weights, face, d);
@@ -73,7 +74,7 @@ impl Place {
         let on_facet = origin + distance * direction;
         let step = leaving(on_facet);
         let turn = pose.rotation;
-        let place = Self {
+        let interaction = Self {
             body,
             triangle,
             point: origin + length * direction,
@@ -82,11 +83,11 @@ impl Place {
             face: turn * lit,
             bend: turn * bend * turn.transpose(),
         };
-        (length > -step).then_some((place, length))
+        (length > -step).then_some((interaction, length))
     }
 }
 
-/// How far before a point of a surface a ray leaves it [m].
+/// Distance before a point of a surface at which rays start [m].
 pub fn leaving(point: DVec3) -> f64 {
     LEAVING * point.abs().max_element().max(1.0)
 }

@@ -3,21 +3,21 @@
 use crate::rays::hits::Hits;
 use crate::rays::scene::NO_BODY;
 
-/// What a cell of the image plane has hit.
+/// Hit of a cell of the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Launch {
-    /// Plane coordinates of its centre, y/x and z/x.
+    /// Plane coordinates of the centre of the cell, y/x and z/x.
     pub center: [f64; 2],
-    /// Its width and height in them.
+    /// Width and height of the cell in plane coordinates.
     pub size: [f64; 2],
-    /// Number of the body that the ray through its centre hits.
+    /// Number of the body that the ray through the centre hits.
     pub body: u32,
     /// Number of the triangle in the body's surface.
     pub triangle: u32,
 }
 
 impl Launch {
-    /// Of all pixels that hit something, row by row.
+    /// Launches of all pixels that hit a body, row by row.
     pub fn of_image(hits: &Hits) -> Vec<Self> {
         let plane = &hits.plane;
         let pixels = (0..plane.num_pixels()).filter(|pixel| hits.body[*pixel] != NO_BODY);

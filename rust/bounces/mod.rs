@@ -1,9 +1,9 @@
-//! Paths of several reflections, by shooting and bouncing rays: README eqs. (7) to (9).
+//! Paths of several reflections, by shooting and bouncing rays: docs/theory.md eqs. (7) to (9).
 //!
-//! A cell of the image launches a ray tube. It goes from surface to surface as geometrical optics says (`tube`,
-//! `interaction`), carries a field (`field`), and at every surface after the first its footprint sends on what physical
-//! optics says to every receiver that is in sight: the first reflection is that of `scattering`. The places where it was
-//! reflected become a route of material points, which move with their bodies (`path`).
+//! A cell of the image launches a ray tube. The tube goes from surface to surface by geometrical optics (`tube`,
+//! `interaction`), carries a field (`field`), and at every surface after the first its footprint radiates
+//! to every visible receiver by physical optics; `scattering` has the first reflection. The points of reflection
+//! become a path of material points, which move with their bodies (`path`).
 
 mod cross_section;
 mod direction;

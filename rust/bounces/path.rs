@@ -1,31 +1,32 @@
-//! Routes of material points: delays and amplitudes follow from where their bodies are.
+//! Paths over material points: delays and amplitudes evaluated from the kinematics of the bodies.
 
 use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::direction::Way;
-use super::interaction::Place;
+use super::direction::Direction;
+use super::interaction::Interaction;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::geometry::moving_triangle::MovingTriangle;
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::PosedScene;
 
-/// Routes between the transmitters and the receivers over two and more surfaces: what one cell of the image returns by one
-/// number of reflections.
+/// Paths between the transmitters and the receivers over two and more surfaces, one per cell of the image and number of
+/// reflections.
 pub struct Bounces {
     array: Array,
-    /// Where the points of every route begin, and where those of the last end.
+    /// Index of the first point of every path, and the number of all points.
     first: Vec<usize>,
-    /// Those of one antenna where tubes start after the other; of one that has no such route those of another.
+    /// Material points of every path, one block per antenna where tubes start; an antenna without the path has the
+    /// points of another.
     points: Vec<Point>,
-    /// Per route.
-    ways: Vec<Way>,
-    /// `(route, channel)`: amplitude but for the antennas and for the lengths of the ways to the last point and from there.
+    /// Direction of the tubes of every path.
+    directions: Vec<Direction>,
+    /// `(path, channel)`: amplitude without the gains of the antennas and the lengths to and from the last point.
     weights: Vec<Complex64>,
     /// Bodies that deform and their numbers of vertices.
     deforming: Vec<(u32, usize)>,
@@ -35,75 +36,85 @@ pub struct Bounces {
 #[derive(Clone, Copy, Debug)]
 struct Point {
     body: u32,
-    /// Vertices of the facet that it stays with, where the body deforms.
+    /// Vertices of the triangle that carries the point, where the body deforms.
     facet: Option<[u32; 3]>,
-    /// In body coordinates [m], or those of the facet.
+    /// Position in coordinates of the body [m], or of the triangle.
     position: DVec3,
 }
 
-/// One route.
-pub struct Route {
-    way: Way,
+/// One path of several reflections, for all channels.
+pub struct BouncePath {
+    direction: Direction,
     order: usize,
     points: Vec<Point>,
-    /// Per channel.
+    /// Weight per channel, see [`Bounces`].
     weights: Vec<Complex64>,
 }
 
 impl Point {
-    /// At a place that stays with its body.
-    fn new(snapshot: &PosedScene, place: &Place) -> Self {
-        let surface = snapshot.surface(place.body);
-        let position = snapshot.pose(place.body).point_to_body(place.point);
+    /// Material point at an interaction, in coordinates of its body.
+    fn new(snapshot: &PosedScene, interaction: &Interaction) -> Self {
+        let surface = snapshot.surface(interaction.body);
+        let position = snapshot.pose(interaction.body).point_to_body(interaction.point);
         if !surface.is_deformed() {
             return Self {
-                body: place.body,
+                body: interaction.body,
                 facet: None,
                 position,
             };
         }
         Self {
-            body: place.body,
-            facet: Some(surface.vertices_of(place.triangle)),
-            position: MovingTriangle::new(surface.corners(place.triangle)).coordinates(position),
+            body: interaction.body,
+            facet: Some(surface.vertices_of(interaction.triangle)),
+            position: MovingTriangle::new(surface.corners(interaction.triangle)).coordinates(position),
         }
     }
 }
 
-impl Route {
-    /// Over these places, for all antennas where tubes start; nothing comes back yet.
-    pub fn new(way: Way, array: &Array, snapshot: &PosedScene, places: &[Place]) -> Self {
-        let points: Vec<Point> = places.iter().map(|place| Point::new(snapshot, place)).collect();
+impl BouncePath {
+    /// Path over these interactions for all antennas where tubes start, with weights of zero.
+    pub fn new(direction: Direction, array: &Array, snapshot: &PosedScene, interactions: &[Interaction]) -> Self {
+        let points: Vec<Point> = interactions
+            .iter()
+            .map(|interaction| Point::new(snapshot, interaction))
+            .collect();
         Self {
-            way,
-            order: places.len(),
-            points: points.repeat(way.antennas(array)[0].len()),
+            direction,
+            order: interactions.len(),
+            points: points.repeat(direction.antennas(array)[0].len()),
             weights: vec![Complex64::ZERO; array.num_channels()],
         }
     }
 
-    /// The way of its tubes and the number of reflections.
-    pub fn kind(&self) -> (Way, usize) {
-        (self.way, self.order)
+    /// Direction of the tubes and number of reflections.
+    pub fn kind(&self) -> (Direction, usize) {
+        (self.direction, self.order)
     }
 
-    /// What comes of the antenna `start`: `weights` per antenna where tubes end.
-    pub fn set(&mut self, array: &Array, snapshot: &PosedScene, start: usize, places: &[Place], weights: &[Complex64]) {
-        let points = places.iter().map(|place| Point::new(snapshot, place));
+    /// Set the points and weights of the antenna `start`; `weights` are per antenna where tubes end.
+    pub fn set(
+        &mut self,
+        array: &Array,
+        snapshot: &PosedScene,
+        start: usize,
+        interactions: &[Interaction],
+        weights: &[Complex64],
+    ) {
+        let points = interactions.iter().map(|interaction| Point::new(snapshot, interaction));
         for (i, point) in points.enumerate() {
             self.points[start * self.order + i] = point;
         }
         for (end, weight) in weights.iter().enumerate() {
-            self.weights[self.way.channel(array, start, end)] = *weight;
+            self.weights[self.direction.channel(array, start, end)] = *weight;
         }
     }
 }
 
 impl Bounces {
-    pub(super) fn of_routes(snapshot: &PosedScene, array: Array, routes: impl Iterator<Item = Route>) -> Self {
+    pub(super) fn of_paths(snapshot: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
         let mut bounces = Self::empty(array);
-        for route in routes {
-            bounces.push(route.way, &route.points, &route.weights);
+        for path in paths {
+            bounces.push(path.direction, &path.points, &path.weights);
         }
         let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
         let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
@@ -114,34 +125,34 @@ impl Bounces {
         bounces
     }
 
-    /// No routes.
+    /// An empty list of paths.
     pub fn empty(array: Array) -> Self {
         Self {
             array,
             first: vec![0],
             points: Vec::new(),
-            ways: Vec::new(),
+            directions: Vec::new(),
             weights: Vec::new(),
             deforming: Vec::new(),
         }
     }
 
-    fn push(&mut self, way: Way, points: &[Point], weights: &[Complex64]) {
-        self.ways.push(way);
+    fn push(&mut self, direction: Direction, points: &[Point], weights: &[Complex64]) {
+        self.directions.push(direction);
         self.points.extend(points);
         self.weights.extend(weights);
         self.first.push(self.points.len());
     }
 
-    /// The routes over wanted bodies alone, and the others, both in the same order.
+    /// Split into the paths over wanted bodies alone and all others, both in the same order.
     pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
         let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
-        for route in 0..self.len() {
-            let points = &self.points[self.first[route]..self.first[route + 1]];
+        for path in 0..self.len() {
+            let points = &self.points[self.first[path]..self.first[path + 1]];
             let are_wanted = points.iter().all(|point| is_wanted(point.body));
             let channels = self.num_channels();
-            let weights = &self.weights[channels * route..channels * (route + 1)];
-            parts[usize::from(!are_wanted)].push(self.ways[route], points, weights);
+            let weights = &self.weights[channels * path..channels * (path + 1)];
+            parts[usize::from(!are_wanted)].push(self.directions[path], points, weights);
         }
         for part in &mut parts {
             let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
@@ -150,7 +161,7 @@ impl Bounces {
         parts
     }
 
-    /// Number of routes.
+    /// Number of paths.
     pub fn len(&self) -> usize {
         self.first.len() - 1
     }
@@ -160,48 +171,50 @@ impl Bounces {
         self.array.num_channels()
     }
 
-    /// Number of reflections of every route.
+    /// Number of reflections of every path.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
-        let routes = self.first.windows(2).zip(&self.ways);
-        routes.map(|(ends, way)| (ends[1] - ends[0]) / way.antennas(&self.array)[0].len())
+        let paths = self.first.windows(2).zip(&self.directions);
+        paths.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
     }
 
-    /// The body of every route that is the last before a receiver, as the first antenna where tubes start has it.
+    /// Body of every path that is the last before a receiver, for the first antenna where tubes start.
     pub fn last_bodies(&self) -> impl Iterator<Item = u32> {
-        let routes = self.first.iter().zip(&self.ways).zip(self.orders());
-        routes.map(|((first, way), order)| match way {
-            Way::Forth => self.points[first + order - 1].body,
-            Way::Back => self.points[*first].body,
+        let paths = self.first.iter().zip(&self.directions).zip(self.orders());
+        paths.map(|((first, direction), order)| match direction {
+            Direction::Forward => self.points[first + order - 1].body,
+            Direction::Backward => self.points[*first].body,
         })
     }
 
-    /// Bodies that deform and are met here, in increasing order, and their numbers of vertices.
+    /// Bodies that deform and are on a path, in increasing order, and their numbers of vertices.
     pub fn deforming(&self) -> &[(u32, usize)] {
         &self.deforming
     }
 
-    /// Delays of the selected routes at `places`, which need no point targets, and amplitudes at others.
-    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
+    /// Delays of the selected paths at the nodes of `kinematics` and amplitudes at those of `amplitudes_at`; neither
+    /// needs point targets.
+    pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
         Paths::of(
-            [places.num_nodes, amplitudes_at.num_nodes],
+            [kinematics.num_nodes, amplitudes_at.num_nodes],
             self.num_channels(),
             selection,
-            |node, channel, route| self.path(places, node, channel, route).0,
-            |node, channel, route| self.path(amplitudes_at, node, channel, route).1,
+            |node, channel, path| self.path(kinematics, node, channel, path).0,
+            |node, channel, path| self.path(amplitudes_at, node, channel, path).1,
         )
     }
 
-    /// Rate of every delay [s/s], `(channel, route)`, at the first node of `places`; `rates` are the time derivatives.
-    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
-        let num_routes = self.len();
-        (0..self.num_channels() * num_routes)
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
+    /// derivatives.
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
+        let num_paths = self.len();
+        (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
-                let (channel, route) = (i / num_routes, i % num_routes);
-                let [start, end] = self.antennas(channel, route).map(|antenna| (antenna.0, DVec3::ZERO));
+                let (channel, path) = (i / num_paths, i % num_paths);
+                let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
                 let (mut rate, mut from) = (0.0, start);
-                let points = self.points(route, channel);
-                let moving = points.iter().map(|point| self.motion(places, rates, point));
+                let points = self.points(path, channel);
+                let moving = points.iter().map(|point| self.motion(kinematics, rates, point));
                 for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
@@ -211,52 +224,55 @@ impl Bounces {
             .collect()
     }
 
-    /// Of the antenna of a channel where tubes start.
-    fn points(&self, route: usize, channel: usize) -> &[Point] {
-        let points = &self.points[self.first[route]..self.first[route + 1]];
-        let way = self.ways[route];
-        let order = points.len() / way.antennas(&self.array)[0].len();
-        let [start, _] = way.numbers(&self.array, channel);
+    /// Points of a path for the antenna of a channel where tubes start.
+    fn points(&self, path: usize, channel: usize) -> &[Point] {
+        let points = &self.points[self.first[path]..self.first[path + 1]];
+        let direction = self.directions[path];
+        let order = points.len() / direction.antennas(&self.array)[0].len();
+        let [start, _] = direction.numbers(&self.array, channel);
         &points[start * order..(start + 1) * order]
     }
 
-    /// Places and patterns of the antennas of a channel where the tubes of a route start and end.
-    fn antennas(&self, channel: usize, route: usize) -> [(DVec3, &Pattern); 2] {
-        let way = self.ways[route];
-        let ([starts, ends], [start, end]) = (way.antennas(&self.array), way.numbers(&self.array, channel));
+    /// Positions and patterns of the antennas of a channel where the tubes of a path start and end.
+    fn antennas(&self, channel: usize, path: usize) -> [(DVec3, &Pattern); 2] {
+        let direction = self.directions[path];
+        let ([starts, ends], [start, end]) = (direction.antennas(&self.array), direction.numbers(&self.array, channel));
         [starts.get(start), ends.get(end)]
     }
 
-    /// Delay and amplitude of one route of one channel at one time, README eq. (7).
-    fn path(&self, places: &Places, node: usize, channel: usize, route: usize) -> (f64, Complex64) {
-        let [start, end] = self.antennas(channel, route);
-        let points = self.points(route, channel);
-        let departure = self.position(places, node, &points[0]) - start.0;
+    /// Delay and amplitude of one path of one channel at one time, docs/theory.md eq. (7).
+    fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+        let [start, end] = self.antennas(channel, path);
+        let points = self.points(path, channel);
+        let departure = self.position(kinematics, node, &points[0]) - start.0;
         let (mut length, mut last) = (0.0, start.0);
         for point in points {
-            let next = self.position(places, node, point);
+            let next = self.position(kinematics, node, point);
             length += (next - last).length();
             last = next;
         }
         let arrival = last - end.0;
         let distance = arrival.length();
         let gains = start.1.gain(departure) * end.1.gain(arrival);
-        let weight = self.weights[route * self.num_channels() + channel];
+        let weight = self.weights[path * self.num_channels() + channel];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
         ((length + distance) / SPEED_OF_LIGHT, amplitude)
     }
 
-    /// Where a material point is [m].
-    fn position(&self, places: &Places, node: usize, point: &Point) -> DVec3 {
-        let pose = &places.poses[node * places.num_bodies + point.body as usize];
-        let facet = self.facet_of(places, node, point);
+    /// Position of a material point at a node, sensor frame [m].
+    fn position(&self, kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
+        let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
+        let facet = self.facet_of(kinematics, node, point);
         pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
     }
 
-    /// Where a material point is at the first node [m], and how it moves [m/s].
-    fn motion(&self, places: &Places, rates: &Places, point: &Point) -> (DVec3, DVec3) {
-        let (pose, rate) = (&places.poses[point.body as usize], &rates.poses[point.body as usize]);
-        let facets = [places, rates].map(|places| self.facet_of(places, 0, point));
+    /// Position [m] and velocity [m/s] of a material point at the first node, sensor frame.
+    fn motion(&self, kinematics: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
+        let (pose, rate) = (
+            &kinematics.poses[point.body as usize],
+            &rates.poses[point.body as usize],
+        );
+        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, point));
         let (position, velocity) = match facets {
             [Some(facet), Some(facet_rate)] => {
                 (facet.point(point.position), facet.velocity(&facet_rate, point.position))
@@ -266,11 +282,11 @@ impl Bounces {
         (pose.point(position), rate.point(position) + pose.direction(velocity))
     }
 
-    /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, point: &Point) -> Option<MovingTriangle> {
+    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
+    fn facet_of(&self, kinematics: &Kinematics, node: usize, point: &Point) -> Option<MovingTriangle> {
         let corners = point.facet?;
         let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
-        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
         Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))

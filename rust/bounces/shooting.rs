@@ -15,11 +15,11 @@ use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::taper::taper;
 
-use super::direction::Way;
+use super::direction::Direction;
 use super::field::transverse;
-use super::interaction::Place;
+use super::interaction::Interaction;
 use super::launch::Launch;
-use super::path::{Bounces, Route};
+use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
 
 /// The part of the image plane where tubes start.
@@ -39,37 +39,38 @@ impl View {
         Self { corners }
     }
 
-    /// What a tube over these places to an antenna counts of what goes this way: the less, the more it widens beside one
-    /// from the antenna that goes the same way back; all of it where none starts. Both add up to one.
-    fn share(&self, tube: &Tube, places: &[Place], antenna: DVec3) -> f64 {
+    /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the
+    /// other direction; the one that widens less counts more, and both shares add up to one. One where no such tube
+    /// starts.
+    fn share(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
         let back = self
-            .shows(tube.place.point)
-            .then(|| Tube::widening_back(places, antenna));
+            .shows(tube.interaction.point)
+            .then(|| Tube::widening_back(interactions, antenna));
         let Some(back) = back.flatten() else { return 1.0 };
         let share = back / (tube.widening() + back);
         if share.is_finite() { share } else { 0.5 }
     }
 
     fn shows(&self, point: DVec3) -> bool {
-        let (place, [low, high]) = (point.yz() / point.x, self.corners);
-        point.x > 0.0 && place.cmpge(low).all() && place.cmple(high).all()
+        let (position, [low, high]) = (point.yz() / point.x, self.corners);
+        point.x > 0.0 && position.cmpge(low).all() && position.cmple(high).all()
     }
 }
 
-/// How far ray tubes are followed.
+/// Limits of the length of paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Most reflections of a path.
     pub max_bounces: usize,
-    /// A tube ends where its power, weighed with the gain of the antenna towards where it was launched relative to the
-    /// peak, is less than this share of what was launched: no later reflection adds to it. Zero: never.
+    /// Smallest power of a tube relative to the launched power, weighted with the gain of the antenna in the direction
+    /// of launch relative to the peak; weaker tubes end. Zero: none.
     pub floor: f64,
 }
 
-/// What was done for the paths.
+/// Counts of rays and of tubes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Rays from surfaces to the next.
+    /// Rays from one surface to the next.
     pub rays: usize,
     /// Tubes that ended at the floor.
     pub stopped: usize,
@@ -84,23 +85,23 @@ impl Counts {
     }
 }
 
-/// The scene as ray tubes see it.
+/// Scene, materials and limits that ray tubes are traced with.
 pub(super) struct Shooter<'a> {
     pub(super) snapshot: &'a PosedScene,
-    /// One per body.
+    /// Material of every body.
     pub(super) materials: &'a [Material],
     pub(super) wavelength: f64,
     pub(super) limits: Limits,
 }
 
 impl Shooter<'_> {
-    /// Follow a tube that was launched with a share of the largest gain; `arrive` gets it at every surface from the second on,
-    /// with all places so far.
-    pub(super) fn follow(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Place])) -> Counts {
+    /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface
+    /// from the second on, with all interactions so far.
+    pub(super) fn trace(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
-        let mut places = vec![tube.place];
+        let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
-            tube.reflect(self.mirrored(&tube));
+            tube.reflect(self.reflection_coefficients(&tube));
             if tube.field.power() * share < self.limits.floor {
                 counts.stopped += 1;
                 break;
@@ -109,29 +110,29 @@ impl Shooter<'_> {
             if !tube.advance(self.snapshot) {
                 break;
             }
-            places.push(tube.place);
-            arrive(&tube, &places);
+            interactions.push(tube.interaction);
+            arrive(&tube, &interactions);
         }
         counts
     }
 
-    /// Coefficients of the surface where a tube arrives.
-    pub(super) fn mirrored(&self, tube: &Tube) -> [Complex64; 2] {
-        self.materials[tube.place.body as usize].mirrored(tube.cosine(), self.wavelength)
+    /// Reflection coefficients `r_TE` and `r_TM` of the surface where a tube arrives.
+    pub(super) fn reflection_coefficients(&self, tube: &Tube) -> [Complex64; 2] {
+        self.materials[tube.interaction.body as usize].reflection_coefficients(tube.cosine(), self.wavelength)
     }
 
-    /// What the footprint of a cell of some size sends in a unit direction, to an antenna of a polarisation, if its lit side
-    /// faces there.
-    pub(super) fn send(
+    /// Field radiated by the footprint of a cell of a size in a unit direction, to an antenna of a polarisation. None
+    /// where the illuminated side faces away.
+    pub(super) fn radiate(
         &self,
         tube: &Tube,
         size: [f64; 2],
         direction: DVec3,
         polarization: Option<DVec3>,
         sampling: Sampling,
-    ) -> Option<Sent> {
-        let place = &tube.place;
-        if place.normal.dot(direction) <= 0.0 || place.face.dot(direction) <= 0.0 {
+    ) -> Option<Radiation> {
+        let interaction = &tube.interaction;
+        if interaction.normal.dot(direction) <= 0.0 || interaction.face.dot(direction) <= 0.0 {
             return None;
         }
 
@@ -147,36 +148,37 @@ impl Shooter<'_> {
             return None;
         }
 
-        // W sqrt(dOmega / dA_perp) dA of README eq. (7).
+        // W sqrt(dOmega / dA_perp) dA of docs/theory.md eq. (7).
         let received = polarization.map(|e| transverse(e, direction));
-        let sent = tube.send(self.mirrored(tube), direction, received);
-        let amplitude = sent * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
-        (amplitude != Complex64::ZERO).then_some(Sent { amplitude, weight })
+        let radiated = tube.radiate(self.reflection_coefficients(tube), direction, received);
+        let amplitude = radiated * (tube.spread * tube.section()).sqrt() * (size[0] * size[1]) / tube.cosine();
+        (amplitude != Complex64::ZERO).then_some(Radiation { amplitude, weight })
     }
 
-    /// The same to an antenna at a place of the sensor frame, if that is in sight, and its distance [m].
-    pub(super) fn send_to(
+    /// Field radiated by the footprint to an antenna at a position of the sensor frame, and the distance of the antenna
+    /// [m]. None where the antenna is occluded.
+    pub(super) fn radiate_to(
         &self,
         tube: &Tube,
         size: [f64; 2],
         antenna: DVec3,
         polarization: Option<DVec3>,
         sampling: Sampling,
-    ) -> Option<(Sent, f64)> {
-        let offset = antenna - tube.place.point;
+    ) -> Option<(Radiation, f64)> {
+        let offset = antenna - tube.interaction.point;
         let distance = offset.length();
         if distance == 0.0 {
             return None;
         }
-        let sent = self.send(tube, size, offset / distance, polarization, sampling)?;
-        let is_hidden = self.is_hidden(&tube.place, antenna - tube.place.before, 1.0 - 1e-9);
-        (!is_hidden).then_some((sent, distance))
+        let radiated = self.radiate(tube, size, offset / distance, polarization, sampling)?;
+        let is_occluded = self.is_occluded(&tube.interaction, antenna - tube.interaction.before, 1.0 - 1e-9);
+        (!is_occluded).then_some((radiated, distance))
     }
 
-    /// Whether something stands in the way from a place before `far`, in lengths of the direction.
-    pub(super) fn is_hidden(&self, place: &Place, direction: DVec3, far: f64) -> bool {
+    /// True if a surface occludes the ray from an interaction up to `far` lengths of the direction.
+    pub(super) fn is_occluded(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
-            origin: place.before,
+            origin: interaction.before,
             direction,
             start: 0.0,
         };
@@ -184,9 +186,10 @@ impl Shooter<'_> {
     }
 }
 
-/// What the footprint of a cell sends.
-pub(super) struct Sent {
-    /// Such that a path to an antenna at a distance R has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this over R.
+/// Field radiated by the footprint of a cell.
+pub(super) struct Radiation {
+    /// Amplitude at unit distance: a path to an antenna at a distance R has `sqrt(P Gt Gr) j / (4 pi)` times this over
+    /// R.
     pub(super) amplitude: Complex64,
     /// Mean of the phase over the footprint, tapered.
     pub(super) weight: f64,
@@ -209,29 +212,29 @@ impl<'a> Sensor<'a> {
         Self { shooter, array }
     }
 
-    /// Follow the tube from an antenna to what a cell has hit.
+    /// Trace the tube from an antenna to the hit of a cell.
     fn shoot(
         &self,
         launch: &Launch,
         (antenna, pattern): (DVec3, &Pattern),
-        arrive: impl FnMut(&Tube, &[Place]),
+        arrive: impl FnMut(&Tube, &[Interaction]),
     ) -> Counts {
         let Some(tube) = Tube::launch(self.shooter.snapshot, launch, antenna, self.array.polarization) else {
             return Counts::default();
         };
-        let share = pattern.gain(tube.place.point - antenna) / pattern.peak();
-        self.shooter.follow(tube, share, arrive)
+        let share = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
+        self.shooter.trace(tube, share, arrive)
     }
 
-    /// What comes to an antenna.
-    fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Sent, f64)> {
+    /// Field that arrives at an antenna from a footprint, and the distance [m].
+    fn receive(&self, tube: &Tube, launch: &Launch, antenna: DVec3, sampling: Sampling) -> Option<(Radiation, f64)> {
         self.shooter
-            .send_to(tube, launch.size, antenna, self.array.polarization, sampling)
+            .radiate_to(tube, launch.size, antenna, self.array.polarization, sampling)
     }
 }
 
 impl Bounces {
-    /// Routes of two and more reflections of all cells, in their order, and what they took; one material per body.
+    /// Paths of two and more reflections of all cells, in the order of the cells, and counts; one material per body.
     pub fn new(
         snapshot: &PosedScene,
         launches: &[Launch],
@@ -241,42 +244,44 @@ impl Bounces {
         sampling: Sampling,
     ) -> (Self, Counts) {
         let sensor = Sensor::new(snapshot, materials, &array, limits);
-        let (ways, view) = (Way::of(&array), View::of(launches));
-        let twice = 2.0 / ways.len() as f64; // of shares that add up to one
+        let (directions, view) = (Direction::of(&array), View::of(launches));
+        let twice = 2.0 / directions.len() as f64; // of shares that add up to one
         let of = |launch: &Launch| {
-            let mut routes: Vec<Route> = Vec::new();
+            let mut paths: Vec<BouncePath> = Vec::new();
             let mut counts = Counts::default();
-            for way in ways {
-                let [starts, ends] = way.antennas(&array);
+            for direction in directions {
+                let [starts, ends] = direction.antennas(&array);
                 for start in 0..starts.len() {
-                    let arrive = |tube: &Tube, places: &[Place]| {
+                    let arrive = |tube: &Tube, interactions: &[Interaction]| {
                         let weight = |end: usize| {
-                            let sent = sensor.receive(tube, launch, ends.get(end).0, sampling);
-                            sent.map_or(Complex64::ZERO, |(sent, _)| {
-                                let share = twice * view.share(tube, places, ends.get(end).0);
-                                Complex64::I / (2.0 * TAU) * sent.amplitude * (share * sent.weight * tube.length)
+                            let radiated = sensor.receive(tube, launch, ends.get(end).0, sampling);
+                            radiated.map_or(Complex64::ZERO, |(radiated, _)| {
+                                let share = twice * view.share(tube, interactions, ends.get(end).0);
+                                Complex64::I / (2.0 * TAU)
+                                    * radiated.amplitude
+                                    * (share * radiated.weight * tube.length)
                             })
                         };
                         let weights: Vec<Complex64> = (0..ends.len()).map(weight).collect();
                         if weights.iter().all(|weight| *weight == Complex64::ZERO) {
                             return;
                         }
-                        let kind = (*way, places.len());
-                        let known = routes.iter().position(|route| route.kind() == kind);
+                        let kind = (*direction, interactions.len());
+                        let known = paths.iter().position(|path| path.kind() == kind);
                         let index = known.unwrap_or_else(|| {
-                            routes.push(Route::new(*way, &array, snapshot, places));
-                            routes.len() - 1
+                            paths.push(BouncePath::new(*direction, &array, snapshot, interactions));
+                            paths.len() - 1
                         });
-                        routes[index].set(&array, snapshot, start, places, &weights);
+                        paths[index].set(&array, snapshot, start, interactions, &weights);
                     };
                     counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
                 }
             }
-            (routes, counts)
+            (paths, counts)
         };
-        let (routes, counts): (Vec<Vec<Route>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
+        let (paths, counts): (Vec<Vec<BouncePath>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
         let counts = counts.into_iter().fold(Counts::default(), Counts::plus);
-        (Self::of_routes(snapshot, array, routes.into_iter().flatten()), counts)
+        (Self::of_paths(snapshot, array, paths.into_iter().flatten()), counts)
     }
 }
 

@@ -1,10 +1,10 @@
-//! A ray tube: a ray, how its neighbours differ from it, and the field that it carries.
+//! Ray tubes: a ray, the derivatives of its neighbours, and the field along it.
 
 use glam::DVec3;
 use num_complex::Complex64;
 
 use super::field::{Field, Incidence};
-use super::interaction::{Place, leaving};
+use super::interaction::{Interaction, leaving};
 use super::launch::Launch;
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::tree::Ray;
@@ -12,47 +12,47 @@ use crate::rays::tree::Ray;
 /// A ray tube where it meets a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Tube {
-    /// Unit direction in which it arrives, or leaves once it is reflected.
+    /// Unit direction of arrival, or of departure after the reflection.
     pub direction: DVec3,
-    /// Where it arrives.
-    pub place: Place,
-    /// Length of its path [m]: from the antenna, or from the front of a plane wave through the origin.
+    /// Interaction with the surface of arrival.
+    pub interaction: Interaction,
+    /// Length of the path [m]: from the antenna, or from the front of a plane wave through the origin.
     pub length: f64,
-    /// Derivatives of the place by the plane coordinates of the cell, along the surface [m].
+    /// Derivatives of the position by the plane coordinates of the cell, along the surface [m].
     pub edges: [DVec3; 2],
-    /// Derivatives of the direction by them.
+    /// Derivatives of the direction by the plane coordinates of the cell.
     pub turns: [DVec3; 2],
-    /// Field relative to the one that was launched, but for its spreading.
+    /// Field relative to the launched field, without spreading.
     pub field: Field,
-    /// Of what was launched, per unit of both plane coordinates: solid angle [sr], or section of a plane wave [m^2].
+    /// Size at launch per unit of both plane coordinates: solid angle [sr], or section of a plane wave [m^2].
     pub spread: f64,
 }
 
 impl Tube {
-    /// From an antenna to what the middle of a cell has hit, as seen from the centre of the array.
+    /// Tube from an antenna to the hit of the centre of a cell, which was cast from the centre of the array.
     pub fn launch(snapshot: &PosedScene, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
         // The patch of surface behind the cell.
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
         let ray = DVec3::new(1.0, u, v) / w;
-        let (place, distance) = Place::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
+        let (interaction, distance) = Interaction::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
         let edges = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| {
             let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
-            land(distance * turn, ray, place.normal)
+            land(distance * turn, ray, interaction.normal)
         });
 
-        Self::onto(place, edges, antenna, polarization)
+        Self::onto(interaction, edges, antenna, polarization)
     }
 
-    /// From an antenna to a patch of surface with these edges, if it sees the lit side.
-    fn onto(place: Place, edges: [DVec3; 2], antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
-        let offset = place.point - antenna;
+    /// Tube from an antenna to a patch of surface with these edges. None where the patch faces away.
+    fn onto(interaction: Interaction, edges: [DVec3; 2], antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
+        let offset = interaction.point - antenna;
         let length = offset.length();
         let direction = offset / length;
-        let is_lit = place.normal.dot(offset) < 0.0 && place.face.dot(offset) < 0.0;
+        let is_lit = interaction.normal.dot(offset) < 0.0 && interaction.face.dot(offset) < 0.0;
         is_lit.then(|| Self {
             direction,
-            place,
+            interaction,
             length,
             edges,
             turns: edges.map(|edge| (edge - direction * direction.dot(edge)) / length),
@@ -61,8 +61,8 @@ impl Tube {
         })
     }
 
-    /// Of a plane wave in a unit direction, from a point in front of everything to what the ray from there hits; plane
-    /// coordinates count along `axes`.
+    /// Tube of a plane wave in a unit direction, from a point in front of the scene to the hit of the ray; plane
+    /// coordinates are lengths along `axes` [m].
     pub fn plane_wave(
         snapshot: &PosedScene,
         origin: DVec3,
@@ -79,12 +79,12 @@ impl Tube {
         if hit.body == NO_BODY {
             return None;
         }
-        let (place, _) = Place::new(snapshot, hit.body, hit.triangle, origin, direction)?;
+        let (interaction, _) = Interaction::new(snapshot, hit.body, hit.triangle, origin, direction)?;
         Some(Self {
             direction,
-            place,
-            length: direction.dot(place.point),
-            edges: axes.map(|axis| land(axis, direction, place.normal)),
+            interaction,
+            length: direction.dot(interaction.point),
+            edges: axes.map(|axis| land(axis, direction, interaction.normal)),
             turns: [DVec3::ZERO; 2],
             field: Field::launch(polarization, direction),
             spread: axes[0].cross(axes[1]).length(),
@@ -93,7 +93,7 @@ impl Tube {
 
     /// Cosine of the angle of incidence.
     pub fn cosine(&self) -> f64 {
-        -self.place.normal.dot(self.direction)
+        -self.interaction.normal.dot(self.direction)
     }
 
     /// Area across the tube per unit of both plane coordinates [m^2].
@@ -101,42 +101,42 @@ impl Tube {
         self.direction.dot(self.edges[0].cross(self.edges[1])).abs()
     }
 
-    /// Its section where it arrives, over that between plane mirrors; it comes from an antenna.
+    /// Ratio of the section on arrival to the section between plane mirrors, for a tube from an antenna.
     pub fn widening(&self) -> f64 {
         self.section() / (self.spread * self.length * self.length)
     }
 
-    /// Widening of a tube from an antenna that goes back to the first of the places.
-    pub fn widening_back(places: &[Place], antenna: DVec3) -> Option<f64> {
-        let (last, others) = places.split_last()?;
+    /// Widening of a tube from an antenna in the opposite direction, to the first of the interactions.
+    pub fn widening_back(interactions: &[Interaction], antenna: DVec3) -> Option<f64> {
+        let (last, others) = interactions.split_last()?;
         let mut tube = Self::onto(*last, last.normal.any_orthonormal_pair().into(), antenna, None)?;
-        for place in others.iter().rev() {
+        for interaction in others.iter().rev() {
             tube.reflect([Complex64::ONE; 2]);
-            tube.arrive(*place, tube.place.point.distance(place.point));
+            tube.arrive(*interaction, tube.interaction.point.distance(interaction.point));
         }
         Some(tube.widening())
     }
 
-    /// Turn into the mirror's direction; the surface has the coefficients `r_TE` and `r_TM`.
-    pub fn reflect(&mut self, mirrored: [Complex64; 2]) {
-        let (n, k) = (self.place.normal, self.direction);
-        let incidence = self.incidence(mirrored);
+    /// Reflect in the specular direction; `coefficients` are `r_TE` and `r_TM`.
+    pub fn reflect(&mut self, coefficients: [Complex64; 2]) {
+        let (n, k) = (self.interaction.normal, self.direction);
+        let incidence = self.incidence(coefficients);
         self.field = self.field.reflect(&incidence);
         self.direction = incidence.reflected();
         for i in 0..2 {
-            // Of k - 2 (n.k) n.
-            let (turn, bend) = (self.turns[i], self.place.bend * self.edges[i]);
+            // Derivatives of k - 2 (n.k) n.
+            let (turn, bend) = (self.turns[i], self.interaction.bend * self.edges[i]);
             self.turns[i] = turn - 2.0 * ((n.dot(turn) + bend.dot(k)) * n + n.dot(k) * bend);
         }
     }
 
-    /// Go on to the next surface. Returns whether there is one.
+    /// Advance to the next surface; false if there is none.
     pub fn advance(&mut self, snapshot: &PosedScene) -> bool {
-        if self.place.face.dot(self.direction) <= 0.0 {
+        if self.interaction.face.dot(self.direction) <= 0.0 {
             return false;
         }
-        // It starts before the facet, the length counts from the curved surface.
-        let origin = self.place.before;
+        // The ray starts before the triangle, the length counts from the curved surface.
+        let origin = self.interaction.before;
         let hit = snapshot.cast(&Ray {
             origin,
             direction: self.direction,
@@ -145,45 +145,49 @@ impl Tube {
         if hit.body == NO_BODY {
             return false;
         }
-        let Some((mut place, distance)) =
-            Place::new(snapshot, hit.body, hit.triangle, self.place.point, self.direction)
+        let Some((mut interaction, distance)) =
+            Interaction::new(snapshot, hit.body, hit.triangle, self.interaction.point, self.direction)
         else {
             return false;
         };
         if distance < 2.0 * leaving(origin) {
-            place.before = origin; // of both surfaces, which touch
+            interaction.before = origin; // of both surfaces, which touch
         }
 
-        self.arrive(place, distance);
+        self.arrive(interaction, distance);
         true
     }
 
-    /// Go on to a place at a distance [m].
-    fn arrive(&mut self, place: Place, distance: f64) {
-        // Every focal line on the way puts the wave a quarter of a turn ahead.
+    /// Advance to an interaction at a distance [m].
+    fn arrive(&mut self, interaction: Interaction, distance: f64) {
+        // Every focal line passed advances the phase by a quarter of a turn.
         let caustics = self.caustics(distance);
         self.field = self.field.times(Complex64::I.powu(caustics));
         for i in 0..2 {
-            self.edges[i] = land(self.edges[i] + distance * self.turns[i], self.direction, place.normal);
+            self.edges[i] = land(
+                self.edges[i] + distance * self.turns[i],
+                self.direction,
+                interaction.normal,
+            );
         }
         self.length += distance;
-        self.place = place;
+        self.interaction = interaction;
     }
 
-    /// What the surface sends in a unit direction, see [`Field::send`].
-    pub fn send(&self, mirrored: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
-        self.field.send(&self.incidence(mirrored), direction, received)
+    /// Field radiated by the surface in a unit direction, see [`Field::radiate`].
+    pub fn radiate(&self, coefficients: [Complex64; 2], direction: DVec3, received: Option<DVec3>) -> Complex64 {
+        self.field.radiate(&self.incidence(coefficients), direction, received)
     }
 
-    fn incidence(&self, mirrored: [Complex64; 2]) -> Incidence {
+    fn incidence(&self, coefficients: [Complex64; 2]) -> Incidence {
         Incidence {
             direction: self.direction,
-            normal: self.place.normal,
-            mirrored,
+            normal: self.interaction.normal,
+            coefficients,
         }
     }
 
-    /// How often the section of the reflected tube vanishes within a distance [m].
+    /// Number of focal lines of the reflected tube within a distance [m]: zeros of the section.
     fn caustics(&self, distance: f64) -> u32 {
         let ([p, q], [d, e]) = (self.edges, self.turns);
         let section = |a: DVec3, b: DVec3| self.direction.dot(a.cross(b));
@@ -195,14 +199,14 @@ impl Tube {
         roots.iter().filter(|t| **t > 0.0 && **t < distance).count() as u32
     }
 
-    /// Derivatives of half the path by the plane coordinates of the image [m], on to an antenna in a direction: along the edges
-    /// of the footprint, of the tube and of the way to the antenna.
+    /// Derivatives of half the path length by the plane coordinates of the image [m], over the footprint and on to an
+    /// antenna in a unit direction.
     pub fn slope(&self, direction: DVec3) -> [f64; 2] {
         self.edges.map(|edge| 0.5 * (self.direction - direction).dot(edge))
     }
 }
 
-/// Where a displacement comes to lie that is carried along a direction onto a plane with a normal.
+/// Project a displacement along a direction onto a plane with a normal.
 fn land(displacement: DVec3, direction: DVec3, normal: DVec3) -> DVec3 {
     displacement - direction * (normal.dot(displacement) / normal.dot(direction))
 }

@@ -1,4 +1,4 @@
-//! The fixed side of a simulation: bodies or an image, materials, radar and settings; and what is kept from frame to frame.
+//! Model of a simulation: bodies or an image, materials, radar and settings, all independent of the motion.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,7 +34,7 @@ pub struct Scene {
     pub rcs: Vec<f64>,
     /// Numbers of the bodies with surfaces and of the point targets in the scene.
     pub body_numbers: Vec<usize>,
-    /// See `body_numbers`.
+    /// Numbers of the point targets, see `body_numbers`.
     pub point_numbers: Vec<usize>,
 }
 
@@ -85,18 +85,18 @@ pub enum Source {
 /// Rays of frames.
 #[derive(Clone, Copy, Debug)]
 pub enum RaySampling {
-    /// Through cells that are split where it matters, see [`crate::scattering::sampling::Rule`].
+    /// Adaptive: cells are split where the residual error is large, see [`crate::scattering::sampling::Refinement`].
     Adaptive {
         /// Coarsest cells.
         base: ImagePlane,
         /// Smallest cross-section of interest [m^2].
         rcs_floor: f64,
-        /// Most rays; none: as many as the floor asks for.
+        /// Largest number of rays; none: limited by the floor alone.
         budget: Option<usize>,
-        /// Cells with a fast phase stand for their ends.
+        /// True if cells with a fast phase are integrated by edge terms.
         end_points: bool,
     },
-    /// Through the pixels of an image.
+    /// Uniform: one ray per pixel of an image.
     Pixels(ImagePlane, Sampling),
 }
 
@@ -107,13 +107,14 @@ pub struct Settings {
     pub rays: RaySampling,
     /// Pixels of images.
     pub image: ImagePlane,
-    /// Least gain of interest of a pair of antennas relative to their peaks, there and back; none: all directions are cast.
+    /// Least gain of interest of a pair of antennas relative to their peaks, there and back; none: all directions are
+    /// cast.
     pub gain_floor: Option<f64>,
-    /// Whether tiles without bodies are left out.
+    /// True if tiles without bodies are skipped.
     pub skip_empty: bool,
-    /// Whether tiles in which nothing has moved are taken over from the frame before.
+    /// True if static tiles are reused from the frame before.
     pub reuse_tiles: bool,
-    /// Most reflections, and the power at which ray tubes end.
+    /// Largest number of reflections, and the power at which ray tubes end.
     pub limits: Limits,
     /// Largest angle by which bodies may turn from a cast on [rad]; may be infinite.
     pub retrace: f64,
@@ -121,7 +122,7 @@ pub struct Settings {
     pub seed: u64,
     /// Bound on the error of the sum, see [`beat::Options`].
     pub tolerance: f64,
-    /// Way to sum.
+    /// Method of the sum.
     pub method: Method,
 }
 
@@ -129,7 +130,7 @@ pub struct Settings {
 pub struct Model {
     /// Surfaces.
     pub source: Source,
-    /// One per body with a surface.
+    /// Material of every body with a surface.
     pub materials: Vec<Material>,
     /// Antennas.
     pub array: Array,
@@ -148,7 +149,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Refuses materials that do not fit the bodies.
+    /// Build a model; an error for materials that do not fit the bodies.
     pub fn new(
         source: Source,
         materials: Vec<Material>,
@@ -203,7 +204,7 @@ impl Model {
         self.beam.as_ref()
     }
 
-    /// Motion as the sensor sees it.
+    /// Motion in the sensor frame.
     pub(super) fn placement(&self, motion: &World) -> Result<Placement> {
         let placement = motion.seen(self.center);
         let (bodies, points, vertices) = match &self.source {
@@ -218,7 +219,7 @@ impl Model {
         Ok(placement)
     }
 
-    /// Time derivatives as the sensor sees them, at the middle of the frame.
+    /// Time derivatives in the sensor frame, at the middle of the frame.
     pub(super) fn rates(&self, placement: &Placement, motion: &World, rates: &World) -> Result<Placement> {
         let middle = motion.num_times() / 2;
         let (bodies, points) = (placement.num_bodies(), placement.num_points());
@@ -267,7 +268,7 @@ impl Model {
         waveform.start_frequency.max(waveform.center_frequency()) + half
     }
 
-    /// How to sum `num_paths` paths.
+    /// Options of the sum over `num_paths` paths.
     pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options {
         let work = [
             num_paths,
@@ -285,12 +286,12 @@ impl Model {
     }
 }
 
-/// Surfaces of bodies that deform, by body, as they were in the frame before.
+/// Surfaces of bodies that deform, by body, at the frame before.
 #[derive(Default)]
 pub struct Shapes(Vec<(usize, Arc<Surface>)>);
 
 impl Shapes {
-    /// Surface of a body with other vertices; that of the frame before where these are equal.
+    /// Surface of a body with moved vertices; the surface of the frame before where the vertices are equal.
     fn deformed(&mut self, body: usize, rest: &Arc<Surface>, vertices: Vec<DVec3>) -> Result<Arc<Surface>> {
         let known = self.0.iter().position(|(number, _)| *number == body);
         let before = known.map_or(rest, |at| &self.0[at].1);
@@ -306,17 +307,17 @@ impl Shapes {
     }
 }
 
-/// A request to stop, heard between stages.
+/// Request to stop, checked between stages.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// Ask to stop.
+    /// Request a stop.
     pub fn ask(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// An error if stopping was asked for.
+    /// An error after a request to stop.
     pub fn check(&self) -> Result<()> {
         if self.0.load(Ordering::Relaxed) {
             Err(Error::Interrupted)

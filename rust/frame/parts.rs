@@ -14,19 +14,19 @@ use crate::synthesis::chirp::Waveform;
 pub struct Part {
     /// Numbers of the chirps.
     pub chirps: Range<usize>,
-    /// These chirps alone; the first of them starts at time 0.
+    /// Waveform of these chirps alone; the first starts at time 0.
     pub waveform: Waveform,
     /// Start of the first ramp after that of the frame [s].
     pub start: f64,
     /// Time of the cast, `x` from -1 to 1 over the frame, and half the duration in that unit.
     pub cast: f64,
-    /// See `cast`.
+    /// Half the duration of the part, in the unit of `cast`.
     pub half: f64,
-    /// Truth is that of this part.
+    /// True for the part that contains the middle of the frame, which gives the truth.
     pub has_middle: bool,
 }
 
-/// Parts within which nothing turns by more than the setting asks for, at the rates of the middle of the frame.
+/// Parts within which no body turns by more than the limit of the settings, at the rates of the middle of the frame.
 pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<Part> {
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
     // A depth image has no boxes, and is never cast.
@@ -88,9 +88,9 @@ impl Part {
     }
 }
 
-/// Angular rate of a body as the sensor sees it, by its own rotation or because it passes by [rad/s]: of the direction, in body
-/// axes, to the sensor from that corner of the body's box for which it turns fastest, or from the nearest point of the box
-/// where the sensor is outside.
+/// Angular rate of the aspect of a body [rad/s], by rotation or by passing the sensor: the largest rate of the
+/// direction to the sensor, in body axes, over the corners of the bounding box and the point of the box nearest to the
+/// sensor.
 fn turn_rate(&[low, high]: &[DVec3; 2], pose: &Pose, rate: &Pose) -> f64 {
     if low.cmpgt(high).any() {
         return 0.0;
@@ -114,8 +114,8 @@ fn turn_rate(&[low, high]: &[DVec3; 2], pose: &Pose, rate: &Pose) -> f64 {
     })
 }
 
-/// Chirps in parts of the same duration, an odd number of them, so that one has the middle; a chirp is not cut. Within a part
-/// nothing turns by more than `most` [rad] from its middle on.
+/// Split the chirps into an odd number of parts of equal duration, so that one contains the middle; chirps are not cut.
+/// Within a part no body turns by more than `most` [rad] from the middle of the part.
 fn split(waveform: &Waveform, turn_rate: f64, most: f64) -> Vec<Range<usize>> {
     let starts = &waveform.chirp_times;
     let (first, last) = (starts[0], waveform.duration());
@@ -185,8 +185,8 @@ mod tests {
             translation: DVec3::ZERO,
         };
         let got = turn_rate(&surface, &pose, &turning);
-        // d/dt R = 4 (z x) R up to the part along z; the direction to the sensor turns at 4 rad/s seen from the origin, and a
-        // little faster where that is nearer.
+        // d/dt R = 4 (z x) R up to the part along z; the direction to the sensor turns at 4 rad/s seen from the origin,
+        // and a little faster where that is nearer.
         assert!(got >= 4.0 && got < 4.1, "{got}");
     }
 }

@@ -1,4 +1,4 @@
-//! Rays of a frame and of images, and what they hit.
+//! Rays of a frame and of images, and their hits.
 
 use std::sync::{Arc, OnceLock};
 
@@ -18,7 +18,7 @@ use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Rule;
+use crate::scattering::sampling::Refinement;
 
 /// Hits of the pixels of an image.
 pub struct Image {
@@ -31,7 +31,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Cast the rays of an image; tiles of the image `before` are taken over where nothing has moved.
+    /// Cast the rays of an image; static tiles of the image `before` are reused.
     fn cast(
         scene: Arc<PosedScene>,
         plane: &ImagePlane,
@@ -59,29 +59,29 @@ impl Image {
         })
     }
 
-    /// Distances and normals of the curved surfaces that facets stand for; computed once.
+    /// Distances and normals of the curved surfaces that the triangles approximate; computed once.
     pub fn smooth(&self) -> &SmoothHits {
         self.smooth.get_or_init(|| SmoothHits::new(&self.scene, &self.hits))
     }
 }
 
-/// Rays of a frame and what they hit.
+/// Rays of a frame and their hits.
 pub enum Rays {
-    /// Cells of adaptive sampling, and points of rough surfaces.
+    /// Cells of adaptive sampling, and random points of rough surfaces.
     Cells(Arc<PosedScene>, Samples),
     /// Pixels.
     Pixels(Image),
-    /// None: the surfaces are in an image.
+    /// No rays: the surfaces are pixels of a depth image.
     None,
 }
 
-/// A body's hit that is the nearest to the sensor.
+/// Nearest hit of a body to the sensor.
 pub struct NearestHit {
     /// Number of the body.
     pub body: usize,
-    /// In the sensor frame at the time of the cast [m].
+    /// Position in the sensor frame at the time of the cast [m].
     pub point: DVec3,
-    /// Vertices of the triangle and their weights there.
+    /// Vertices of the triangle and barycentric weights of the hit.
     pub corners: ([u32; 3], [f64; 3]),
 }
 
@@ -105,7 +105,7 @@ impl Model {
 }
 
 impl Rays {
-    /// Cast the rays of a frame; tiles of the frame `before` are taken over where nothing has moved.
+    /// Cast the rays of a frame; static tiles of the frame `before` are reused.
     pub fn cast(model: &Model, scene: Arc<PosedScene>, before: Option<&Self>) -> Result<Self> {
         if let Source::Depth(_) = &model.source {
             return Ok(Self::None);
@@ -118,7 +118,7 @@ impl Rays {
                 budget,
                 end_points,
             } => {
-                let rule = Rule {
+                let refinement = Refinement {
                     base,
                     rcs_floor,
                     budget,
@@ -130,7 +130,7 @@ impl Rays {
                     _ => None,
                 };
                 let (cast, seed) = (model.cast(), model.settings.seed);
-                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &rule, seed, before)?;
+                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &refinement, seed, before)?;
                 Ok(Self::Cells(scene, samples))
             }
             RaySampling::Pixels(plane, _) => {
@@ -149,7 +149,7 @@ impl Rays {
         }
     }
 
-    /// Material points of what was hit that return anything.
+    /// Material points of all hits that return power.
     pub fn scatterers(&self, model: &Model) -> Result<Scatterers> {
         let (array, seed) = (model.array.clone(), model.settings.seed);
         let sampling = match model.settings.rays {
@@ -172,8 +172,8 @@ impl Rays {
         }
     }
 
-    /// Paths of several reflections, of the rays, or of an image where these are adaptive; it takes the place of `tubes`, the
-    /// image before.
+    /// Paths of several reflections, from the rays, or from an image where the rays are adaptive; the image replaces
+    /// `tubes`, the image of the frame before.
     pub fn bounces(&self, model: &Model, tubes: &mut Option<Image>) -> Result<(Bounces, bounces::Counts)> {
         let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
         if model.settings.limits.max_bounces <= 1 {
@@ -199,7 +199,7 @@ impl Rays {
         }
     }
 
-    /// Rays cast, tiles skipped and taken over.
+    /// Counts of rays cast, of tiles skipped and reused.
     pub fn counts(&self) -> hits::Counts {
         match self {
             Self::Cells(_, samples) => samples.counts,
@@ -208,7 +208,7 @@ impl Rays {
         }
     }
 
-    /// Cells of adaptive sampling that could have been split.
+    /// Number of cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub fn num_coarse(&self) -> Option<usize> {
         match self {
             Self::Cells(_, samples) => Some(samples.num_coarse()),
@@ -216,7 +216,7 @@ impl Rays {
         }
     }
 
-    /// Rays that hit a body.
+    /// Number of rays that hit a body.
     pub fn num_hit(&self) -> usize {
         match self {
             Self::Cells(_, samples) => samples.leaves.len(),
@@ -225,7 +225,7 @@ impl Rays {
         }
     }
 
-    /// Distance of the hit of a cell [m]; 0 for points that belong to none.
+    /// Distance of the hit of a cell [m]; 0 for points without a cell.
     pub fn distance(&self, cell: u32) -> f64 {
         match self {
             _ if cell == NO_CELL => 0.0,
@@ -244,7 +244,7 @@ impl Rays {
         }
     }
 
-    /// The nearest hit of every body that was hit, the first of several.
+    /// Nearest hit of every body with a hit, the first of equal ones.
     pub fn nearest(&self) -> Vec<NearestHit> {
         let (scene, bodies): (_, Vec<(u32, f64)>) = match self {
             Self::Cells(scene, samples) => {

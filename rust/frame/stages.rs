@@ -48,7 +48,7 @@ impl StageTimes {
     }
 }
 
-/// Do some work and add its run time to a total.
+/// Run a function and add its run time to a total.
 pub fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let done = work();

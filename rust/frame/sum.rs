@@ -21,10 +21,10 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::plan::Method;
 
-/// Most path-samples of one piece of a direct sum: half a second.
+/// Largest number of path-samples of one piece of a direct sum: half a second.
 const PIECE_PATH_SAMPLES: usize = 1 << 28;
 
-/// Most delays and amplitudes of one piece of the sum, which bounds memory.
+/// Largest number of delays and amplitudes of one piece of the sum, which bounds memory.
 const PIECE_NUMBERS: usize = 1 << 25;
 
 /// Paths of a frame, or of a part of one.
@@ -34,13 +34,14 @@ pub struct Groups {
     deforming: Vec<u32>,
     /// Number of point targets.
     num_points: usize,
-    /// Material points, those of all groups.
+    /// Number of material points, over all groups.
     num_scatterers: usize,
     /// Cells that have a material point.
     num_cells: usize,
-    /// Distance of the farthest cell of a path that falls with the frequency [m]: ends of cells may lie beyond the surface.
+    /// Distance of the farthest cell of paths that fall with the frequency [m]: edge terms of cells may lie beyond the
+    /// surface.
     farthest: f64,
-    /// Paths of several reflections, and what was done for them.
+    /// Number of paths of several reflections, and counts of their rays.
     num_bounces: usize,
     bounces: bounces::Counts,
 }
@@ -48,7 +49,7 @@ pub struct Groups {
 /// Paths that are summed together.
 struct Group {
     paths: GroupPaths,
-    /// Delays and amplitudes do not change within the frame.
+    /// True if delays and amplitudes do not change within the frame.
     is_still: bool,
     /// Amplitudes fall with this power of the frequency; they are given for the centre of the band.
     order: u8,
@@ -57,31 +58,31 @@ struct Group {
 enum GroupPaths {
     /// Material points, followed by the point targets where these belong to the group.
     Scatterers(Scatterers, bool),
-    /// Several reflections.
+    /// Paths of several reflections.
     Bounces(Bounces),
 }
 
-/// How a sum was formed.
+/// Statistics of a sum.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// Node times of the group whose series is the worst.
     pub nodes: Option<NodeTimes>,
-    /// Paths that stand still.
+    /// Number of static paths.
     pub still_paths: usize,
-    /// Velocity rows that were transformed, and that no path had touched.
+    /// Velocity rows that were transformed.
     pub rows: usize,
-    /// See `rows`.
+    /// Velocity rows that no path touches.
     pub rows_skipped: usize,
     /// Half the length of the longest path that carries power [m].
     pub farthest: f64,
-    /// A line per group.
+    /// Description of the plan, a line per group.
     pub plan: String,
     /// Run time of the stages.
     pub times: StageTimes,
 }
 
 impl Outcome {
-    /// Both together.
+    /// Add the statistics of another sum.
     pub fn add(&mut self, other: &Self) {
         let residual = |nodes: &Option<NodeTimes>| nodes.map_or(-1.0, |nodes| nodes.residual());
         if residual(&other.nodes) >= residual(&self.nodes) {
@@ -102,19 +103,19 @@ impl Outcome {
 pub struct PathArrays {
     /// Two-way delay [s].
     pub delay: Vec<f64>,
-    /// Its rate of change [s/s].
+    /// Rate of the delay [s/s].
     pub delay_rate: Vec<f64>,
     /// Amplitude without the phase of propagation [sqrt(W)].
     pub amplitude: Vec<Complex64>,
-    /// Number of the body in the scene, of every path; of several reflections that of the last.
+    /// Number of the body in the scene, of every path; for several reflections the last body.
     pub body: Vec<u32>,
     /// Power of the frequency by which amplitudes fall, of every path.
     pub order: Vec<u8>,
 }
 
 impl Groups {
-    /// Scatterers of what rays hit, and paths of several reflections, in groups of those that stand still and those that move,
-    /// and by the power of the frequency.
+    /// Group the scatterers of all hits and the paths of several reflections into static and moving ones, and by the
+    /// power of the frequency.
     pub fn new(
         model: &Model,
         placement: &Placement,
@@ -188,12 +189,12 @@ impl Groups {
         self.num_cells
     }
 
-    /// Number of paths of several reflections, and what was done for them.
+    /// Number of paths of several reflections, and counts of their rays.
     pub fn bounces(&self) -> (usize, bounces::Counts) {
         (self.num_bounces, self.bounces)
     }
 
-    /// See [`Outcome::farthest`], of cells whose paths fall with the frequency.
+    /// Distance of the farthest cell of paths that fall with the frequency [m], see [`Outcome::farthest`].
     pub fn farthest(&self) -> f64 {
         self.farthest
     }
@@ -279,7 +280,7 @@ impl Groups {
         Ok((cube, outcome))
     }
 
-    /// All paths at one time: `at` and `rates` have one time each.
+    /// Evaluate all paths at one time: `at` and `rates` have one time each.
     pub fn arrays(&self, model: &Model, at: &Placement, rates: &Placement) -> Result<PathArrays> {
         let num_channels = model.array.num_channels();
         let Source::Scene(scene) = &model.source else {
@@ -290,7 +291,7 @@ impl Groups {
         let (mut body, mut order) = (Vec::new(), Vec::new());
         for group in &self.all {
             let deforming = group.deforming(&self.deforming);
-            let [places, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
+            let [kinematics, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
             let rcs: &[f64] = if group.has_points() { &scene.rcs } else { &[] };
             let number = group.len(self.num_points);
             let selection = Selection {
@@ -298,15 +299,15 @@ impl Groups {
                 last: number,
                 step: 1,
             };
-            let (paths, delay_rates) = places.with(rcs, |places| {
+            let (paths, delay_rates) = kinematics.with(rcs, |kinematics| {
                 changes.with(rcs, |changes| match &group.paths {
                     GroupPaths::Scatterers(scatterers, _) => (
-                        scatterers.paths(places, places, selection),
-                        scatterers.delay_rates(places, changes),
+                        scatterers.paths(kinematics, kinematics, selection),
+                        scatterers.delay_rates(kinematics, changes),
                     ),
                     GroupPaths::Bounces(bounces) => (
-                        bounces.paths(places, places, selection),
-                        bounces.delay_rates(places, changes),
+                        bounces.paths(kinematics, kinematics, selection),
+                        bounces.delay_rates(kinematics, changes),
                     ),
                 })
             });
@@ -350,7 +351,7 @@ impl Groups {
 }
 
 impl Group {
-    /// Number of paths, where there are `num_points` point targets.
+    /// Number of paths, with `num_points` point targets.
     fn len(&self, num_points: usize) -> usize {
         match &self.paths {
             GroupPaths::Scatterers(scatterers, has_points) => {
@@ -364,7 +365,7 @@ impl Group {
         matches!(self.paths, GroupPaths::Scatterers(_, true))
     }
 
-    /// Places among `all` bodies that deform of those that the paths meet.
+    /// Indices, among `all` bodies that deform, of the bodies on the paths.
     fn deforming(&self, all: &[u32]) -> Vec<usize> {
         let met = match &self.paths {
             GroupPaths::Scatterers(scatterers, _) => scatterers.deforming(),
@@ -375,7 +376,7 @@ impl Group {
     }
 }
 
-/// Delays and amplitudes of a group at times of the frame.
+/// Evaluation of delays and amplitudes of a group at times of the frame.
 struct Evaluate<'a> {
     model: &'a Model,
     placement: &'a Placement,
@@ -384,7 +385,7 @@ struct Evaluate<'a> {
 }
 
 impl Evaluate<'_> {
-    /// Of the selected paths, delays and amplitudes at times of their own, `x` from -1 to 1 over the frame.
+    /// Evaluate delays and amplitudes of the selected paths, each at their own times, `x` from -1 to 1 over the frame.
     fn take(&self, delays_at: &[f64], amplitudes_at: &[f64], selection: Selection) -> Result<Paths> {
         let rcs: &[f64] = match &self.model.source {
             Source::Scene(scene) if self.group.has_points() => &scene.rcs,
@@ -402,7 +403,7 @@ impl Evaluate<'_> {
         if let (Source::Depth(image), GroupPaths::Scatterers(scatterers, _)) = (&self.model.source, &self.group.paths)
             && let Some(rates) = &image.range_rate
         {
-            // What an image shows moves on at the range rate of its pixel.
+            // The surface of a pixel moves on at the range rate of the pixel.
             let cells = &scatterers.cells()[selection.first..selection.last];
             let num_channels = scatterers.num_channels();
             for (row, delays) in paths.delay.chunks_mut(selection.len().max(1)).enumerate() {
@@ -417,7 +418,7 @@ impl Evaluate<'_> {
     }
 }
 
-/// Refuses paths of length zero.
+/// Check that no path has length zero.
 fn finite(paths: Paths, model: &Model) -> Result<Paths> {
     let sum: Complex64 = paths.amplitude.iter().sum();
     if sum.is_finite() {
@@ -438,7 +439,7 @@ fn count_of_times(number: usize) -> String {
     format!("{number} time{}", if number == 1 { "" } else { "s" })
 }
 
-/// Longest delay of paths that carry power [s], of rows of `plane` paths of all channels.
+/// Longest delay of paths with power [s], in rows of `plane` paths of all channels.
 fn longest(paths: &Paths, plane: usize) -> f64 {
     let carries = |path: usize| {
         paths.amplitude[path..]
@@ -471,7 +472,8 @@ fn num_cells(cells: &[u32]) -> usize {
     cells.len()
 }
 
-/// Fields that fall with a power of the frequency, over those at the centre of the band, per sample; none for power 0.
+/// Field at the frequency of every sample over the field at the centre of the band, for fields that fall with a power
+/// of the frequency; empty for power 0.
 fn over_frequency(waveform: &Waveform, order: u8) -> Vec<f64> {
     if order == 0 {
         return Vec::new();
@@ -481,7 +483,7 @@ fn over_frequency(waveform: &Waveform, order: u8) -> Vec<f64> {
     (0..waveform.num_samples).map(ratio).collect()
 }
 
-/// Empty cube (channel, chirp, sample) in the precision of a tolerance.
+/// Cube of zeros (channel, chirp, sample) in the precision of a tolerance.
 pub fn zeros(shape: [usize; 3], tolerance: f64) -> Samples {
     let number = shape.iter().product();
     if tolerance >= SINGLE_TOLERANCE {
@@ -491,7 +493,7 @@ pub fn zeros(shape: [usize; 3], tolerance: f64) -> Samples {
     }
 }
 
-/// Add samples times weights over fast time, where there are any.
+/// Add samples, times weights over fast time unless `weights` is empty.
 fn add(cube: &mut Samples, samples: Samples, weights: &[f64]) {
     fn each<T: Copy + Send + Sync + std::ops::AddAssign>(
         cube: &mut [T],

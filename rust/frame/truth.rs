@@ -6,7 +6,8 @@ use super::model::{Model, Source};
 use super::rays::Rays;
 use crate::paths::placement::Placement;
 
-/// Per body and point target of the scene: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray hit.
+/// Per body and point target of the scene: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray
+/// hit.
 pub type Truth = Vec<[f64; 4]>;
 
 /// Truth of a scene; none for images.
@@ -17,7 +18,7 @@ pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) 
     let mut truth = vec![[f64::NAN; 4]; scene.body_numbers.len() + scene.point_numbers.len()];
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
     for hit in rays.nearest() {
-        // The material point that was hit, where it is at the middle of the frame.
+        // The material point that was hit, at the middle of the frame.
         let (pose, rate) = (&poses[hit.body], &pose_rates[hit.body]);
         let deforming = scene.deforming.iter().position(|body| *body == hit.body);
         let (position, velocity) = match deforming {

@@ -10,14 +10,14 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::Scatterers;
 use crate::paths::series::{Paths, Selection};
 
 /// Numbers of a vector.
 const LANES: usize = 8;
 
-/// Paths that one thread follows in a row, through all times.
+/// Number of paths that one thread evaluates together, at all times.
 const BLOCK: usize = 32 * LANES;
 
 /// One number of eight paths each.
@@ -27,34 +27,35 @@ type Lanes = [f64; LANES];
 type Lanes3 = [Lanes; 3];
 
 impl Scatterers {
-    /// Delays of the selected paths at `places`, and amplitudes at others: first the material points, then the point targets.
-    pub fn paths(&self, places: &Places, amplitudes_at: &Places, selection: Selection) -> Result<Paths> {
-        self.paths_by(places, amplitudes_at, selection, Level::best())
+    /// Delays of the selected paths at the nodes of `kinematics`, and amplitudes at those of `amplitudes_at`: first the
+    /// material points, then the point targets.
+    pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
+        self.paths_by(kinematics, amplitudes_at, selection, Level::best())
     }
 
-    /// The same with an instruction set.
+    /// Delays and amplitudes as [`Self::paths`], by an instruction set.
     pub fn paths_by(
         &self,
-        places: &Places,
-        amplitudes_at: &Places,
+        kinematics: &Kinematics,
+        amplitudes_at: &Kinematics,
         selection: Selection,
         level: Level,
     ) -> Result<Paths> {
-        let num_nodes = [places.num_nodes, amplitudes_at.num_nodes];
+        let num_nodes = [kinematics.num_nodes, amplitudes_at.num_nodes];
         let mut paths = Paths::zeros(num_nodes, self.num_channels(), selection)?;
         let num_paths = selection.len();
         if num_paths == 0 {
             return Ok(paths);
         }
-        let mut blocks: Vec<FollowBlock> = (0..num_paths.div_ceil(BLOCK))
-            .map(|block| FollowBlock {
+        let mut blocks: Vec<EvaluateBlock> = (0..num_paths.div_ceil(BLOCK))
+            .map(|block| EvaluateBlock {
                 scatterers: self,
-                places,
+                kinematics,
                 amplitudes_at,
                 selection,
                 first: block * BLOCK,
                 count: BLOCK.min(num_paths - block * BLOCK),
-                delays: Vec::with_capacity(places.num_nodes * self.num_channels()),
+                delays: Vec::with_capacity(kinematics.num_nodes * self.num_channels()),
                 amplitudes: Vec::with_capacity(amplitudes_at.num_nodes * self.num_channels()),
             })
             .collect();
@@ -72,7 +73,7 @@ impl Scatterers {
         Ok(paths)
     }
 
-    /// Eight material points, if their bodies do not deform.
+    /// Eight material points in coordinates of their bodies; none if one of the bodies deforms.
     #[inline(always)]
     fn eight(&self, numbers: &[usize; LANES]) -> Option<Eight> {
         let mut bodies = [0; LANES];
@@ -104,16 +105,16 @@ impl Scatterers {
     }
 }
 
-/// Follows a block of paths.
-struct FollowBlock<'a> {
+/// Evaluation of a block of paths.
+struct EvaluateBlock<'a> {
     scatterers: &'a Scatterers,
-    places: &'a Places<'a>,
-    amplitudes_at: &'a Places<'a>,
+    kinematics: &'a Kinematics<'a>,
+    amplitudes_at: &'a Kinematics<'a>,
     selection: Selection,
-    /// Of the selected paths, and how many there are.
+    /// First path of the block and number of paths, among the selected ones.
     first: usize,
     count: usize,
-    /// Their part of every row `(node, channel)`.
+    /// Part of the block in every row `(node, channel)`.
     delays: Vec<&'a mut [f64]>,
     amplitudes: Vec<&'a mut [Complex64]>,
 }
@@ -133,7 +134,7 @@ struct Poses {
     origin: Lanes3,
 }
 
-/// What an antenna sees of eight points: [`crate::antennas::array::Sight`] with the gain of the field.
+/// Directions, distances and field gains from an antenna to eight points, see [`crate::antennas::array::Sight`].
 #[derive(Clone, Copy)]
 struct Sights {
     distance: Lanes,
@@ -141,14 +142,14 @@ struct Sights {
     gain: Lanes,
 }
 
-/// The parts of [`crate::paths::scatterers::Weight`] of eight points.
+/// Weights of eight points, see [`crate::paths::scatterers::Weight`].
 #[derive(Clone, Copy)]
 struct Weights {
-    mirror: [Lanes; 2],
+    specular: [Lanes; 2],
     diffuse: [Lanes; 2],
 }
 
-impl Kernel for FollowBlock<'_> {
+impl Kernel for EvaluateBlock<'_> {
     type Output = ();
 
     #[inline(always)] // see `Kernel`
@@ -167,7 +168,7 @@ impl Kernel for FollowBlock<'_> {
         ];
         let mut weights = vec![
             Weights {
-                mirror: [nothing; 2],
+                specular: [nothing; 2],
                 diffuse: [nothing; 2],
             };
             num_channels
@@ -187,14 +188,14 @@ impl Kernel for FollowBlock<'_> {
             for channel in 0..num_channels {
                 for lane in 0..LANES {
                     let weight = &scatterers.weights[numbers[lane] * num_channels + channel];
-                    weights[channel].mirror[0][lane] = weight.mirror.re;
-                    weights[channel].mirror[1][lane] = weight.mirror.im;
+                    weights[channel].specular[0][lane] = weight.specular.re;
+                    weights[channel].specular[1][lane] = weight.specular.im;
                     weights[channel].diffuse[0][lane] = weight.diffuse.re;
                     weights[channel].diffuse[1][lane] = weight.diffuse.im;
                 }
             }
-            for node in 0..self.places.num_nodes {
-                let position = placed::<I>(&eight.poses::<I>(self.places, node), &eight.position);
+            for node in 0..self.kinematics.num_nodes {
+                let position = placed::<I>(&eight.poses::<I>(self.kinematics, node), &eight.position);
                 for antenna in 0..num_antennas {
                     let (place, _) = antenna_of(array, antenna);
                     distance::<I>(&offsets::<I>(&position, place)).store(&mut distances[antenna]);
@@ -212,12 +213,12 @@ impl Kernel for FollowBlock<'_> {
             for node in 0..self.amplitudes_at.num_nodes {
                 let there = eight.at::<I>(&eight.poses::<I>(self.amplitudes_at, node));
                 for antenna in 0..num_antennas {
-                    sights[antenna] = look::<I>(array, antenna, &there.position);
+                    sights[antenna] = sights_of::<I>(array, antenna, &there.position);
                 }
                 for channel in 0..num_channels {
                     let tx = &sights[channel / array.rx.len()];
                     let rx = &sights[array.tx.len() + channel % array.rx.len()];
-                    let amplitude = there.send::<I>(array, &weights[channel], tx, rx);
+                    let amplitude = there.surface_amplitude::<I>(array, &weights[channel], tx, rx);
                     let row = &mut self.amplitudes[node * num_channels + channel];
                     for lane in 0..count {
                         row[first + lane] = Complex64::new(amplitude[0][lane], amplitude[1][lane]);
@@ -228,15 +229,15 @@ impl Kernel for FollowBlock<'_> {
     }
 }
 
-impl FollowBlock<'_> {
-    /// Paths of some numbers, from a place in the block on.
+impl EvaluateBlock<'_> {
+    /// Evaluate paths one by one, for the entries of the block from `first` on.
     #[inline(never)]
     fn one_by_one(&mut self, first: usize, numbers: &[usize]) {
         let (scatterers, num_channels) = (self.scatterers, self.scatterers.num_channels());
         for (row, out) in self.delays.iter_mut().enumerate() {
             let (node, channel) = (row / num_channels, row % num_channels);
             for (lane, number) in numbers.iter().enumerate() {
-                out[first + lane] = scatterers.path(self.places, node, channel, *number).0;
+                out[first + lane] = scatterers.path(self.kinematics, node, channel, *number).0;
             }
         }
         for (row, out) in self.amplitudes.iter_mut().enumerate() {
@@ -249,10 +250,10 @@ impl FollowBlock<'_> {
 }
 
 impl Eight {
-    /// Of their bodies, at a node of some places.
+    /// Poses of the bodies at a node.
     #[inline(always)]
-    fn poses<I: Isa>(&self, places: &Places, node: usize) -> Poses {
-        let of = &places.poses[node * places.num_bodies..];
+    fn poses<I: Isa>(&self, kinematics: &Kinematics, node: usize) -> Poses {
+        let of = &kinematics.poses[node * kinematics.num_bodies..];
         let mut poses = Poses {
             axes: [[[0.0; LANES]; 3]; 3],
             origin: [[0.0; LANES]; 3],
@@ -279,7 +280,7 @@ impl Eight {
         poses
     }
 
-    /// In the sensor frame, with the bodies at poses.
+    /// Points, normals and edges in the sensor frame, for poses of the bodies.
     #[inline(always)]
     fn at<I: Isa>(&self, pose: &Poses) -> Self {
         let mut there = Self {
@@ -297,17 +298,17 @@ impl Eight {
         there
     }
 
-    /// Amplitudes, real and imaginary; as [`Scatterers::surface_amplitude`].
+    /// Amplitudes, real and imaginary part, as [`Scatterers::surface_amplitude`].
     #[inline(always)]
-    fn send<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
+    fn surface_amplitude<I: Isa>(&self, array: &Array, weights: &Weights, t: &Sights, r: &Sights) -> [Lanes; 2] {
         let splat = <I::F64 as Vector>::splat;
         let load = |lanes: &Lanes| I::F64::load(lanes);
         let zero = splat(0.0);
         let cos_t = zero.sub(dot::<I>(&self.normal, &t.direction)).max(zero);
         let cos_r = zero.sub(dot::<I>(&self.normal, &r.direction)).max(zero);
-        let mut mirror = cos_t.add(cos_r);
+        let mut specular = cos_t.add(cos_r);
         if self.has_edges {
-            // Half of what the phase turns by per length, in turns.
+            // Half the wave vectors' sum, in turns per metre.
             let rate = splat(0.5 * array.frequency / SPEED_OF_LIGHT);
             let mut sum = [[0.0; LANES]; 3];
             for axis in 0..3 {
@@ -316,7 +317,7 @@ impl Eight {
             }
             for side in 0..2 {
                 let turns = dot::<I>(&sum, &self.edges[side]).mul(rate);
-                mirror = mirror.mul(sinc_turns(turns));
+                specular = specular.mul(sinc_turns(turns));
             }
         }
         let diffuse = cos_t.mul(cos_r).sqrt();
@@ -324,8 +325,8 @@ impl Eight {
         let spreading = splat(array.power.sqrt()).mul(load(&t.gain)).mul(load(&r.gain)).div(way);
         let mut amplitude = [[0.0; LANES]; 2];
         for part in 0..2 {
-            let sum = load(&weights.mirror[part])
-                .mul(mirror)
+            let sum = load(&weights.specular[part])
+                .mul(specular)
                 .add(load(&weights.diffuse[part]).mul(diffuse));
             sum.mul(spreading).store(&mut amplitude[part]);
         }
@@ -344,7 +345,7 @@ fn placed<I: Isa>(poses: &Poses, points: &Lanes3) -> Lanes3 {
     placed
 }
 
-/// Vectors of bodies in the axes of the sensor.
+/// Vectors of bodies, rotated to the axes of the sensor.
 #[inline(always)]
 fn turned<I: Isa>(poses: &Poses, vectors: &Lanes3) -> Lanes3 {
     let mut turned = [[0.0; LANES]; 3];
@@ -367,7 +368,7 @@ fn dot<I: Isa>(a: &Lanes3, b: &Lanes3) -> I::F64 {
     sum
 }
 
-/// Place and pattern of an antenna; transmitters come first.
+/// Position and pattern of an antenna; transmitters come first.
 #[inline(always)]
 fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
     match antenna.checked_sub(array.tx.len()) {
@@ -376,7 +377,7 @@ fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
     }
 }
 
-/// From a place to points.
+/// Offsets of points from a position [m].
 #[inline(always)]
 fn offsets<I: Isa>(points: &Lanes3, place: DVec3) -> Lanes3 {
     let mut offsets = [[0.0; LANES]; 3];
@@ -392,9 +393,9 @@ fn distance<I: Isa>(offsets: &Lanes3) -> I::F64 {
     dot::<I>(offsets, offsets).sqrt()
 }
 
-/// What an antenna sees of points of the sensor frame.
+/// Directions, distances and field gains from an antenna to points of the sensor frame.
 #[inline(always)]
-fn look<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
+fn sights_of<I: Isa>(array: &Array, antenna: usize, points: &Lanes3) -> Sights {
     let (place, pattern) = antenna_of(array, antenna);
     let splat = <I::F64 as Vector>::splat;
     let offsets = offsets::<I>(points, place);
@@ -525,18 +526,18 @@ mod tests {
                 Sampling::Footprint,
                 1,
             );
-            let rule = crate::scattering::sampling::Rule {
+            let refinement = crate::scattering::sampling::Refinement {
                 beam: None,
                 base: plane,
                 rcs_floor: 1e-3,
                 budget: Some(1000),
                 end_points: true,
             };
-            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &rule, 1, None).unwrap();
+            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
             let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
             for scatterers in [of_pixels, of_cells] {
                 let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();
-                let places = Places {
+                let kinematics = Kinematics {
                     num_nodes: 2,
                     num_bodies: 2,
                     poses: &moved,
@@ -545,11 +546,11 @@ mod tests {
                     vertices: &[],
                 };
                 // Amplitudes at a time of their own.
-                let other = Places {
+                let other = Kinematics {
                     num_nodes: 1,
                     poses: &moved[2..],
-                    points: &places.points[1..],
-                    ..places
+                    points: &kinematics.points[1..],
+                    ..kinematics
                 };
                 for (first, step) in [(0, 1), (3, 7)] {
                     let last = scatterers.len() + 1;
@@ -558,14 +559,14 @@ mod tests {
                         [2, 1],
                         scatterers.num_channels(),
                         selection,
-                        |node, channel, path| scatterers.path(&places, node, channel, path).0,
+                        |node, channel, path| scatterers.path(&kinematics, node, channel, path).0,
                         |node, channel, path| scatterers.path(&other, node, channel, path).1,
                     );
                     let expected = expected.unwrap();
                     let strongest = expected.amplitude.iter().fold(0.0, |most: f64, a| most.max(a.norm()));
                     assert!(strongest > 0.0 && selection.len() > 20);
                     for level in Level::available() {
-                        let paths = scatterers.paths_by(&places, &other, selection, level).unwrap();
+                        let paths = scatterers.paths_by(&kinematics, &other, selection, level).unwrap();
                         for (path, expected) in paths.delay.iter().zip(&expected.delay) {
                             assert!((path - expected).abs() <= 1e-15 * expected);
                         }

@@ -1,12 +1,12 @@
-//! Poses of bodies, positions of points and of vertices, at the times of a frame.
+//! Kinematics: poses of bodies, positions of points and of vertices, at node times of a frame.
 
 use glam::DVec3;
 
 use crate::geometry::pose::Pose;
 
-/// Where everything is at a number of times, in the sensor frame.
+/// Poses, points and vertices at node times, in the sensor frame; borrowed.
 #[derive(Clone, Copy, Debug)]
-pub struct Places<'a> {
+pub struct Kinematics<'a> {
     /// Number of times.
     pub num_nodes: usize,
     /// Number of bodies.
@@ -17,6 +17,7 @@ pub struct Places<'a> {
     pub points: &'a [DVec3],
     /// Radar cross-sections of the point targets [m^2].
     pub rcs: &'a [f64],
-    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates [m].
+    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates
+    /// [m].
     pub vertices: &'a [&'a [[f64; 3]]],
 }

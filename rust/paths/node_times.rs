@@ -1,5 +1,5 @@
-//! Node times of paths: at how many Chebyshev times of a frame delays and amplitudes are taken so that the series through them
-//! are as good as a tolerance asks for.
+//! Node times of paths: numbers of Chebyshev times of a frame at which delays and amplitudes are evaluated, so that the
+//! series through them meet a tolerance.
 
 use std::f64::consts::TAU;
 
@@ -9,28 +9,28 @@ use crate::error::Result;
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::paths::series::{Paths, Selection};
 
-/// Numbers of times that are chosen from. Amplitudes of surfaces that turn out of sight have a kink, which no number of times
-/// follows exactly, and twice as many little better.
+/// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge
+/// slowly: twice as many times help little.
 const COUNTS: [usize; 9] = [4, 6, 8, 12, 16, 24, 32, 48, 64];
 
-/// From so many times on a kink is followed as well as it can be.
+/// Number of times beyond which the series of a kink no longer improves.
 const ENOUGH_FOR_KINKS: usize = 16;
 
-/// Numbers of times at which some paths are taken, to choose one of [`COUNTS`] up to that.
+/// Numbers of times at which a sample of paths is evaluated, to choose one of [`COUNTS`] up to that.
 const PROBED_COUNTS: [usize; 4] = [8, 16, 32, 64];
 
-/// Paths that are looked at.
+/// Number of sampled paths.
 const NUM_PROBES: usize = 512;
 
-/// Share of the tolerance that the series may take.
+/// Share of the tolerance for the error of the series.
 const SHARE: f64 = 0.1;
 
 /// Numbers of times, and the errors of the series through them: rms over the frame, relative to l2(amplitudes).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeTimes {
-    /// Times at which delays are taken.
+    /// Number of times at which delays are evaluated.
     pub delays: usize,
-    /// Times at which amplitudes are taken.
+    /// Number of times at which amplitudes are evaluated.
     pub amplitudes: usize,
     /// Error of phases [rad].
     pub phase: f64,
@@ -39,7 +39,7 @@ pub struct NodeTimes {
 }
 
 impl NodeTimes {
-    /// For paths that do not change.
+    /// Node times of static paths: one each.
     pub const ONCE: Self = Self {
         delays: 1,
         amplitudes: 1,
@@ -47,15 +47,15 @@ impl NodeTimes {
         weight: 0.0,
     };
 
-    /// Both errors together.
+    /// Sum of both errors.
     pub fn residual(&self) -> f64 {
         self.phase.hypot(self.weight)
     }
 }
 
-/// Numbers of times for paths up to a highest frequency [Hz].
+/// Choose numbers of times for paths up to a highest frequency [Hz].
 ///
-/// `take` gives the selected paths with delays and amplitudes at so many Chebyshev times of the frame.
+/// `take` gives the selected paths with delays and amplitudes at a number of Chebyshev times of the frame.
 pub fn choose(
     num_paths: usize,
     num_channels: usize,
@@ -107,9 +107,9 @@ fn first_within(counts: &[usize], errors: &[f64], goal: f64) -> (usize, f64) {
     pairs.find(|(_, error)| *error <= goal).unwrap_or(last)
 }
 
-/// Errors of the Chebyshev series of some lengths through the paths: rms over the frame relative to l2(amplitudes), the worst
-/// channel's. They are twice the l2 norm of the coefficients beyond a length, as a series through so many times folds them
-/// back; for the last length, that of the whole series, four times the larger of the last two coefficients.
+/// Errors of the Chebyshev series of some lengths through the paths: rms over the frame relative to l2(amplitudes), the
+/// worst channel's. They are twice the l2 norm of the coefficients beyond a length, as a series through so many times
+/// folds them back; for the last length, that of the whole series, four times the larger of the last two coefficients.
 struct SeriesErrors {
     phase: Vec<f64>,
     weight: Vec<f64>,
@@ -133,7 +133,7 @@ impl SeriesErrors {
                     .map(|node| amplitude(node).norm_sqr())
                     .fold(0.0, f64::max);
                 total += power;
-                // Without the first of the delays, the rounding of whole delays is no part of the phases.
+                // Relative to the first delay: the rounding of large delays is no part of the phases.
                 let first = paths.delay[at(0, path)];
                 for (node, value) in values.iter_mut().enumerate() {
                     *value = paths.delay[at(node, path)] - first;
@@ -168,7 +168,7 @@ fn square_coefficients(matrix: &[f64], values: &[f64], squares: &mut [f64]) {
     }
 }
 
-/// Add the squares of what series of `counts` terms leave out, times a weight.
+/// Add the squares of the coefficients beyond series of `counts` terms, times a weight.
 fn add_left_out(squares: &[f64], counts: &[usize], weight: f64, sums: &mut [f64]) {
     let number = squares.len();
     for (count, sum) in counts.iter().zip(sums) {

@@ -1,5 +1,5 @@
-//! Motion over a frame: bodies, point targets and vertices as the sensor sees them at the Chebyshev times of the frame, and the
-//! series through them.
+//! Motion over a frame: bodies, point targets and vertices in the sensor frame at the Chebyshev times of the frame, and
+//! the series through these samples.
 //!
 //! Times are `x` from -1 at the start of the first ramp to 1 at the last sample.
 
@@ -8,12 +8,12 @@ use glam::{DMat3, DVec3};
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 use crate::numeric::chebyshev::{interpolation_weights, series_tail};
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 
 /// Relative error of coordinates by rounding, of which no number of times frees a series.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Vertices of a body that are looked at to tell how well their motion is resolved.
+/// Largest number of vertices of a body that the error of the motion is estimated from.
 const NUM_PROBED_VERTICES: usize = 1024;
 
 /// Positions of the vertices of a body that deforms, `(time, vertex)` [m].
@@ -24,7 +24,7 @@ pub struct VertexMotion {
 }
 
 impl VertexMotion {
-    /// From positions `(time, vertex)`.
+    /// Motion from positions `(time, vertex)` [m], body coordinates.
     pub fn new(num_times: usize, positions: Vec<[f64; 3]>) -> Self {
         Self { num_times, positions }
     }
@@ -78,7 +78,7 @@ fn beyond_rounding(tail: f64, size: f64) -> f64 {
     if tail <= ROUNDING * size { 0.0 } else { tail }
 }
 
-/// A pose, or the time derivative of one, of every body, and the same of point targets and vertices.
+/// Poses of bodies, positions of point targets and vertices in the sensor frame, or the time derivatives of all.
 ///
 /// `poses`: `(time, body)` maps of body coordinates to the axes of `sensor`; likewise `points` `(time, point)` [m].
 #[derive(Clone, Debug)]
@@ -86,20 +86,21 @@ pub struct Placement {
     num_times: usize,
     poses: Vec<Pose>,
     points: Vec<DVec3>,
-    /// Per body that deforms.
+    /// Motion of the vertices, per body that deforms.
     vertices: Vec<VertexMotion>,
 }
 
-/// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)` [m].
+/// Positions in the world at the same times: sensor `(time,)`, bodies `(time, body)`, point targets `(time, point)`
+/// [m].
 #[derive(Clone, Debug)]
 pub struct World {
-    /// Sensor to world.
+    /// Pose of the sensor, sensor to world.
     pub sensor: Vec<Pose>,
-    /// Body to world.
+    /// Poses of the bodies, body to world.
     pub poses: Vec<Pose>,
-    /// In the world [m].
+    /// Positions of the point targets in the world [m].
     pub points: Vec<DVec3>,
-    /// Of every body that deforms, in body coordinates [m]; may have fewer times than the rest.
+    /// Vertices of every body that deforms, in body coordinates [m]; may have fewer times than the poses.
     pub vertices: Vec<VertexMotion>,
 }
 
@@ -109,7 +110,7 @@ impl World {
         self.sensor.len()
     }
 
-    /// Seen from the sensor: axes of the sensor, origin at `center`, the middle of its array in its own axes [m].
+    /// Placement in the axes of the sensor, with the origin at `center`, the middle of the array in sensor axes [m].
     pub fn seen(&self, center: DVec3) -> Placement {
         let num_times = self.num_times();
         let bodies = self.poses.chunks((self.poses.len() / num_times).max(1));
@@ -133,7 +134,8 @@ impl World {
         }
     }
 
-    /// Time derivative of [`Self::seen`] at a time at which everything is at `at` and changes by `rates`: one time each.
+    /// Time derivative of [`Self::seen`] at a single time, from positions `at` and time derivatives `rates` in the
+    /// world.
     pub fn seen_rates(at: &Self, rates: &Self, center: DVec3) -> Placement {
         let (sensor, rate) = (&at.sensor[0], &rates.sensor[0]);
         let seen = at.seen(center);
@@ -195,7 +197,7 @@ impl Placement {
             .all(|(i, point)| *point == self.points[i % number.max(1)])
     }
 
-    /// Largest error of the series through the places of anything [m]: bodies reach `radii` (body,) beyond their origin [m].
+    /// Largest error of the series through all positions [m]: bodies reach `radii` (body,) beyond their origin [m].
     pub fn tail(&self, radii: &[f64]) -> f64 {
         let (num_bodies, num_points) = (self.num_bodies(), self.num_points());
         let of_body = |body: usize| {
@@ -229,7 +231,7 @@ impl Placement {
         bodies.chain(points).chain(vertices).fold(0.0, f64::max)
     }
 
-    /// Bodies at the time `x`.
+    /// Poses of the bodies at the time `x`.
     pub fn poses_at(&self, x: f64) -> Vec<Pose> {
         let (number, weights) = (self.num_bodies(), interpolation_weights(self.num_times, x));
         let at = |body: usize| {
@@ -257,7 +259,7 @@ impl Placement {
         (0..number).map(at).collect()
     }
 
-    /// Point targets at the time `x` [m].
+    /// Positions of the point targets at the time `x` [m].
     pub fn points_at(&self, x: f64) -> Vec<DVec3> {
         let (number, weights) = (self.num_points(), interpolation_weights(self.num_times, x));
         let at = |point: usize| {
@@ -274,8 +276,8 @@ impl Placement {
         (0..number).map(at).collect()
     }
 
-    /// Everything at some times, with the vertices of the bodies `deforming`, numbers among those that deform.
-    pub fn at(&self, times: &[f64], deforming: &[usize]) -> Kinematics {
+    /// Kinematics at times `x`, with the vertices of the bodies `deforming`, indices among the bodies that deform.
+    pub fn at(&self, times: &[f64], deforming: &[usize]) -> NodePlaces {
         let vertices = deforming.iter().map(|body| {
             let motion = &self.vertices[*body];
             let mut positions = Vec::with_capacity(times.len() * motion.num_vertices());
@@ -284,7 +286,7 @@ impl Placement {
             }
             positions
         });
-        Kinematics {
+        NodePlaces {
             num_nodes: times.len(),
             num_bodies: self.num_bodies(),
             poses: times.iter().flat_map(|x| self.poses_at(*x)).collect(),
@@ -293,7 +295,7 @@ impl Placement {
         }
     }
 
-    /// Refuses arrays that do not fit a scene.
+    /// Check that the arrays fit a scene.
     pub fn check(&self, num_bodies: usize, num_points: usize, num_vertices: &[usize]) -> Result<()> {
         let checks = [
             ("poses", num_bodies, self.num_bodies()),
@@ -315,9 +317,9 @@ impl Placement {
     }
 }
 
-/// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame.
+/// Poses, points and vertices at node times, `(node, ...)`, in the sensor frame; owned.
 #[derive(Clone, Debug)]
-pub struct Kinematics {
+pub struct NodePlaces {
     num_nodes: usize,
     num_bodies: usize,
     poses: Vec<Pose>,
@@ -325,12 +327,12 @@ pub struct Kinematics {
     vertices: Vec<Vec<[f64; 3]>>,
 }
 
-impl Kinematics {
-    /// Run something with these places and the cross-sections of the point targets [m^2].
-    pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Places) -> T) -> T {
+impl NodePlaces {
+    /// Run a function with the borrowed kinematics and the cross-sections of the point targets [m^2].
+    pub fn with<T>(&self, rcs: &[f64], run: impl FnOnce(&Kinematics) -> T) -> T {
         let vertices: Vec<&[[f64; 3]]> = self.vertices.iter().map(Vec::as_slice).collect();
         let points = if rcs.is_empty() { &[] } else { self.points.as_slice() };
-        run(&Places {
+        run(&Kinematics {
             num_nodes: self.num_nodes,
             num_bodies: self.num_bodies,
             poses: &self.poses,

@@ -10,51 +10,52 @@ use crate::antennas::array::{Array, Sight};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::moving_triangle::MovingTriangle;
 use crate::numeric::trig::sinc;
-use crate::paths::kinematics::Places;
+use crate::paths::kinematics::Kinematics;
 
-/// Material points with what their amplitude needs besides the geometry.
+/// Material points and the weights of their amplitudes, in arrays.
 pub struct Scatterers {
     pub(crate) array: Array,
-    /// Number of the cell that shows it: of the pixel, row by row, or in the order of the leaves of a quadtree.
+    /// Number of the cell that the point was sampled by: of the pixel, row by row, or in the order of the leaves of a
+    /// quadtree.
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
-    /// By which power of the frequency its field falls.
+    /// Power of the frequency by which the field falls.
     pub(crate) order: Vec<u8>,
-    /// Vertices of the facet that it stays with, where the body deforms.
+    /// Vertices of the triangle that carries the point, where the body deforms.
     pub(crate) facet: Vec<Option<[u32; 3]>>,
-    /// In body coordinates [m], or those of the facet.
+    /// Position in coordinates of the body [m], or of the triangle.
     pub(crate) position: Vec<DVec3>,
-    /// Unit normal towards the incident side, in body coordinates, or its slopes along the facet.
+    /// Unit normal towards the incident side, in body coordinates, or its slopes along the triangle.
     pub(crate) normal: Vec<DVec3>,
-    /// Over which the mirror-like part is a mean.
+    /// Edges of the patch that the specular part is a mean over.
     pub(crate) patch: Vec<Edges>,
-    /// Bodies of facets and their numbers of vertices.
+    /// Bodies that deform and their numbers of vertices.
     pub(crate) deforming: Vec<(u32, usize)>,
-    /// `(scatterer, channel)`.
+    /// Weights `(scatterer, channel)`.
     pub(crate) weights: Vec<Weight>,
 }
 
-/// What a material point sends back by one channel, but for the cosines and distances.
+/// Weight of a material point for one channel: its amplitude without cosines, gains and distances.
 #[derive(Clone, Copy)]
 pub struct Weight {
-    /// `(j / 4 pi) Gamma dA / 2`, with what pixels and ends of cells have besides.
-    pub(crate) mirror: Complex64,
-    /// `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
+    /// Specular part `(j / 4 pi) Gamma dA / 2`, times the factors of pixels and of edge terms.
+    pub(crate) specular: Complex64,
+    /// Diffuse part `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
     pub(crate) diffuse: Complex64,
 }
 
-/// Edges of the patch that a material point stands for, along u and v, in body coordinates [m], or those of the facet. The
-/// phase varies linearly over the patch, however it has turned; not so where the edges are zero.
+/// Edges of the patch that a material point stands for, along u and v, in coordinates of the body [m], or of the
+/// triangle. The phase varies linearly over the patch in any orientation; zero edges stand for a point.
 pub type Edges = [DVec3; 2];
 
 impl Weight {
     pub(crate) fn is_silent(&self) -> bool {
-        self.mirror == Complex64::ZERO && self.diffuse == Complex64::ZERO
+        self.specular == Complex64::ZERO && self.diffuse == Complex64::ZERO
     }
 }
 
 impl Scatterers {
-    /// With the numbers of vertices of the bodies that deform.
+    /// Add the numbers of vertices of the bodies that deform.
     pub fn with_vertices(mut self, number: impl Fn(u32) -> usize) -> Self {
         let on_facets = self.body.iter().zip(&self.facet);
         let mut bodies: Vec<u32> = on_facets.filter_map(|(body, facet)| facet.and(Some(*body))).collect();
@@ -64,12 +65,12 @@ impl Scatterers {
         self
     }
 
-    /// Those that belong to some bodies and whose field falls with some power of the frequency, body by body.
+    /// Select material points by body and by the power of the frequency, ordered by body.
     pub fn select(&self, is_wanted: impl Fn(u32, u8) -> bool) -> Self {
         let channels = self.array.num_channels();
         let rows = 0..self.len();
         let mut rows: Vec<usize> = rows.filter(|i| is_wanted(self.body[*i], self.order[*i])).collect();
-        // Points of one body are followed together.
+        // Points of one body are evaluated together.
         rows.sort_by_key(|i| self.body[*i]);
         let weights = rows
             .iter()
@@ -95,7 +96,7 @@ impl Scatterers {
         self.body.len()
     }
 
-    /// True when nothing sends anything back.
+    /// True when there are no material points.
     pub fn is_empty(&self) -> bool {
         self.body.is_empty()
     }
@@ -105,7 +106,7 @@ impl Scatterers {
         &self.body
     }
 
-    /// For every material point, by which power of the frequency its field falls.
+    /// Power of the frequency by which the field of every material point falls.
     pub fn orders(&self) -> &[u8] {
         &self.order
     }
@@ -126,16 +127,18 @@ impl Scatterers {
     }
 
     /// Delay and amplitude of one path of one channel at one time.
-    pub fn path(&self, places: &Places, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    pub fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let Some(&body) = self.body.get(path) else {
             let point = path - self.len();
-            let (t, r) = self.array.pair(channel, places.points[node * places.rcs.len() + point]);
-            return (delay(&t, &r), self.point_amplitude(places.rcs[point], &t, &r));
+            let (t, r) = self
+                .array
+                .pair(channel, kinematics.points[node * kinematics.rcs.len() + point]);
+            return (delay(&t, &r), self.point_amplitude(kinematics.rcs[point], &t, &r));
         };
-        let pose = &places.poses[node * places.num_bodies + body as usize];
+        let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
         let mut edges = self.patch[path];
-        if let Some(facet) = self.facet_of(places, node, path) {
+        if let Some(facet) = self.facet_of(kinematics, node, path) {
             (position, normal) = (facet.point(position), facet.normal(normal));
             edges = edges.map(|edge| facet.vector(edge));
         }
@@ -147,37 +150,37 @@ impl Scatterers {
         )
     }
 
-    /// The facet of a material point of a body that deforms; its corners may be velocities.
-    fn facet_of(&self, places: &Places, node: usize, path: usize) -> Option<MovingTriangle> {
+    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
+    fn facet_of(&self, kinematics: &Kinematics, node: usize, path: usize) -> Option<MovingTriangle> {
         let corners = self.facet[path]?;
         let body = self.body[path];
         let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
-        let vertices = &places.vertices[index][node * self.deforming[index].1..];
+        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
         Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `places`; `rates` are the time derivatives.
-    /// Distances do not depend on the frame they are measured in, so this is exact for a moving sensor too.
-    pub fn delay_rates(&self, places: &Places, rates: &Places) -> Vec<f64> {
-        let num_paths = self.len() + places.points.len();
+    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
+    /// derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor too.
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
+        let num_paths = self.len() + kinematics.points.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
                 let (channel, path) = (i / num_paths, i % num_paths);
                 let (position, velocity) = match self.body.get(path) {
                     Some(&body) => {
-                        let (pose, rate) = (&places.poses[body as usize], &rates.poses[body as usize]);
+                        let (pose, rate) = (&kinematics.poses[body as usize], &rates.poses[body as usize]);
                         let (mut position, mut velocity) = (self.position[path], DVec3::ZERO);
-                        let facets = [places, rates].map(|places| self.facet_of(places, 0, path));
+                        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, path));
                         if let [Some(facet), Some(facet_rate)] = facets {
                             velocity = facet.velocity(&facet_rate, position);
                             position = facet.point(position);
                         }
                         (pose.point(position), rate.point(position) + pose.direction(velocity))
                     }
-                    None => (places.points[path - self.len()], rates.points[path - self.len()]),
+                    None => (kinematics.points[path - self.len()], rates.points[path - self.len()]),
                 };
                 let (t, r) = self.array.pair(channel, position);
                 velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT
@@ -185,7 +188,7 @@ impl Scatterers {
             .collect()
     }
 
-    /// README eqs. (2) and (3) at a material point that may have moved since it was hit.
+    /// Amplitude of a material point, docs/theory.md eqs. (2) and (3), with the kinematics of the node.
     fn surface_amplitude(
         &self,
         path: usize,
@@ -196,16 +199,16 @@ impl Scatterers {
     ) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
         let weight = &self.weights[path * self.num_channels() + channel];
-        let mut mirror = weight.mirror * (cos_t + cos_r);
+        let mut specular = weight.specular * (cos_t + cos_r);
         if edges != [DVec3::ZERO; 2] {
             let bisector = bisector(self.array.frequency, t.direction, r.direction);
-            mirror *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
+            specular *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
         }
         let diffuse = weight.diffuse * (cos_t * cos_r).sqrt();
-        (mirror + diffuse) * self.spreading(t, r)
+        (specular + diffuse) * self.spreading(t, r)
     }
 
-    /// Radar equation: sqrt(P Gt Gr) (lambda / 4 pi) sqrt(sigma / 4 pi) / (Rt Rr).
+    /// Amplitude of a point target by the radar equation: sqrt(P Gt Gr) (lambda / 4 pi) sqrt(sigma / 4 pi) / (Rt Rr).
     fn point_amplitude(&self, rcs: f64, t: &Sight, r: &Sight) -> Complex64 {
         let wavelength = SPEED_OF_LIGHT / self.array.frequency;
         Complex64::from(wavelength / (4.0 * PI) * (rcs / (4.0 * PI)).sqrt() * self.spreading(t, r))
@@ -220,7 +223,7 @@ fn delay(t: &Sight, r: &Sight) -> f64 {
     (t.distance + r.distance) / SPEED_OF_LIGHT
 }
 
-/// What the phase turns by per length, half of it [rad/m].
+/// Half the sum of the wave vectors to the transmitter and to the receiver [rad/m].
 pub fn bisector(frequency: f64, t: DVec3, r: DVec3) -> DVec3 {
     0.5 * (TAU * frequency / SPEED_OF_LIGHT) * (t + r)
 }

@@ -14,7 +14,7 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Place for those that are selected, with numbers of nodes for delays and for amplitudes.
+    /// Zeros for the selected paths, with numbers of nodes for delays and for amplitudes.
     pub fn zeros(num_nodes: [usize; 2], num_channels: usize, selection: Selection) -> Result<Self> {
         let shape = |nodes: usize| [nodes, num_channels, selection.len()];
         let most = num_nodes[0].max(num_nodes[1]);
@@ -26,7 +26,7 @@ impl Paths {
         })
     }
 
-    /// Of the selected paths, from delay and amplitude of one of them at a node and by a channel.
+    /// Evaluate the selected paths; `delay` and `amplitude` are functions of node, channel and path.
     pub fn of(
         num_nodes: [usize; 2],
         num_channels: usize,
@@ -41,7 +41,7 @@ impl Paths {
     }
 }
 
-/// Numbers `(node, channel, path)` of the selected paths: rows in parallel, and blocks of every row.
+/// Fill `(node, channel, path)` with values of the selected paths, rows and blocks of rows in parallel.
 fn fill<T: Send>(
     numbers: &mut [T],
     num_channels: usize,
@@ -67,9 +67,9 @@ fn fill<T: Send>(
 pub struct Selection {
     /// First path.
     pub first: usize,
-    /// The path behind the last.
+    /// End of the range, exclusive.
     pub last: usize,
-    /// From one path to the next, at least 1.
+    /// Step from one path to the next, at least 1.
     pub step: usize,
 }
 
@@ -79,7 +79,7 @@ impl Selection {
         self.last.saturating_sub(self.first).div_ceil(self.step)
     }
 
-    /// True when there are none.
+    /// True when no path is selected.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

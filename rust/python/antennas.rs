@@ -27,7 +27,7 @@ impl Pattern {
         })
     }
 
-    /// Gains [dB] (azimuth, elevation) at increasing angles [rad], bilinear between them, nothing outside.
+    /// Table of gains [dB] (azimuth, elevation) at increasing angles [rad]; bilinear interpolation, zero power outside.
     #[staticmethod]
     fn table(
         azimuth: PyReadonlyArray1<'_, f64>,
@@ -41,7 +41,7 @@ impl Pattern {
         Ok(Self(pattern::Pattern::Table(Arc::new(table))))
     }
 
-    /// Power gains at angles (n,) [rad], azimuths within half a turn.
+    /// Power gains at angles (n,) [rad]; azimuths within half a turn.
     fn gain<'py>(
         &self,
         py: Python<'py>,
@@ -61,7 +61,8 @@ pub(super) struct Antennas(pub(super) Array);
 
 #[pymethods]
 impl Antennas {
-    /// At rows (x, y, z) of the sensor frame, with a pattern each; `polarization`: unit vector along their field.
+    /// Antennas at rows (x, y, z) of the sensor frame [m], with a pattern each; `polarization`: unit vector along the
+    /// field.
     #[new]
     #[pyo3(signature = (*, tx, rx, tx_patterns, rx_patterns, power, frequency, polarization=None))]
     fn new(

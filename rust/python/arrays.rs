@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use crate::error::Error;
 use crate::geometry::pose::Pose;
 
-/// The numbers of an array of any number of axes.
+/// Values of an array with any number of axes, in C order.
 pub(super) fn contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
     match array.as_slice() {
         Ok(numbers) if array.is_c_contiguous() => Ok(numbers),
@@ -19,7 +19,7 @@ pub(super) fn contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayD
     }
 }
 
-/// The numbers of an array in C order; other layouts and lengths than expected (`None`: any) are refused.
+/// Values of an array in C order; an error for other layouts and for lengths other than expected (`None`: any).
 pub(super) fn numbers<'a, T: Element, D: Dimension, const N: usize>(
     name: &str,
     array: &'a PyReadonlyArray<'_, T, D>,
@@ -41,7 +41,7 @@ pub(super) fn numbers<'a, T: Element, D: Dimension, const N: usize>(
     Ok(array.as_slice()?)
 }
 
-/// Lengths as Python writes them, `(n, 3)` for free ones.
+/// Text of a shape in Python's notation, `n` for free lengths: `(n, 3)`.
 pub(super) fn shape_text(lengths: impl IntoIterator<Item = Option<usize>>) -> String {
     let lengths: Vec<String> = lengths
         .into_iter()
@@ -50,12 +50,12 @@ pub(super) fn shape_text(lengths: impl IntoIterator<Item = Option<usize>>) -> St
     format!("({}{})", lengths.join(", "), if lengths.len() == 1 { "," } else { "" })
 }
 
-/// Rows (x, y, z).
+/// Vectors from rows (x, y, z).
 pub(super) fn points(numbers: &[f64]) -> Vec<DVec3> {
     numbers.as_chunks().0.iter().copied().map(DVec3::from_array).collect()
 }
 
-/// Matrices (3, 4), row by row.
+/// Poses from matrices (3, 4), row by row.
 pub(super) fn poses(numbers: &[f64]) -> Vec<Pose> {
     numbers.as_chunks().0.iter().map(Pose::from_rows).collect()
 }

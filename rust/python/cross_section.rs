@@ -9,8 +9,8 @@ use super::threads::compute;
 use crate::bounces::{self, Aspect};
 use crate::scattering::material;
 
-/// Radar cross-sections [m^2] of a perfect conductor for unit vectors (direction, 3) to the transmitter and the receiver;
-/// `polarization` has the fields of both antennas (direction, 3).
+/// Radar cross-sections [m^2] of a perfect conductor for unit vectors (direction, 3) to the transmitter and the
+/// receiver; `polarization` has the fields of both antennas (direction, 3).
 #[pyfunction(signature = (surface, transmitter, receiver, *, frequency, polarization=None, max_bounces, threads=None))]
 #[allow(clippy::too_many_arguments)] // as Python hands them over
 pub(super) fn cross_sections<'py>(

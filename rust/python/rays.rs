@@ -51,12 +51,12 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
-    /// Rows of the triangles that were kept; none where all were.
+    /// Rows of the triangles that were kept; none if all were kept.
     fn kept<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u32>>> {
         self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
     }
 
-    /// The same triangles between vertices (n, 3) at other places.
+    /// Surface of the same triangles with moved vertices (n, 3) [m].
     #[pyo3(signature = (vertices, *, threads=None))]
     fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
         let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
@@ -64,9 +64,10 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
-    /// What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface, at a
-    /// wavelength [m]: numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area
-    /// and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets.
+    /// Quality of the mesh as an approximation of a curved surface at a wavelength [m]; triangles that meet below the
+    /// crease angle [rad] are smooth. Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of
+    /// thin triangles; area and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the
+    /// echoes of flat facets.
     #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
     fn quality(
         &self,
@@ -104,7 +105,7 @@ impl Surface {
 
 pub(super) type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
-/// What the rays of an image hit.
+/// Hits of the rays of an image.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Hits(pub(super) Arc<frame::Image>);
 
@@ -115,7 +116,7 @@ impl Hits {
         self.image(PyArray1::from_slice(py, &self.0.hits.distance))
     }
 
-    /// Rays that were cast, and tiles that were skipped and taken over.
+    /// Numbers of rays cast, of tiles skipped and of tiles reused.
     #[getter]
     fn counts(&self) -> (usize, usize, usize) {
         let hits::Counts {
@@ -137,8 +138,8 @@ impl Hits {
         self.image(PyArray1::from_slice(py, &shown.cosine))
     }
 
-    /// Distance along the ray to the surface that the facets stand for [m], (rows, columns), and its unit normal
-    /// towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
+    /// Distance along the ray to the curved surface that the triangles approximate [m], (rows, columns), and the unit
+    /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
         let shown = compute(py, threads, || Ok(self.0.smooth()))?;
@@ -150,7 +151,8 @@ impl Hits {
         ))
     }
 
-    /// Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns); 0 where nothing was hit.
+    /// Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns); 0 where nothing
+    /// was hit.
     #[pyo3(signature = (materials, *, frequency, polarization=None, threads=None))]
     fn reflectance<'py>(
         &self,

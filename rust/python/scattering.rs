@@ -10,13 +10,13 @@ use crate::error::{Error, Result};
 use crate::scattering::material::{self, Dielectric, Response, Roughness};
 use crate::scattering::physical_optics::Sampling;
 
-/// What a surface does to waves of one frequency.
+/// Material of a surface at one frequency.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Material(pub(super) material::Material);
 
 #[pymethods]
 impl Material {
-    /// The same at every angle; the field reflection coefficient as (real, imaginary).
+    /// Constant response at every angle; the field reflection coefficient as (real, imaginary).
     #[staticmethod]
     fn constant(reflection: (f64, f64), albedo: f64) -> Self {
         Self(material::Material::Constant(Response {
@@ -25,8 +25,8 @@ impl Material {
         }))
     }
 
-    /// What Fresnel says of a relative permittivity (real, imaginary), of a half-space or a slab of some thickness [m].
-    /// `roughness`: rms height [m], none for a smooth surface; or `scattering`: the part of the field that is scattered.
+    /// Fresnel response of a relative permittivity (real, imaginary), for a half-space or a slab of a thickness [m].
+    /// `roughness`: rms height [m], none for a smooth surface; or `scattering`: the scattered part of the field.
     #[staticmethod]
     #[pyo3(signature = (permittivity, *, roughness=None, scattering=None, thickness=None))]
     fn dielectric(
@@ -48,7 +48,7 @@ impl Material {
         })))
     }
 
-    /// Field reflection coefficients and albedos at cosines of incidence (n,), as antennas see them that get the parts
+    /// Field reflection coefficients and albedos (n,) at cosines of incidence (n,), for antennas that receive the parts
     /// `te` and `tm` of both polarisations.
     #[pyo3(signature = (cosine, *, wavelength, te, tm))]
     fn response<'py>(

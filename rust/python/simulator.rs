@@ -1,4 +1,4 @@
-//! Frames, paths and images of a simulator: arrays of places in, arrays of samples out.
+//! Frames, paths and images of a simulator: arrays of poses and positions in, arrays of samples out.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -31,8 +31,8 @@ pub(super) struct Scene(frame::Scene);
 
 #[pymethods]
 impl Scene {
-    /// `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point targets; numbers in the scene
-    /// of both.
+    /// Build a scene. `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point
+    /// targets; numbers in the scene of both.
     #[new]
     #[pyo3(signature = (surfaces, *, deforming, rcs, body_numbers, point_numbers))]
     fn new(
@@ -77,9 +77,9 @@ pub(super) struct DepthScene(Arc<frame::DepthImage>);
 
 #[pymethods]
 impl DepthScene {
-    /// Arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field reflection coefficients,
-    /// albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of the frame is `age` [s] after the
-    /// image.
+    /// Build from arrays (rows, columns) of distances along the ray [m], unit normals towards the sensor, field
+    /// reflection coefficients, albedos, bodies, and of range rates [m/s] beside the motion of the bodies; the start of
+    /// the frame is `age` [s] after the image.
     #[new]
     #[pyo3(signature = (
         distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, range_rate=None, age=0.0
@@ -144,8 +144,8 @@ pub(super) struct Settings(frame::Settings);
 
 #[pymethods]
 impl Settings {
-    /// Image planes are (rows, columns, half width, half height) at distance 1: of the rays of frames (cells of the base grid in
-    /// adaptive sampling) and of images.
+    /// Build settings. Image planes are (rows, columns, half width, half height) at distance 1: of the rays of frames
+    /// (cells of the base grid in adaptive sampling) and of images.
     #[new]
     #[pyo3(signature = (
         *, sampling, rays, image, rcs_floor, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles, max_bounces,
@@ -200,15 +200,15 @@ impl Settings {
     }
 }
 
-/// Places in the world at Chebyshev times of a frame, or their time derivatives at one time.
+/// Poses and positions in the world at Chebyshev times of a frame, or their time derivatives at one time.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Placement(World);
 
 #[pymethods]
 impl Placement {
-    /// ``[rotation | position]`` of the sensor (time, 3, 4) and of bodies (time, body, 3, 4), positions of point targets
-    /// (time, point, 3) [m], and for every body that deforms its vertices (time, vertex, 3) in body coordinates [m], at as many
-    /// Chebyshev times as that array has.
+    /// Build from ``[rotation | position]`` of the sensor (time, 3, 4) and of bodies (time, body, 3, 4), positions of
+    /// point targets (time, point, 3) [m], and for every body that deforms its vertices (time, vertex, 3) in body
+    /// coordinates [m], at as many Chebyshev times as that array has.
     #[new]
     #[pyo3(signature = (sensor, poses, points, vertices=Vec::new()))]
     fn new(
@@ -253,7 +253,8 @@ impl IdealFrame {
         self.cube.bind(py).clone()
     }
 
-    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (body, 4); none of images.
+    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (body, 4); none
+    /// of images.
     #[getter]
     fn truth<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
         self.truth.as_ref().map(|truth| truth.bind(py).clone())
@@ -273,7 +274,7 @@ impl IdealFrame {
         (phase.max(self.counts.motion_error), weight)
     }
 
-    /// Numbers of rays, hits, tiles, paths and so on, by name.
+    /// Counts of rays, hits, tiles, paths and velocity rows, by name.
     fn counts(&self) -> Vec<(&'static str, usize)> {
         let counts = &self.counts;
         let nodes = counts.sum.nodes.as_ref();
@@ -305,7 +306,7 @@ impl IdealFrame {
         self.counts.times.named().to_vec()
     }
 
-    /// A line per group of paths.
+    /// Plan of the sum, a line per group of paths.
     #[getter]
     fn plan(&self) -> &str {
         if self.counts.sum.plan.is_empty() {
@@ -324,7 +325,7 @@ type PathArrays<'py> = (
     Bound<'py, PyArray1<u8>>,
 );
 
-/// Simulates frames, paths and images; keeps what did not move from one to the next.
+/// Simulator of frames, paths and images; keeps the hits of static tiles from one frame to the next.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Simulator {
     model: Model,
@@ -366,8 +367,8 @@ impl Simulator {
         })
     }
 
-    /// The frame of a motion, placed at Chebyshev times of the frame; `rates` are its time derivatives at the middle. None where
-    /// the motion needs more times.
+    /// Simulate the frame of a motion, given at Chebyshev times of the frame; `rates` are the time derivatives at the
+    /// middle. None where the motion needs more times.
     fn frame(
         &self,
         py: Python<'_>,
@@ -399,8 +400,8 @@ impl Simulator {
         }))
     }
 
-    /// Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), and bodies and orders (path,), at a time at which
-    /// everything is `at` and changes by `rates_at`, of what rays see in the first part of a frame.
+    /// Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), and bodies and orders (path,), at the
+    /// time of the kinematics `at` with time derivatives `rates_at`, from the rays of the first part of a frame.
     fn paths<'py>(
         &self,
         py: Python<'py>,
@@ -423,15 +424,15 @@ impl Simulator {
         ))
     }
 
-    /// Hits of the rays of an image with everything `at` one time.
+    /// Hits of the rays of an image with the kinematics `at` one time.
     fn image(&self, py: Python<'_>, at: PyRef<'_, Placement>) -> PyResult<Hits> {
         let at = &at.0;
         let image = self.run(py, |memory, _| frame::image(&self.model, at, memory))?;
         Ok(Hits(image))
     }
 
-    /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes, and the number of searches that
-    /// ended at a triangle in the way while there were boxes in front of it: 0 unless `ends_early`.
+    /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes, and the number of
+    /// searches that ended at the first occluding triangle with boxes left in front of it: 0 unless `ends_early`.
     #[pyo3(signature = (at, points, *, ends_early=true))]
     fn occluded<'py>(
         &self,
@@ -449,11 +450,11 @@ impl Simulator {
     }
 }
 
-/// Signals are looked for this often.
+/// Interval of the checks for signals.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 
 impl Simulator {
-    /// Run on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
+    /// Run a function on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
         let pool = pool(self.threads)?;
         let cancel = Cancel::default();

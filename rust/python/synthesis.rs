@@ -52,7 +52,7 @@ pub(super) struct PathArrays<'py> {
 }
 
 impl<'py> PathArrays<'py> {
-    /// Refuses shapes that do not fit together.
+    /// Borrow the arrays; an error for shapes that do not fit together.
     pub(super) fn new(
         delay: PyReadonlyArrayDyn<'py, f64>,
         amplitude: PyReadonlyArrayDyn<'py, Complex64>,
@@ -111,7 +111,7 @@ impl<'py> PathArrays<'py> {
         })
     }
 
-    /// Run something with the series of these paths.
+    /// Run a function with the series of these paths.
     pub(super) fn with_series<T>(&self, run: impl FnOnce(&PathSeries) -> PyResult<T>) -> PyResult<T> {
         let plane = (self.num_channels * self.num_paths).max(1);
         let mut delay: Vec<&[f64]> = Vec::new();
@@ -133,7 +133,7 @@ impl<'py> PathArrays<'py> {
     }
 }
 
-/// A way to sum, from Python's words.
+/// Method of the sum, from the name in Python.
 pub(super) fn method(name: &str) -> Result<Method> {
     match name {
         "auto" => Ok(Method::Auto),
@@ -157,7 +157,7 @@ pub(super) fn tolerance(value: f64) -> Result<f64> {
     }
 }
 
-/// How to sum, from Python's words.
+/// Options of the sum, from the arguments in Python.
 pub(super) fn options(
     tolerance: f64,
     method: &str,
@@ -185,7 +185,7 @@ pub(super) fn options(
     })
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and what was done.
+/// Beat samples (channel, chirp, sample) of paths, and the report of the sum.
 #[pyfunction(signature = (
     delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
     split_still=true, skip_rows=true
@@ -227,7 +227,7 @@ pub(super) fn beat_signal<'py>(
     Ok((samples, Report(report)))
 }
 
-/// What `beat_signal` would do.
+/// Report of the sum that `beat_signal` would run.
 #[pyfunction(signature = (
     delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
     split_still=true, skip_rows=true
@@ -256,10 +256,10 @@ pub(super) fn plan_beat_signal<'py>(
     }))
 }
 
-/// See `Report::parts`.
+/// Part of a plan, see `Report::parts`.
 pub(super) type PlanPart = (String, usize, String, String, usize, Vec<usize>, Vec<usize>, f64, usize);
 
-/// What is done with which paths.
+/// Report of a sum: classes of paths and their methods.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Report(pub(super) beat::Report);
 
@@ -294,7 +294,7 @@ impl Report {
         self.0.rows_skipped
     }
 
-    /// How many plans were run: more than one where paths add up in phase, or differ from the samples.
+    /// Number of plans that were run: more than one where paths add up in phase, or differ from the samples.
     #[getter]
     fn runs(&self) -> usize {
         self.0.runs
@@ -306,7 +306,7 @@ impl Report {
         self.0.gain
     }
 
-    /// Per class of paths: its name, number of paths, method, precision, width of the kernel (0: none), velocity rows per
+    /// Classes of paths: name, number of paths, method, precision, width of the kernel (0: none), velocity rows per
     /// block, terms per block, predicted error, and memory [bytes].
     fn parts(&self) -> Vec<PlanPart> {
         let parts = self.0.plan.parts.iter().map(|part| {

@@ -9,13 +9,13 @@ use rayon::ThreadPool;
 
 use crate::error::{Error, Result};
 
-/// Most threads of a pool.
+/// Largest number of threads of a pool.
 const MAX_THREADS: usize = 1024;
 
 /// Pools of threads by their number, and the process they live in: a forked child has none of its parent's threads.
 static POOLS: Mutex<(u32, Vec<Arc<ThreadPool>>)> = Mutex::new((0, Vec::new()));
 
-/// Run without the interpreter, on `threads` threads or as many as there are cores.
+/// Run a function without the interpreter, on `threads` threads or as many as there are cores.
 pub(super) fn compute<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
@@ -24,7 +24,7 @@ pub(super) fn compute<T: Send>(
     py.detach(|| pool(threads)?.install(work).map_err(PyErr::from))
 }
 
-/// Refuses numbers of threads that no pool has.
+/// Check that a pool may have this number of threads.
 pub(super) fn check_threads(threads: Option<usize>) -> Result<()> {
     match threads {
         Some(number) if number == 0 || number > MAX_THREADS => {
@@ -34,7 +34,7 @@ pub(super) fn check_threads(threads: Option<usize>) -> Result<()> {
     }
 }
 
-/// The pool with this number of threads, or as many as there are cores; the last few are kept.
+/// Pool with this number of threads, or as many as there are cores; the last few are kept.
 pub(super) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
     const MAX_KEPT: usize = 4;
     check_threads(threads)?;

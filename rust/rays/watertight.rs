@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::rays::tree::Ray;
 
-/// Ray prepared for watertight tests: Woop, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
+/// Ray prepared for watertight tests: WatertightTest, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
 ///
 /// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
 /// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.

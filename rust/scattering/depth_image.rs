@@ -1,4 +1,4 @@
-//! Depth images from elsewhere: distance, normal and reflection of every pixel.
+//! Depth images of other programs: distance, normal and reflection of every pixel.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -8,17 +8,17 @@ use crate::rays::camera::ImagePlane;
 use crate::scattering::material_points::POINT_SIZE;
 use crate::scattering::patch::Patch;
 
-/// An image of surface elements that another program has seen: one per pixel, row by row. The bodies' frames are the
-/// sensor frame at the time of the image.
+/// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor
+/// frame at the time of the image.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfels<'a> {
-    /// The image.
+    /// Image plane.
     pub plane: ImagePlane,
     /// Distance along the ray [m]; no return where it is not a positive, finite number.
     pub distance: &'a [f64],
     /// Unit normals towards the incident side, sensor frame.
     pub normal: &'a [DVec3],
-    /// Field reflection coefficient of the mirror-like part.
+    /// Field reflection coefficient of the specular part.
     pub reflection: &'a [Complex64],
     /// Diffuse albedo.
     pub albedo: &'a [f64],
@@ -29,7 +29,7 @@ pub struct Surfels<'a> {
 }
 
 impl Surfels<'_> {
-    /// Refuses images that cannot be, and bodies that are not there.
+    /// Check the image plane and the numbers of the bodies.
     pub(crate) fn check(&self) -> Result<()> {
         self.plane.check()?;
         fits_memory("scatterers", &[self.plane.rows, self.plane.columns], POINT_SIZE)?;
@@ -40,7 +40,7 @@ impl Surfels<'_> {
         }
     }
 
-    /// What one pixel shows.
+    /// Patch of surface of one pixel; none without a return.
     pub(crate) fn patch(&self, pixel: usize) -> Option<Patch> {
         let (distance, normal) = (self.distance[pixel], self.normal[pixel]);
         if !(distance > 0.0 && distance.is_finite() && normal.is_finite()) {

@@ -1,9 +1,9 @@
-//! From hits to paths: what every hit, or pixel of somebody else's depth image, sends back to every antenna pair.
+//! Scatterers from hits of rays, from adaptive samples, or from pixels of a depth image.
 //!
-//! Two mechanisms per material (README eqs. (2) and (3)): the mirror-like one is physical optics written on the
-//! solid angle of a pixel, the diffuse one is Lambert's law with a phase that belongs to the surface point.
-//! A hit becomes a material point of its body; from then on it moves with the body, or with its facet where the body
-//! deforms, and its delay and amplitude follow from the geometry at any time of the frame.
+//! Two mechanisms per material (docs/theory.md eqs. (2) and (3)): the specular one is physical optics over the solid
+//! angle of a pixel, the diffuse one is Lambert's law with a random phase of every surface point.
+//! A hit becomes a material point of its body; the point moves with the body, or with its triangle where the body
+//! deforms, and `paths` evaluates its delay and amplitude at any time of the frame.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,14 +19,14 @@ use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::material_frame::Ground;
+use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::material_points::Points;
 use crate::scattering::patch::{Patch, patch};
 use crate::scattering::physical_optics::{Sampling, Weigh};
 use crate::scattering::samples::Samples;
 
 impl Scatterers {
-    /// Material points of all hits that send anything back; `materials` per body, `seed` for the diffuse phases.
+    /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
         snapshot: &PosedScene,
         hits: &Hits,
@@ -38,15 +38,15 @@ impl Scatterers {
     ) -> Self {
         Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
             if let Some(patch) = patch(hits, shown, pixel) {
-                let ground = Ground::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
-                weigh.patch(&patch, &ground, &materials[patch.body as usize], points);
+                let frame = MaterialFrame::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
             }
         })
         .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of samples: those of the leaves, which belong to the cell of their leaf's number, and the diffuse ones,
-    /// which belong to [`NO_CELL`].
+    /// Material points of adaptive samples: specular ones of the leaves, numbered by leaf, and diffuse ones, with the
+    /// cell [`NO_CELL`].
     pub fn of_samples(snapshot: &PosedScene, samples: &Samples, materials: &[Material], array: Array) -> Self {
         let weigh = Weigh {
             array: &array,
@@ -68,8 +68,8 @@ impl Scatterers {
                 distance,
                 normal,
             };
-            let ground = Ground::of_mesh(snapshot, body, triangle, 0);
-            weigh.leaf(&patch, leaf, &ground, &materials[body as usize], points);
+            let frame = MaterialFrame::of_mesh(snapshot, body, triangle, 0);
+            weigh.leaf(&patch, leaf, &frame, &materials[body as usize], points);
         });
         for (body, speckle) in samples.speckles.iter().enumerate() {
             let Some(speckle) = speckle else { continue };
@@ -84,7 +84,7 @@ impl Scatterers {
             .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of all surface elements that send anything back; `seed` for the diffuse phases.
+    /// Material points of all surface elements that return power; `seed` for the diffuse phases.
     pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
         surfels.check()?;
         let num_pixels = surfels.plane.num_pixels();
@@ -94,17 +94,17 @@ impl Scatterers {
                     reflection: surfels.reflection[pixel],
                     albedo: surfels.albedo[pixel],
                 });
-                let ground = Ground {
+                let frame = MaterialFrame {
                     pose: &Pose::IDENTITY,
                     carrier: None,
                     speckle: mix(seed ^ u64::from(patch.body)),
                 };
-                weigh.patch(&patch, &ground, &material, points);
+                weigh.patch(&patch, &frame, &material, points);
             }
         }))
     }
 
-    /// The material points of all cells of an image.
+    /// Gather the material points of all cells of an image.
     fn gather(
         num_cells: usize,
         array: Array,
@@ -123,7 +123,7 @@ impl Scatterers {
     }
 }
 
-/// The material points of a number of things, block by block in parallel.
+/// Gather material points over indices up to `number`, block by block in parallel.
 fn gather(number: usize, add: impl Fn(usize, &mut Points) + Sync) -> Points {
     const BLOCK: usize = 1024;
     let blocks: Vec<Points> = (0..number.div_ceil(BLOCK))

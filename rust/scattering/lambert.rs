@@ -1,8 +1,8 @@
-//! Diffuse scattering: points that stay on the surface of a body, each with a phase of its own.
+//! Diffuse scattering: random points on the surface of a body, each with a random phase.
 //!
-//! They are spread evenly by area and stand for equal parts of it, so that the power expected of a surface does not depend on
-//! how many there are, nor on the rays that see them (README eq. (3)); their phases are uniform and independent, which makes
-//! the intensity of many exponentially distributed. They are the same in every frame.
+//! Points are stratified by area and stand for equal parts of it, so that the expected power of a surface depends
+//! neither on the number of points nor on the rays (docs/theory.md eq. (3)); phases are uniform and independent, so the
+//! intensity of many points is exponentially distributed. Every frame has the same points.
 
 use std::sync::Arc;
 
@@ -17,48 +17,48 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
-use crate::scattering::sampling::Rule;
+use crate::scattering::sampling::Refinement;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
 
-/// The cross-section of a point of a white surface that faces the sensor, in smallest ones of interest.
+/// Cross-section of a point of a white surface that faces the sensor, relative to the smallest of interest.
 const POINT_RCS: f64 = 10.0;
 
-/// Rays are sorted by places on a grid this many times finer than the base grid.
+/// Refinement of the base grid that rays are sorted by.
 const SUBDIVISION: f64 = 256.0;
 
-/// Part of the distance to a point by which what its ray hits may be nearer and still be the point.
+/// Relative tolerance of the distance at which a hit is the point itself.
 const AT_POINT: f64 = 1e-9;
 
-/// Points on a surface.
+/// Random points on a surface.
 #[derive(Debug)]
 pub struct Points {
     /// Number of the triangle of every point.
     pub triangle: Vec<u32>,
-    /// Weights of the corners of its triangle.
+    /// Barycentric coordinates in the triangle.
     pub barycentric: Vec<[f64; 3]>,
     /// Phase in turns.
     pub turns: Vec<f64>,
-    /// Area that each stands for [m^2].
+    /// Area per point [m^2].
     pub area: f64,
-    /// What they were made of.
+    /// Hash of the surface, floor and seed that the points were drawn from.
     source: (u64, u64, u64),
 }
 
-/// The points of a body, and which of them the sensor sees.
+/// Random points of a body and their visibility.
 pub struct Speckle {
-    /// The points.
+    /// Random points of the surface.
     pub points: Arc<Points>,
-    /// Unit normal of the surface at every point towards the incident side, in the sensor frame; zero where it is not seen.
+    /// Unit normal of the surface at every point towards the incident side, in the sensor frame; zero where occluded.
     pub normal: Vec<DVec3>,
-    /// The points that rays were cast to, in their order, and what these hit.
+    /// Points that rays were cast to, in the order of the rays, and the hits.
     rays: Vec<u32>,
     found: Vec<Found>,
 }
 
 impl Points {
-    /// Points of a surface, so many, as far as [`NUMBERS`] allows, that none is worth looking at; `rcs_floor` [m^2].
+    /// Random points of a surface, in a number within [`NUMBERS`] for which no single point matters; `rcs_floor` [m^2].
     pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
         let number_of_triangles = surface.num_triangles() as u32;
         let mut sums = Vec::with_capacity(number_of_triangles as usize);
@@ -103,7 +103,7 @@ impl Points {
         points
     }
 
-    /// Where a point is, in body coordinates.
+    /// Position of a point in body coordinates [m].
     pub fn position(&self, surface: &Surface, point: usize) -> DVec3 {
         let corners = surface.corners(self.triangle[point]);
         let weights = self.barycentric[point];
@@ -115,38 +115,38 @@ impl Points {
     }
 }
 
-/// What tells points from others.
+/// Key of points: hash of the surface, bits of the floor, seed.
 fn source(surface: &Surface, rcs_floor: f64, seed: u64) -> (u64, u64, u64) {
     (surface.fingerprint(), rcs_floor.to_bits(), seed)
 }
 
 /// A ray to a point.
 struct Sight {
-    /// Near rays have near keys.
+    /// Morton code: near rays have near keys.
     key: u64,
     point: u32,
-    /// On the image plane.
+    /// Coordinates on the image plane.
     place: [f64; 2],
-    /// [m]
+    /// Distance to the point [m].
     distance: f64,
 }
 
 impl Speckle {
-    /// The points of a body and which of them are seen within the image of a rule. `before`: at another time; `moved`: boxes
-    /// where bodies have moved since.
+    /// Points of a body and their visibility within the image of the refinement. `before`: result at an earlier time;
+    /// `moved`: boxes where bodies have moved since.
     pub fn new(
         snapshot: &PosedScene,
         body: u32,
         cast: &Cast,
-        rule: &Rule,
+        refinement: &Refinement,
         seed: u64,
         before: Option<&Self>,
         moved: Option<&Tree>,
     ) -> (Self, Counts) {
         let surface = snapshot.surface(body);
-        let before = before.filter(|before| before.points.is_of(surface, rule.rcs_floor, seed));
+        let before = before.filter(|before| before.points.is_of(surface, refinement.rcs_floor, seed));
         let points = before.map_or_else(
-            || Arc::new(Points::new(surface, rule.rcs_floor, seed)),
+            || Arc::new(Points::new(surface, refinement.rcs_floor, seed)),
             |before| before.points.clone(),
         );
 
@@ -154,8 +154,8 @@ impl Speckle {
         let sight = |point: usize| {
             let position = snapshot.pose(body).point(points.position(surface, point));
             let place = [position.y / position.x, position.z / position.x];
-            let (row, column) = rule.base.pixel(place);
-            let (rows, columns) = (rule.base.rows as f64, rule.base.columns as f64);
+            let (row, column) = refinement.base.pixel(place);
+            let (rows, columns) = (refinement.base.rows as f64, refinement.base.columns as f64);
             let is_inside = position.x > 0.0 && (0.0..rows).contains(&row) && (0.0..columns).contains(&column);
             is_inside.then(|| Sight {
                 key: morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32),
@@ -167,7 +167,7 @@ impl Speckle {
         let mut sights: Vec<Sight> = (0..points.turns.len()).into_par_iter().filter_map(sight).collect();
         sights.par_sort_unstable_by_key(|sight| (sight.key, sight.point));
 
-        // A point is seen if nothing is in front of it.
+        // A point is visible if no surface occludes it.
         let places: Vec<[f64; 2]> = sights.iter().map(|sight| sight.place).collect();
         let rays: Vec<u32> = sights.iter().map(|sight| sight.point).collect();
         let known = before.filter(|before| before.rays == rays).zip(moved);

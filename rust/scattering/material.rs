@@ -1,4 +1,4 @@
-//! What a surface does to a wave: Fresnel's coefficients of half-spaces and slabs, and what roughness makes of them.
+//! Materials: Fresnel coefficients of half-spaces and slabs, and scattering of rough surfaces.
 
 use std::f64::consts::TAU;
 
@@ -6,15 +6,15 @@ use num_complex::Complex64;
 
 use crate::antennas::polarization::Seen;
 
-/// Cosines of incidence from here down are taken for this one: coefficients have their limits there.
+/// Smallest cosine of incidence; smaller ones are clamped, as coefficients have their limits there.
 const GRAZING: f64 = 1e-12;
 
-/// A surface, by numbers that hold at the frequency of the radar.
+/// Material of a surface at the frequency of the radar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
-    /// The same at every angle.
+    /// Constant response at every angle.
     Constant(Response),
-    /// What Fresnel says of a permittivity.
+    /// Fresnel coefficients of a permittivity.
     Dielectric(Dielectric),
 }
 
@@ -24,12 +24,12 @@ pub const CONDUCTOR: Material = Material::Constant(Response {
     albedo: 0.0,
 });
 
-/// What comes back from a surface at one angle.
+/// Response of a surface at one angle of incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
-    /// Field reflection coefficient of the mirror-like part; -1 for a perfect conductor.
+    /// Field reflection coefficient of the specular part; -1 for a perfect conductor.
     pub reflection: Complex64,
-    /// Diffuse albedo: power scattered after Lambert over incident power.
+    /// Diffuse albedo: power scattered by Lambert's law over incident power.
     pub albedo: f64,
 }
 
@@ -40,30 +40,30 @@ pub struct Dielectric {
     pub permittivity: Complex64,
     /// Thickness of a slab with air behind it [m]; none for a half-space.
     pub thickness: Option<f64>,
-    /// How its surface scatters.
+    /// Roughness of the surface.
     pub roughness: Roughness,
 }
 
-/// How much of what is reflected is scattered.
+/// Roughness: share of the reflected field that is scattered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Roughness {
-    /// Nothing.
+    /// Smooth surface, nothing scattered.
     Smooth,
-    /// What heights of this rms [m] turn out of phase.
+    /// Gaussian heights of this rms [m].
     Height(f64),
-    /// This part S of the field: `S^2` of the power, at every angle (effective roughness).
+    /// Scattered part S of the field: `S^2` of the power, at every angle (effective roughness).
     Scattering(f64),
 }
 
 impl Response {
-    /// Power that comes back in either way over incident power.
+    /// Specular and diffuse power over incident power.
     pub fn power(&self) -> f64 {
         self.reflection.norm_sqr() + self.albedo
     }
 }
 
 impl Material {
-    /// What comes back at a cosine of incidence of waves of a length [m], as antennas see it.
+    /// Response at a cosine of incidence and a wavelength [m], as received by the antennas.
     pub fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {
         match self {
             // r_TE = -r_TM = reflection.
@@ -75,9 +75,9 @@ impl Material {
         }
     }
 
-    /// What is mirrored of the field across the plane of incidence and of that in it, `r_TE` and `r_TM` with the coherent
-    /// part of what a rough surface reflects, at a cosine of incidence of waves of a length [m].
-    pub fn mirrored(&self, cosine: f64, wavelength: f64) -> [Complex64; 2] {
+    /// Reflection coefficients `r_TE` and `r_TM` for the field across the plane of incidence and in it, at a cosine of
+    /// incidence and a wavelength [m]; of a rough surface the coherent part.
+    pub fn reflection_coefficients(&self, cosine: f64, wavelength: f64) -> [Complex64; 2] {
         match self {
             Self::Constant(constant) => [constant.reflection, -constant.reflection],
             Self::Dielectric(dielectric) => {
@@ -90,7 +90,7 @@ impl Material {
 }
 
 impl Material {
-    /// Whether anything of what comes back is diffuse.
+    /// True if some of the reflected power is diffuse.
     pub fn is_diffuse(&self) -> bool {
         match self {
             Self::Constant(response) => response.albedo > 0.0,
@@ -104,11 +104,11 @@ impl Material {
 }
 
 impl Dielectric {
-    /// README eqs. (4) to (6).
+    /// Response by docs/theory.md eqs. (4) to (6).
     fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {
         let (cosine, k) = (cosine.max(GRAZING), TAU / wavelength);
 
-        // What antennas see of it, and what part of that is scattered.
+        // The polarisations of the antennas, and the part that is scattered.
         let [te, tm] = self.fresnel(cosine, k);
         let gamma = te * seen.te - tm * seen.tm;
         let (kept, scattered) = self.roughness.parts(cosine, k);
@@ -118,7 +118,7 @@ impl Dielectric {
         }
     }
 
-    /// README eq. (4).
+    /// Fresnel coefficients `r_TE` and `r_TM`, docs/theory.md eq. (4).
     fn fresnel(&self, cosine: f64, k: f64) -> [Complex64; 2] {
         // Fresnel's coefficients of the half-space; eps - sin^2 so that it is exact for eps = 1.
         let eps = self.permittivity;
@@ -126,7 +126,7 @@ impl Dielectric {
         let te = (cosine - q) / (cosine + q);
         let tm = (eps * cosine - q) / (eps * cosine + q);
 
-        // Of the slab: the waves that come back from its other side.
+        // A slab adds the reflections from the other side.
         let there_and_back = self
             .thickness
             .map(|thickness| (Complex64::new(0.0, -2.0 * k * thickness) * q).exp());
@@ -138,7 +138,7 @@ impl Dielectric {
 }
 
 impl Roughness {
-    /// What is kept of the field, and what is scattered of the power, README eq. (6).
+    /// Coherent factor of the field and scattered share of the power, docs/theory.md eq. (6).
     fn parts(self, cosine: f64, k: f64) -> (f64, f64) {
         match self {
             Self::Smooth => (1.0, 0.0),
@@ -151,7 +151,7 @@ impl Roughness {
     }
 }
 
-/// The square root of a number with no positive imaginary part that has none either: waves that fade as they go in.
+/// Square root with a non-positive imaginary part, of a number with one: waves that decay inside the material.
 fn root(z: Complex64) -> Complex64 {
     let large = (0.5 * (z.norm_sqr().sqrt() + z.re.abs())).sqrt();
     if large == 0.0 {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_fields_are_what_antennas_of_one_polarisation_see() {
+    fn reflection_coefficients_are_what_antennas_of_one_polarisation_see() {
         let skin = half_space(Complex64::new(7.975, -10.904));
         let rough = Dielectric {
             roughness: Roughness::Height(0.3e-3),
@@ -274,7 +274,7 @@ mod tests {
             Material::Constant(constant),
         ] {
             for cosine in [1.0, 0.6, 0.1] {
-                let [te, tm] = material.mirrored(cosine, WAVELENGTH);
+                let [te, tm] = material.reflection_coefficients(cosine, WAVELENGTH);
                 assert_eq!(te, material.response(cosine, WAVELENGTH, Seen::TE).reflection);
                 assert_eq!(-tm, material.response(cosine, WAVELENGTH, Seen::TM).reflection);
             }
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn mirror_like_and_scattered_parts_are_what_is_reflected() {
+    fn specular_and_scattered_parts_are_what_is_reflected() {
         let skin = half_space(Complex64::new(7.975, -10.904));
         for roughness in [Roughness::Height(0.3e-3), Roughness::Scattering(0.6)] {
             for cosine in [1.0, 0.5, 0.1] {

@@ -1,4 +1,4 @@
-//! Frame that material points stay with: the body, or the triangle where the body deforms.
+//! Material frame: coordinates of the body, or of the triangle where the body deforms.
 
 use glam::DVec3;
 
@@ -8,25 +8,25 @@ use crate::numeric::random::mix;
 use crate::paths::scatterers::Edges;
 use crate::rays::scene::PosedScene;
 
-/// Surface points in one cube of this edge share their diffuse phase [m]. It is a sixteenth of a wavelength at 60 GHz:
-/// waves from its ends arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
+/// Edge of the cubes whose surface points share a diffuse phase [m]: a sixteenth of a wavelength at 60 GHz. Waves from
+/// both ends of a cube arrive at most a quarter of a turn apart, which costs 0.2 dB at grazing incidence.
 pub(crate) const SPECKLE_CELL: f64 = 0.3e-3;
 
-/// Where the cubes begin, in edges: apart from the planes through the body's origin, where rounding would toss
-/// points of a plate between two cubes.
+/// Origin of the cubes, in edges: off the planes through the origin of the body, where rounding would assign points of
+/// a plate to either of two cubes.
 pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_776);
 
-/// What material points stay with.
-pub(crate) struct Ground<'a> {
+/// Frame of reference of material points.
+pub(crate) struct MaterialFrame<'a> {
     pub(crate) pose: &'a Pose,
-    /// Where the body deforms.
+    /// Triangle that carries the points, where the body deforms.
     pub(crate) carrier: Option<Carrier>,
-    /// Number that diffuse phases begin with.
+    /// Seed of the diffuse phases.
     pub(crate) speckle: u64,
 }
 
-impl<'a> Ground<'a> {
-    /// A triangle of a body.
+impl<'a> MaterialFrame<'a> {
+    /// Material frame of a triangle of a body.
     pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
         let surface = snapshot.surface(body);
         let carrier = surface.is_deformed().then(|| Carrier {
@@ -41,7 +41,7 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// A point of the sensor frame, on the body or on its facet where the body deforms.
+    /// Map a point of the sensor frame [m] to the material frame.
     pub(crate) fn position(&self, point: DVec3) -> DVec3 {
         let position = self.pose.point_to_body(point);
         self.carrier
@@ -49,13 +49,13 @@ impl<'a> Ground<'a> {
             .map_or(position, |c| c.facet.coordinates(position))
     }
 
-    /// A unit normal of the sensor frame likewise.
+    /// Map a unit normal of the sensor frame to the material frame: a vector, or slopes along the triangle.
     pub(crate) fn normal(&self, normal: DVec3) -> DVec3 {
         let normal = self.pose.direction_to_body(normal);
         self.carrier.as_ref().map_or(normal, |c| c.facet.slopes(normal))
     }
 
-    /// Edges of a patch likewise.
+    /// Map the edges of a patch [m] to the material frame.
     pub(crate) fn edges(&self, edges: [DVec3; 2]) -> Edges {
         edges.map(|edge| {
             let edge = self.pose.direction_to_body(edge);
@@ -65,29 +65,29 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// Number of the cube of the surface, as it was before it was deformed, at a position on it.
+    /// Number of the cube of the undeformed surface at a position in the material frame.
     pub(crate) fn cube(&self, position: DVec3) -> u64 {
         let on_surface = self.carrier.as_ref().map_or(position, |c| c.rest.point(position));
         speckle_cube(self.speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN)
     }
 }
 
-/// What carries a material point of a body that deforms.
+/// Triangle that carries a material point of a body that deforms.
 pub(crate) struct Carrier {
     pub(crate) vertices: [u32; 3],
-    /// When the rays were cast.
+    /// Triangle at the time of the rays.
     pub(crate) facet: MovingTriangle,
-    /// Before the body was deformed.
+    /// Triangle of the undeformed body.
     pub(crate) rest: MovingTriangle,
 }
 
-/// A random number that belongs to a cube of the surface: the same in every chirp, frame and cell.
+/// Random number of a cube of the surface, equal in every chirp, frame and cell.
 pub(crate) fn speckle_cube(speckle: u64, cube: DVec3) -> u64 {
     let cube = cube.floor().to_array().map(|x| x as i64 as u64);
     cube.into_iter().fold(speckle, |state, word| mix(state ^ word))
 }
 
-/// The phase of a cube in turns: uniform in [0, 1).
+/// Diffuse phase of a cube in turns, uniform in [0, 1).
 pub(crate) fn speckle_turns(cube: u64) -> f64 {
     (cube >> 11) as f64 / (1_u64 << 53) as f64
 }

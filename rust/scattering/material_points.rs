@@ -1,4 +1,4 @@
-//! Material points while they are gathered, in arrays.
+//! Material points during gathering, in arrays.
 
 use std::collections::HashMap;
 
@@ -7,16 +7,16 @@ use num_complex::Complex64;
 
 use crate::antennas::array::Array;
 use crate::paths::scatterers::{Edges, Scatterers, Weight};
-use crate::scattering::material_frame::Ground;
+use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::patch::Patch;
 
-/// Cell of points that belong to none.
+/// Cell number of points without a cell.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// Memory of a material point, without its weights [bytes].
 pub(crate) const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, [DVec3; 2], Edges, f64, u64)>();
 
-/// Material points as they are found; see [`Scatterers`].
+/// Material points in the order of gathering; see [`Scatterers`].
 #[derive(Default)]
 pub(crate) struct Points {
     pub(crate) cell: Vec<u32>,
@@ -26,29 +26,29 @@ pub(crate) struct Points {
     pub(crate) position: Vec<DVec3>,
     pub(crate) normal: Vec<DVec3>,
     pub(crate) patch: Vec<Edges>,
-    /// `(point, channel)`.
+    /// Weights `(point, channel)`.
     pub(crate) weights: Vec<Weight>,
     /// Area of the patch [m^2].
     pub(crate) area: Vec<f64>,
-    /// Number of the cube whose diffuse phase it has.
+    /// Number of the cube that gives the diffuse phase.
     pub(crate) cube: Vec<u64>,
 }
 
-/// Where on a patch a material point is, and what it stands for.
+/// Sample of a surface: position and size of the patch of one material point.
 #[derive(Clone, Copy)]
-pub(crate) struct Spot {
-    /// On its ground.
+pub(crate) struct SurfaceSample {
+    /// Position in the material frame [m].
     pub(crate) position: DVec3,
     pub(crate) edges: Edges,
     pub(crate) order: u8,
-    /// Area [m^2], and number of the cube, whose diffuse phase it has.
+    /// Area [m^2], and number of the cube that gives the diffuse phase.
     pub(crate) area: f64,
     pub(crate) cube: u64,
 }
 
 impl Points {
-    /// One more, unless it sends nothing back; its weights are there already.
-    pub(crate) fn push(&mut self, patch: &Patch, ground: &Ground, spot: Spot, num_channels: usize) {
+    /// Append a sample whose weights were appended before; a sample without power is dropped with its weights.
+    pub(crate) fn push(&mut self, patch: &Patch, frame: &MaterialFrame, sample: SurfaceSample, num_channels: usize) {
         let first = self.weights.len() - num_channels;
         if self.weights[first..].iter().all(Weight::is_silent) {
             self.weights.truncate(first);
@@ -56,13 +56,13 @@ impl Points {
         }
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
-        self.order.push(spot.order);
-        self.facet.push(ground.carrier.as_ref().map(|carrier| carrier.vertices));
-        self.position.push(spot.position);
-        self.normal.push(ground.normal(patch.normal));
-        self.patch.push(spot.edges);
-        self.area.push(spot.area);
-        self.cube.push(spot.cube);
+        self.order.push(sample.order);
+        self.facet.push(frame.carrier.as_ref().map(|carrier| carrier.vertices));
+        self.position.push(sample.position);
+        self.normal.push(frame.normal(patch.normal));
+        self.patch.push(sample.edges);
+        self.area.push(sample.area);
+        self.cube.push(sample.cube);
     }
 
     pub(crate) fn with_array(self, array: Array) -> Scatterers {
@@ -93,8 +93,8 @@ impl Points {
         self.cube.append(&mut other.cube);
     }
 
-    /// Patches with one phase add up like fields, not like powers: weigh them so that the power of a cube is that of its
-    /// area, however many cells it was sampled with.
+    /// Scale the diffuse weights of points that share a cube. Equal phases add up as fields, not as powers; the scaled
+    /// power of a cube is that of its area for any number of cells.
     pub(crate) fn share_speckle(&mut self, num_channels: usize) {
         let is_diffuse = |weights: &[Weight]| weights.iter().any(|w| w.diffuse != Complex64::ZERO);
         let mut areas: HashMap<u64, f64> = HashMap::new();

@@ -1,4 +1,4 @@
-//! Scattering: what surfaces that rays hit return, as scatterers with an amplitude for every pair of antennas.
+//! Scattering: scatterers from the surfaces that rays hit, with an amplitude for every pair of antennas.
 
 pub mod depth_image;
 pub mod gather;

@@ -1,4 +1,4 @@
-//! Patches of surfaces, as cells of an image cover them.
+//! Patches of surfaces behind the cells of an image.
 
 use glam::DVec3;
 
@@ -7,17 +7,17 @@ use crate::rays::hits::Hits;
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
 
-/// Surfaces seen at a smaller cosine of incidence return nothing.
+/// Smallest cosine of incidence at which a surface returns power.
 pub(crate) const MIN_COSINE: f64 = 1e-6;
 
-/// What one cell shows.
+/// Plane patch of surface behind one cell.
 #[derive(Clone, Copy)]
 pub(crate) struct Patch {
     /// Number of the cell.
     pub(crate) index: usize,
     pub(crate) body: u32,
     pub(crate) cell: Cell,
-    /// Distance to the curved surface that the facet stands for [m].
+    /// Distance to the curved surface that the triangle approximates [m].
     pub(crate) distance: f64,
     /// Unit normal towards the incident side, sensor frame.
     pub(crate) normal: DVec3,
@@ -37,8 +37,7 @@ impl Patch {
         normal: DVec3::ZERO,
     };
 
-    /// The same about the point of the plane that is so many widths of the cell away; none where the plane is seen at too small
-    /// an angle for that.
+    /// Patch of the same plane behind the cell that is `sides` widths away along u and v. None at grazing angles.
     pub(crate) fn about(&self, sides: [f64; 2]) -> Option<Self> {
         let cell = self.cell.about(sides);
         let distance = self.distance * self.normal.dot(self.cell.direction()) / self.normal.dot(cell.direction());
@@ -50,12 +49,12 @@ impl Patch {
         })
     }
 
-    /// The point in its middle [m].
+    /// Point in the middle of the patch, sensor frame [m].
     pub(crate) fn point(&self) -> DVec3 {
         self.distance * self.cell.direction()
     }
 
-    /// Of surface behind the cell [m^2], if that faces the sensor.
+    /// Area of the patch [m^2]; none where it faces away from the sensor.
     pub(crate) fn area(&self) -> Option<f64> {
         let cosine = -self.normal.dot(self.cell.direction());
         let area = self.distance * self.distance * self.cell.solid_angle() / cosine;
@@ -63,13 +62,13 @@ impl Patch {
     }
 }
 
-/// The vertices of the triangle that the ray of a cell hit and their weights there.
+/// Vertices of the triangle that the ray of a cell hit, and barycentric weights of the hit.
 pub fn place_on_mesh(snapshot: &PosedScene, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
     let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
     (snapshot.surface(body).vertices_of(triangle), weights)
 }
 
-/// What the hit of one pixel shows.
+/// Patch of the hit of one pixel; none where nothing was hit.
 pub(crate) fn patch(hits: &Hits, shown: &SmoothHits, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
     let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);

@@ -13,16 +13,16 @@ use crate::paths::scatterers::{Edges, Weight, bisector};
 use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::material_frame::{Ground, speckle_turns};
-use crate::scattering::material_points::{NO_CELL, Points, Spot};
+use crate::scattering::material_frame::{MaterialFrame, speckle_turns};
+use crate::scattering::material_points::{NO_CELL, Points, SurfaceSample};
 use crate::scattering::patch::Patch;
 use crate::scattering::sampling::Leaf;
 use crate::scattering::taper::taper;
 
-/// The phase turns at the end of a cell at least at this part of the rate that it turns at in its centre, else at that.
+/// Least rate of the phase at the end of a cell, relative to the rate in the centre.
 const LEAST_TURN: f64 = 0.5;
 
-/// How a cell stands for the patch it covers.
+/// Sampling of the patch behind a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// One point, no phase variation over the patch and no random phase: the coherent sum over pixels of Stetco
@@ -38,8 +38,8 @@ pub(crate) struct Weigh<'a> {
 }
 
 impl Weigh<'_> {
-    /// What the material of a surface with a unit normal returns to antennas in unit directions. The angle of incidence is
-    /// that whose cosine is the mean of both, which is the mirror's where it matters.
+    /// Response of the material of a surface with a unit normal to antennas in unit directions. The cosine of incidence
+    /// is the mean of both cosines, which is exact in the specular direction.
     pub(crate) fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
         let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
         let polarization = self.array.polarization;
@@ -47,12 +47,12 @@ impl Weigh<'_> {
         material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
     }
 
-    /// The material point of a patch: what its material sends back by every channel, mirror-like and diffuse.
-    pub(crate) fn patch(&self, patch: &Patch, ground: &Ground, material: &Material, points: &mut Points) {
+    /// Append the material point of a patch, with specular and diffuse weights for every channel.
+    pub(crate) fn patch(&self, patch: &Patch, frame: &MaterialFrame, material: &Material, points: &mut Points) {
         let Some(area) = patch.area() else { return };
         let point = patch.point();
-        let position = ground.position(point);
-        let cube = ground.cube(position);
+        let position = frame.position(point);
+        let cube = frame.cube(position);
         let phase = match self.sampling {
             Sampling::Point => 0.0,
             Sampling::Footprint => TAU * speckle_turns(cube),
@@ -62,26 +62,34 @@ impl Weigh<'_> {
         for channel in 0..self.array.num_channels() {
             let [t, r] = self.array.directions(channel, point);
             let response = self.response(material, patch.normal, t, r);
-            let mut mirror = mirror(&response, area);
-            if self.sampling == Sampling::Footprint && mirror != Complex64::ZERO {
+            let mut specular = specular(&response, area);
+            if self.sampling == Sampling::Footprint && specular != Complex64::ZERO {
                 let bisector = bisector(self.array.frequency, t, r);
-                mirror *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
+                specular *= taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
             }
             let diffuse = phasor * self.diffuse(&response, area);
-            points.weights.push(Weight { mirror, diffuse });
+            points.weights.push(Weight { specular, diffuse });
         }
-        let spot = Spot {
+        let sample = SurfaceSample {
             position,
             edges: Edges::default(),
             order: 0,
             area,
             cube,
         };
-        points.push(patch, ground, spot, self.array.num_channels());
+        points.push(patch, frame, sample, self.array.num_channels());
     }
 
-    /// The material points of a leaf: its ends for what is mirror-like where the phase turns fast, else its centre.
-    pub(crate) fn leaf(&self, patch: &Patch, leaf: &Leaf, ground: &Ground, material: &Material, points: &mut Points) {
+    /// Append the material points of a leaf: edge terms for the specular part where the phase varies fast, else the
+    /// centre.
+    pub(crate) fn leaf(
+        &self,
+        patch: &Patch,
+        leaf: &Leaf,
+        frame: &MaterialFrame,
+        material: &Material,
+        points: &mut Points,
+    ) {
         let Some(area) = patch.area() else { return };
         let num_channels = self.array.num_channels();
         let point = patch.point();
@@ -95,7 +103,7 @@ impl Weigh<'_> {
             )
         };
 
-        // What is mirror-like, by centre, ends or corners.
+        // The specular part, by centre, ends or corners.
         let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
         for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
             let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
@@ -103,7 +111,7 @@ impl Weigh<'_> {
             let there = patch.about(sides).unwrap_or(*patch);
             let area = there.area().unwrap_or(area);
             let edges_there = there.cell.edges(there.distance, there.normal);
-            // Only at glancing angles the end is not in the plane.
+            // At grazing angles alone the end is not in the plane.
             let is_there = there.cell != patch.cell || sides == [0.0; 2];
             let end = if is_there {
                 there.point()
@@ -112,20 +120,20 @@ impl Weigh<'_> {
             };
             for channel in 0..num_channels {
                 let (response, slopes) = of_channel(channel);
-                let mut mirror = mirror(&response, area);
+                let mut specular = specular(&response, area);
                 let [t, r] = self.array.directions(channel, end);
                 let bisector = bisector(self.array.frequency, t, r);
                 if !leaf.is_linear {
-                    mirror *= taper(slopes[0]) * taper(slopes[1]);
+                    specular *= taper(slopes[0]) * taper(slopes[1]);
                 }
                 for axis in axes.iter().copied() {
                     // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
                     let (x, x_there) = (slopes[axis], bisector.dot(edges_there[axis]));
                     let x = if x_there / x > LEAST_TURN { x_there } else { x };
-                    mirror *= Complex64::new(0.0, sides[axis] / x);
+                    specular *= Complex64::new(0.0, sides[axis] / x);
                 }
                 let diffuse = Complex64::ZERO;
-                points.weights.push(Weight { mirror, diffuse });
+                points.weights.push(Weight { specular, diffuse });
             }
             let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
             let across = [0, 1].map(|axis| {
@@ -135,18 +143,18 @@ impl Weigh<'_> {
                     DVec3::ZERO
                 }
             });
-            let spot = Spot {
-                position: ground.position(end),
-                edges: ground.edges(across),
+            let sample = SurfaceSample {
+                position: frame.position(end),
+                edges: frame.edges(across),
                 order: axes.len() as u8,
                 area: 0.0,
                 cube: 0,
             };
-            points.push(patch, ground, spot, num_channels);
+            points.push(patch, frame, sample, num_channels);
         }
     }
 
-    /// A diffuse point of a surface.
+    /// Append a diffuse point of a surface.
     pub(crate) fn diffuse_point(
         &self,
         snapshot: &PosedScene,
@@ -159,18 +167,18 @@ impl Weigh<'_> {
         let Speckle {
             points: spread, normal, ..
         } = speckle;
-        let ground = Ground::of_mesh(snapshot, body, spread.triangle[point], 0);
+        let frame = MaterialFrame::of_mesh(snapshot, body, spread.triangle[point], 0);
         let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
         let position = spread.position(surface, point);
-        let place = ground.pose.point(position);
-        // A surface that stretches has the same points with more area each.
+        let place = frame.pose.point(position);
+        // A surface that stretches keeps its points; the area of each grows.
         let stretch = area(&surface.corners(triangle)) / area(&surface.rest_corners(triangle));
         let phasor = Complex64::cis(TAU * spread.turns[point]);
         for channel in 0..self.array.num_channels() {
             let [t, r] = self.array.directions(channel, place);
             let response = self.response(material, normal[point], t, r);
             points.weights.push(Weight {
-                mirror: Complex64::ZERO,
+                specular: Complex64::ZERO,
                 diffuse: phasor * self.diffuse(&response, stretch * spread.area),
             });
         }
@@ -180,23 +188,23 @@ impl Weigh<'_> {
             normal: normal[point],
             ..Patch::NOTHING
         };
-        let spot = Spot {
-            position: ground.position(place),
+        let sample = SurfaceSample {
+            position: frame.position(place),
             edges: Edges::default(),
             order: 0,
             area: 0.0,
             cube: 0,
         };
-        points.push(&patch, &ground, spot, self.array.num_channels());
+        points.push(&patch, &frame, sample, self.array.num_channels());
     }
 
-    /// `(lambda / 4 pi) sqrt(rho dA / pi)`.
+    /// Magnitude of the diffuse weight `(lambda / 4 pi) sqrt(rho dA / pi)`.
     pub(crate) fn diffuse(&self, response: &Response, area: f64) -> f64 {
         SPEED_OF_LIGHT / self.array.frequency / (4.0 * PI) * (response.albedo * area / PI).sqrt()
     }
 }
 
-/// `(j / 4 pi) Gamma dA / 2`.
-pub(crate) fn mirror(response: &Response, area: f64) -> Complex64 {
+/// Specular weight `(j / 4 pi) Gamma dA / 2`.
+pub(crate) fn specular(response: &Response, area: f64) -> Complex64 {
     Complex64::new(0.0, 1.0 / (8.0 * PI)) * response.reflection * area
 }

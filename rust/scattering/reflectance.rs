@@ -1,4 +1,4 @@
-//! Reflectance of every pixel, for depth images as a camera gives them.
+//! Reflectance of every pixel, for depth images like those of a camera.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,8 +9,8 @@ use crate::rays::hits::Hits;
 use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material::Material;
 
-/// Power that the material at every pixel returns, mirror-like and diffuse, over incident power, to antennas at the centre
-/// of the array; zero where nothing was hit. `shown` is asked only where it depends on the angle.
+/// Power reflectance of the material at every pixel, specular and diffuse, for antennas at the centre of the array;
+/// zero where nothing was hit. `shown` is evaluated only for materials that depend on the angle.
 pub fn reflectance<'a>(
     hits: &Hits,
     materials: &[Material],

@@ -1,4 +1,4 @@
-//! What a frame samples of a scene: cells for what is mirror-like, points of the surfaces for what is diffuse.
+//! Samples of a scene for a frame: cells for the specular part, random points of the surfaces for the diffuse one.
 
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
@@ -7,38 +7,38 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
-use crate::scattering::sampling::{Leaf, Quadtree, Rule};
+use crate::scattering::sampling::{Leaf, Quadtree, Refinement};
 
-/// Cells and points.
+/// Cells and random points.
 pub struct Samples {
     tree: Quadtree,
-    /// The cells that hit something and were not split.
+    /// Leaves of the quadtree with a hit.
     pub leaves: Vec<Leaf>,
-    /// Points of the bodies whose materials scatter.
+    /// Random points of the bodies whose materials are diffuse.
     pub speckles: Vec<Option<Speckle>>,
-    /// What was done for them.
+    /// Counts of rays and of tiles.
     pub counts: Counts,
 }
 
 impl Samples {
-    /// Cast rays where they are needed; `seed` is that of the points. What was sampled before is taken over where no body has
-    /// moved since.
+    /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are
+    /// reused where no body has moved since.
     pub fn new(
         snapshot: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
-        rule: &Rule,
+        refinement: &Refinement,
         seed: u64,
         before: Option<(&PosedScene, &Self)>,
     ) -> Result<Self> {
-        rule.check()?;
-        let [u, v] = rule.base.ranges();
+        refinement.check()?;
+        let [u, v] = refinement.base.ranges();
         let in_front = |beam: &Beam| beam.in_front(|| snapshot.nearest_in_front(), u, v);
-        let beam = rule.beam.and_then(in_front);
-        let rule = &Rule {
+        let beam = refinement.beam.and_then(in_front);
+        let refinement = &Refinement {
             beam: beam.as_ref(),
-            ..*rule
+            ..*refinement
         };
         let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
         let cast = &Cast {
@@ -52,7 +52,7 @@ impl Samples {
             cast,
             materials,
             array,
-            rule,
+            refinement,
             previous.map(|samples| &samples.tree).zip(moved.as_ref()),
         )?;
         let mut counts = tree.counts;
@@ -63,7 +63,7 @@ impl Samples {
                 continue;
             }
             let known = previous.and_then(|samples| samples.speckles[body].as_ref());
-            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, rule, seed, known, moved.as_ref());
+            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, refinement, seed, known, moved.as_ref());
             counts = counts.plus(more);
             speckles.push(Some(speckle));
         }
@@ -75,7 +75,7 @@ impl Samples {
         })
     }
 
-    /// Cells that could have been split.
+    /// Number of cells that could be split further.
     pub fn num_coarse(&self) -> usize {
         self.tree.num_coarse
     }

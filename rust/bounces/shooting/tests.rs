@@ -16,17 +16,18 @@ struct Echo {
     order: usize,
     /// Half the length of the path [m].
     half_path: f64,
-    /// Its derivatives by the plane coordinates of the image [m]; times the width of the cell and the wave number they
-    /// are half the change of the phase over the cell.
+    /// Derivatives of the path by the plane coordinates of the image [m]; times the width of the cell and the wave
+    /// number they are half the change of the phase over the cell.
     slope: [f64; 2],
-    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega` here.
+    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega`
+    /// here.
     amplitude: Complex64,
     /// `sqrt(Gt Gr)` of the directions of departure and arrival.
     gain: f64,
 }
 
-/// What every cell returns to the centre of the array by two and more reflections, with the patterns of the first antennas;
-/// one material per body.
+/// Echoes of every cell at the centre of the array by two and more reflections, with the patterns of the first
+/// antennas; one material per body.
 fn echoes(
     snapshot: &PosedScene,
     launches: &[Launch],
@@ -40,16 +41,16 @@ fn echoes(
     let sensor = Sensor::new(snapshot, materials, array, limits);
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
-        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, places| {
-            let Some((sent, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
+        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, interactions| {
+            let Some((radiated, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
                 return;
             };
             echoes.push(Echo {
-                order: places.len(),
+                order: interactions.len(),
                 half_path: 0.5 * (tube.length + distance),
-                slope: tube.slope(-tube.place.point.normalize()),
-                amplitude: sent.amplitude / distance,
-                gain: (transmitter.gain(places[0].point) * receiver.gain(tube.place.point)).sqrt(),
+                slope: tube.slope(-tube.interaction.point.normalize()),
+                amplitude: radiated.amplitude / distance,
+                gain: (transmitter.gain(interactions[0].point) * receiver.gain(tube.interaction.point)).sqrt(),
             });
         });
         echoes
@@ -85,13 +86,13 @@ fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
     Arc::new(Surface::new(&vertices, &[[0, 1, 2], [0, 2, 3]], ShadingMode::Flat).unwrap())
 }
 
-/// A patch of a sphere about a place, `rings` times `rings` cells to both sides of a direction.
+/// A patch of a sphere about a point, `rings` times `rings` cells to both sides of a direction.
 fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: u32) -> Arc<Surface> {
     let (x, y) = towards.any_orthonormal_pair();
-    let place = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
+    let angle = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
     let vertices: Vec<DVec3> = (0..=cells)
         .flat_map(|i| (0..=cells).map(move |j| (i, j)))
-        .map(|(i, j)| center + radius * (towards + place(i).tan() * x + place(j).tan() * y).normalize())
+        .map(|(i, j)| center + radius * (towards + angle(i).tan() * x + angle(j).tan() * y).normalize())
         .collect();
     let triangles: Vec<[u32; 3]> = (0..cells)
         .flat_map(|i| (0..cells).map(move |j| i * (cells + 1) + j))
@@ -121,7 +122,7 @@ fn launches(snapshot: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
     Launch::of_image(&snapshot.cast_image(plane).unwrap())
 }
 
-/// What a cell has hit, if anything.
+/// Hit of a cell, if any.
 fn cell(snapshot: &PosedScene, u: f64, v: f64) -> Option<Launch> {
     let hit = snapshot.cast(&Ray {
         origin: DVec3::ZERO,
@@ -158,11 +159,11 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
             assert!((slope - expected / (2.0 * step)).abs() < 1e-7, "{echo:?}");
         }
         // W dOmega L / (R cos_i): the wave from the image is a wave from a point.
-        let (way, back) = (last(u, v) - image, last(u, v));
-        let cosine = -normal.dot(way.normalize());
+        let (direction, back) = (last(u, v) - image, last(u, v));
+        let cosine = -normal.dot(direction.normalize());
         let weight = 0.5 * (cosine - normal.dot(back.normalize()));
         let solid_angle = 1e-6 * (1.0 + u * u + v * v).powf(-1.5);
-        let expected = weight * solid_angle * way.length() / (back.length() * cosine);
+        let expected = weight * solid_angle * direction.length() / (back.length() * cosine);
         assert!((echo.amplitude - expected).norm() < 1e-12 * expected, "{echo:?}");
     }
 }
@@ -272,7 +273,7 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
                 let [Some(next), Some(last)] = [twice(u + du, v + dv), twice(u - du, v - dv)] else {
                     continue;
                 };
-                let edge = (next.place.point - last.place.point) / (2.0 * step);
+                let edge = (next.interaction.point - last.interaction.point) / (2.0 * step);
                 let turn = (next.direction - last.direction) / (2.0 * step);
                 assert!(
                     tube.edges[i].distance(edge) < 2e-3 * edge.length(),
@@ -305,7 +306,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         let conductor = Incidence {
             direction: k,
             normal: n,
-            mirrored: [Complex64::from(-1.0), Complex64::ONE],
+            coefficients: [Complex64::from(-1.0), Complex64::ONE],
         };
         let field = Field::launch(Some(e), k);
         let Field::Vector([re, _]) = field else { unreachable!() };
@@ -314,27 +315,27 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
         };
         assert!(got.distance(2.0 * n * n.dot(re) - re) < 1e-12 && im == DVec3::ZERO);
 
-        // Back to where it came from: Gamma cos of README eqs. (2) and (5), whatever the material.
+        // Back to the antenna: Gamma cos of docs/theory.md eqs. (2) and (5), for every material.
         let (te, tm) = (Complex64::new(-0.6, 0.2), Complex64::new(0.3, -0.1));
         let any = Incidence {
-            mirrored: [te, tm],
+            coefficients: [te, tm],
             ..conductor
         };
         let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
         let gamma = te * seen.te - tm * seen.tm;
-        let sent = field.send(&any, -k, Some(transverse(e, -k)));
-        assert!((sent - gamma * any.cosine()).norm() < 1e-12, "{sent} {gamma}");
-        // Into the mirror's direction: cos E_r.
+        let radiated = field.radiate(&any, -k, Some(transverse(e, -k)));
+        assert!((radiated - gamma * any.cosine()).norm() < 1e-12, "{radiated} {gamma}");
+        // In the specular direction: cos E_r.
         let Field::Vector([re, im]) = field.reflect(&any) else {
             unreachable!()
         };
         let to = any.reflected();
         let received = transverse(e, to);
         let expected = Complex64::new(re.dot(received), im.dot(received)) * any.cosine();
-        assert!((field.send(&any, to, Some(received)) - expected).norm() < 1e-12);
+        assert!((field.radiate(&any, to, Some(received)) - expected).norm() < 1e-12);
         // Without a polarisation likewise.
-        let sent = Field::Scalar(Complex64::ONE).send(&conductor, to, None);
-        assert!((sent + conductor.cosine()).norm() < 1e-12);
+        let radiated = Field::Scalar(Complex64::ONE).radiate(&conductor, to, None);
+        assert!((radiated + conductor.cosine()).norm() < 1e-12);
     }
 }
 
@@ -357,7 +358,7 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
         let mut tube = Tube::launch(&snapshot, &launch, DVec3::ZERO, None).unwrap();
         tube.reflect([Complex64::ONE, -Complex64::ONE]);
         assert!(tube.advance(&snapshot));
-        assert_eq!(tube.place.body, 1);
+        assert_eq!(tube.interaction.body, 1);
         let Field::Scalar(field) = tube.field else {
             unreachable!()
         };
@@ -417,7 +418,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
     let poses = [Pose::IDENTITY; 2];
-    let places = crate::paths::kinematics::Places {
+    let kinematics = crate::paths::kinematics::Kinematics {
         num_nodes: 1,
         num_bodies: 2,
         poses: &poses,
@@ -430,7 +431,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
         last: one.len(),
         step: 1,
     };
-    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&places, &places, all).unwrap());
+    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&kinematics, &kinematics, all).unwrap());
     assert_eq!((a.delay, a.amplitude), (b.delay, b.amplitude));
     assert_eq!(counts.stopped, 0);
     // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.

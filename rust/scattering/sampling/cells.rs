@@ -1,4 +1,4 @@
-//! Cells of the image plane, what they show, and what they say of their neighbours.
+//! Cells of the quadtree, their echoes, and the pair errors of neighbours.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -11,11 +11,11 @@ use crate::rays::batch::Found;
 use crate::rays::camera::{Cell, ImagePlane, morton};
 use crate::rays::hits::Counts;
 
-/// How often a cell of the base grid can be halved.
+/// Largest number of times that a cell of the base grid is halved.
 pub const MAX_LEVEL: usize = 6;
 
-/// Cells are split until what each leaves open is this part of the field of the smallest cross-section of interest. Thousands of
-/// cells together then leave open a tenth to a third of it (spheres of 5 to 20 cm).
+/// Residual error of a cell relative to the field of the smallest cross-section of interest, at which splitting stops.
+/// Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to 20 cm).
 pub(super) const SHARE: f64 = 1e-2;
 
 /// Parts of meshes that are smaller than a cell get as many cells across.
@@ -30,8 +30,9 @@ pub(super) const SMOOTH: f64 = 0.5;
 /// Half of what the phase turns over a cell from which on it stands for its ends [rad].
 pub(super) const STEEP: f64 = 1.0;
 
-/// What cells may leave open goes down by this factor, in the end by less if the next step would take more rays than there are:
-/// cells that are done but for some leave edges where they end, which are worse than all of them somewhat coarser.
+/// Factor by which the allowed residual error decreases from step to step, in the end by less if the next step would
+/// take more rays than there are: cells that are done but for some leave edges where they end, which are worse than all
+/// of them somewhat coarser.
 pub(super) const FIRST_STEP: f64 = 4.0;
 
 pub(super) const LAST_STEP: f64 = 1.4;
@@ -53,22 +54,22 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Most cells of the base grid, along either side: rows and columns of the finest are numbered in 32 bits.
 pub(super) const MAX_SIDE: usize = 1 << 14;
 
-/// What cells are split for.
+/// Settings of the refinement.
 #[derive(Clone, Copy, Debug)]
-pub struct Rule<'a> {
+pub struct Refinement<'a> {
     /// The coarsest cells.
     pub base: ImagePlane,
     /// Smallest cross-section of interest [m^2].
     pub rcs_floor: f64,
     /// Most rays to cast; without one, as many as the floor asks for.
     pub budget: Option<usize>,
-    /// Whether cells whose phase turns fast stand for their ends; see [`Leaf`].
+    /// True if cells whose phase varies fast are integrated by edge terms; see [`Leaf`].
     pub end_points: bool,
     /// Directions with enough gain; none: all.
     pub beam: Option<&'a Beam>,
 }
 
-/// Cells of all levels, and what their rays hit.
+/// Quadtree: cells of all levels, with the hits of their rays.
 pub struct Quadtree {
     pub(super) planes: Vec<ImagePlane>,
     /// Node of every cell of the base grid, row by row.
@@ -79,54 +80,57 @@ pub struct Quadtree {
     pub(super) parts: Vec<u32>,
     /// The node of every four parts.
     pub(super) wholes: Vec<u32>,
-    /// What is on the sides of every node, in the order of [`SIDES`]; up to date for those without parts.
+    /// Links to the neighbours on the sides of every node, in the order of [`SIDES`]; up to date for those without
+    /// parts.
     pub(super) links: Vec<[Link; 4]>,
-    /// What rays have hit whose cells were taken back.
+    /// Hits of rays whose cells were removed again.
     pub(super) spare: HashMap<Place, Found>,
     /// Cells whose rays were cast, these included.
     pub(super) num_cast: usize,
-    /// What was done for them.
+    /// Counts of rays and of tiles.
     pub counts: Counts,
-    /// Cells that were not split, though they could have been: nothing was to be gained.
+    /// Number of cells that could be split further: the criterion does not ask for finer ones, or the budget is
+    /// exhausted.
     pub num_coarse: usize,
-    /// How much cells may leave open: 1, or more where the budget does not pay for that.
+    /// Residual error allowed per cell: 1, or more where the budget is exhausted.
     pub allowed: f64,
     pub(super) beam: Option<Beam>,
     pub(super) wavelength: f64,
     pub(super) end_points: bool,
 }
 
-/// What cancels the end of a cell.
+/// Partner that cancels the edge term of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Partner {
     /// Nothing.
     None,
-    /// What is beyond the border of what is seen.
+    /// Surface beyond the border of the image.
     Border,
     /// The end of the cell of a number.
     Cell(usize),
 }
 
-/// What two neighbours say of what is between them.
+/// Pair error: difference between two neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// Field per solid angle over what may be left open.
+    /// Field per solid angle over the allowed residual field.
     pub(super) field: f32,
-    /// What of it may be something else than one smooth surface.
+    /// Part that may be other than one smooth surface.
     pub(super) jump: f32,
-    /// What of it is left open; and what, if they share an end that both leave out.
+    /// Residual error; and residual error if both leave out a shared edge term.
     pub(super) apart: f32,
     pub(super) together: f32,
-    /// Whether they show one surface, on which such an end is the same for both.
+    /// True if both are on one surface, where a shared edge term is equal for both.
     pub(super) is_alike: bool,
 }
 
-/// What is on one side of a cell.
+/// Link to the neighbour on one side of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link {
-    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not known.
+    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not
+    /// known.
     pub(super) other: u32,
-    /// What both say. It depends on what they see alone, so it stays as long as they are neighbours.
+    /// Pair error of both. It depends on their hits alone and stays valid as long as they are neighbours.
     pub(super) pair: Pair,
 }
 
@@ -147,7 +151,7 @@ impl Pair {
         is_alike: true,
     };
 
-    /// Of all pairs along a side: the worst of each.
+    /// Worst pair errors of all pairs along a side.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             field: self.field.max(other.field),
@@ -159,14 +163,14 @@ impl Pair {
     }
 }
 
-/// How a cell stands for what is seen through it; see [`Leaf`].
+/// Edge terms of a cell; see [`Leaf`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ends {
     pub(super) is_linear: bool,
     pub(super) has: [bool; 2],
 }
 
-/// Where a cell is on the grid of its level.
+/// Place of a cell: level, row and column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Place {
     pub(super) level: u8,
@@ -182,43 +186,43 @@ pub(super) struct Node {
     /// [sr]
     pub(super) solid_angle: f64,
     pub(super) found: Found,
-    pub(super) look: Look,
-    /// How much it leaves open, relative to what it may, once that is known.
+    pub(super) look: CellEcho,
+    /// Residual error relative to the allowed one, once known.
     pub(super) open: f64,
 }
 
 /// A cell that was not split.
 ///
-/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or so to
-/// either side along an axis, the integral over the cell is that of its two ends, at every frequency:
-/// `sin(x)/x exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
+/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or
+/// so to either side along an axis, the integral over the cell is that of its two ends, at every frequency: `sin(x)/x
+/// exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
 #[derive(Clone, Copy, Debug)]
 pub struct Leaf {
-    /// Where it is.
+    /// Place in the quadtree.
     pub cell: Cell,
-    /// What its ray hit.
+    /// Hit of the ray.
     pub found: Found,
-    /// Whether its phase is linear.
+    /// True if the phase is linear over the cell.
     pub is_linear: bool,
     /// The axes, u and v, of which it has ends.
     pub has_ends: [bool; 2],
-    /// Which of its points no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both axes
-    /// have ends, or the centre.
+    /// Points that no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both
+    /// axes have ends, or the centre.
     pub kept: u8,
 }
 
-/// What a cell adds to the sum, and how it varies.
+/// Echo of a cell: its part of the sum, and derivatives.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
+pub(super) struct CellEcho {
     /// Field reflected and received, relative to a conductor where the gain is largest.
     pub(super) amplitude: f64,
     /// Half of what the phase turns over the cell, along u and v [rad].
     pub(super) slope: [f64; 2],
-    /// Along which axes it may have ends: where every channel's phase turns fast, in the same sense.
+    /// Axes with edge terms: the phase of every channel varies fast, with the same sign.
     pub(super) steep: [bool; 2],
-    /// Field per solid angle that may be left open here [sr].
+    /// Allowed residual field per solid angle [sr].
     pub(super) tolerance: f64,
-    /// Where its ray ends [m], and by how much that advances along the normal per length.
+    /// Position of the hit [m], and its advance along the normal per length.
     pub(super) point: DVec3,
     pub(super) advance: f64,
 }
@@ -240,7 +244,7 @@ impl Place {
     }
 }
 
-impl Look {
+impl CellEcho {
     pub(super) const NOTHING: Self = Self {
         amplitude: 0.0,
         slope: [0.0; 2],
@@ -251,8 +255,8 @@ impl Look {
     };
 }
 
-impl Rule<'_> {
-    /// Refuses what cannot be.
+impl Refinement<'_> {
+    /// Check the settings.
     pub fn check(&self) -> Result<()> {
         self.base.check()?;
         let (rows, columns) = (self.base.rows, self.base.columns);

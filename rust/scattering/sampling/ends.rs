@@ -1,4 +1,4 @@
-//! Ends of cells, and which of them neighbours cancel.
+//! Edge terms of cells, and their cancellation between neighbours.
 
 use rayon::prelude::*;
 
@@ -22,7 +22,7 @@ impl Quadtree {
             .collect()
     }
 
-    /// Of which axes a cell has ends.
+    /// Axes along which a cell has edge terms.
     pub(super) fn ends(&self, index: usize) -> Ends {
         let node = &self.nodes[index];
         if self.parts[index] != NONE || !node.found.is_hit() || node.open > self.allowed {
@@ -66,7 +66,7 @@ impl Quadtree {
         kept
     }
 
-    /// What cancels the end of a cell on one side.
+    /// Partner that cancels the edge term of a cell on one side.
     pub(super) fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
         match self.linked(index, axis, side) {
             None => Partner::Border,
@@ -75,8 +75,8 @@ impl Quadtree {
         }
     }
 
-    /// Of the cell beside one along v, or its parts, the one that has a corner where that one has; none where a larger one has
-    /// its side there.
+    /// Cell beside one along v, or the part of it, that shares a corner with the cell; none where a larger
+    /// one has its side there.
     pub(super) fn at_corner(&self, index: usize, beside: usize, u: usize, v: usize) -> Option<usize> {
         let (place, other) = (&self.nodes[index].place, &self.nodes[beside].place);
         let last = (1 << (place.level - other.level)) - 1;

@@ -1,16 +1,17 @@
-//! Adaptive sampling: a quadtree of cells of the image plane, fine where what is seen through a cell is not yet known.
+//! Adaptive sampling: a quadtree of cells of the image plane, refined where the residual error of a cell is large.
 //!
-//! Every cell has a ray through its centre, and what that hits stands for the cell with a phase that varies linearly over it
-//! (README eq. (2) and its footprint). A cell is compared with its neighbours: where they differ by more than that allows, and
-//! the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are one batch of rays.
+//! Every cell has a ray through its centre, and the hit represents the cell with a phase that varies linearly over it
+//! (docs/theory.md eq. (2) and its footprint). A cell is compared with its neighbours: where they differ by more than
+//! that allows, and the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are
+//! one batch of rays.
 
 mod cells;
+mod criterion;
 mod ends;
-mod judge;
 mod pairs;
 mod refine;
 
-pub use cells::{Leaf, Quadtree, Rule};
+pub use cells::{Leaf, Quadtree, Refinement};
 
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
-//! Pairs of neighbouring cells: what is between them.
+//! Pair errors of neighbouring cells.
 
 use std::f64::consts::TAU;
 
-use super::cells::{Ends, Look, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
+use super::cells::{CellEcho, Ends, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 
 impl Quadtree {
-    /// How much a cell leaves open, at most, relative to what it may.
+    /// Bound on the residual error of a cell, relative to the allowed one.
     pub(super) fn left_open(&self, index: usize) -> f64 {
         let node = &self.nodes[index];
         if !node.found.is_seen {
@@ -37,9 +37,9 @@ impl Quadtree {
         f64::from(most) * node.solid_angle
     }
 
-    /// What a cell and what is beside it say of what is between them, and whether the end of the cell on that side is cancelled:
-    /// by cells as large or smaller all along it, or by a larger one that is cancelled all along its side. With `ends`, those of
-    /// all cells, linear ones only.
+    /// Pair error of a cell and the neighbour on one side, and true if the edge term of the cell on that side is
+    /// cancelled: by cells as large or smaller all along it, or by a larger one that is cancelled all along its side.
+    /// With `ends`, those of all cells, linear ones only.
     pub(super) fn beside(&self, index: usize, axis: usize, side: usize, other: usize, ends: &[Ends]) -> (Pair, bool) {
         let is_linear = |node: usize| ends.get(node).is_none_or(|ends| ends.is_linear);
         let pair = self.links[index][2 * axis + side].pair;
@@ -63,7 +63,7 @@ impl Quadtree {
         (pair, is_shared)
     }
 
-    /// What all cells along a side of one, and the one beside that, say of what is between them.
+    /// Pair errors of all cells along a side of one with the neighbour on that side.
     pub(super) fn pair_along(&self, node: usize, axis: usize, side: usize) -> Pair {
         if self.parts[node] == NONE {
             return self.links[node][2 * axis + side].pair;
@@ -73,7 +73,7 @@ impl Quadtree {
             .and(self.pair_along(last, axis, side))
     }
 
-    /// Whether all cells along a side of one are linear.
+    /// True if all cells along a side of one are linear.
     pub(super) fn are_linear(&self, node: usize, axis: usize, side: usize, ends: &[Ends]) -> bool {
         if self.parts[node] == NONE {
             return ends.get(node).is_none_or(|ends| ends.is_linear);
@@ -100,7 +100,7 @@ impl Quadtree {
         [first, first + (2 >> axis)]
     }
 
-    /// What a cell and a neighbour along an axis say of what is between them.
+    /// Pair error of a cell and a neighbour along an axis.
     pub(super) fn compare(&self, index: usize, beside: usize, axis: usize) -> Pair {
         let (node, other) = (&self.nodes[index], &self.nodes[beside]);
         // The other's slopes over a cell of this size, which is no larger.
@@ -115,7 +115,7 @@ impl Quadtree {
                 *damped /= if turns_round { 1.0 } else { 1.0 + slopes[axis].abs() };
             }
         }
-        let of = |look: &Look, damped: f64| look.amplitude * damped / look.tolerance;
+        let of = |look: &CellEcho, damped: f64| look.amplitude * damped / look.tolerance;
         let field = of(&node.look, damped[0])
             .max(of(&other.look, damped[1]))
             .min(f64::from(f32::MAX));
@@ -141,8 +141,8 @@ impl Quadtree {
         let from_planes = wavenumber * height(node).max(height(other));
         let jump = from_slopes.abs().min(from_planes) / square;
 
-        // What the slopes differ by. Where the cell has ends, that is so much less as these have slopes: of the cell, or in a
-        // plane their own. Amplitudes of one material only differ smoothly.
+        // The difference of the slopes. Where the cell has ends, that is so much less as these have slopes: of the
+        // cell, or in a plane their own. Amplitudes of one material only differ smoothly.
         let is_plane = from_planes < PLANE;
         let steep = node.look.steep;
         let bend = |axis: usize| {

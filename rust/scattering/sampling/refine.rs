@@ -1,11 +1,11 @@
-//! Refinement: cells are split until they leave open little enough.
+//! Refinement: cells are split until their residual error is small enough.
 
 use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Rule, SIDES};
-use super::judge::{Judge, Target, bundles, cell};
+use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Refinement, SIDES};
+use super::criterion::{Criterion, Target, bundles, cell};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
@@ -23,20 +23,23 @@ impl Quadtree {
         cast: &Cast,
         materials: &[Material],
         array: &Array,
-        rule: &Rule,
+        refinement: &Refinement,
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
-        let judge = Judge {
+        let criterion = Criterion {
             snapshot,
             materials,
             array,
-            rule,
+            refinement,
             wavelength: SPEED_OF_LIGHT / array.frequency,
         };
-        let previous = previous.filter(|(tree, _)| tree.planes[0] == rule.base && tree.beam.as_ref() == rule.beam);
+        let previous =
+            previous.filter(|(tree, _)| tree.planes[0] == refinement.base && tree.beam.as_ref() == refinement.beam);
         let mut tree = Self {
-            planes: (0..=MAX_LEVEL).map(|level| rule.base.divided(1 << level)).collect(),
-            roots: vec![NONE; rule.base.num_pixels()],
+            planes: (0..=MAX_LEVEL)
+                .map(|level| refinement.base.divided(1 << level))
+                .collect(),
+            roots: vec![NONE; refinement.base.num_pixels()],
             nodes: Vec::new(),
             parts: Vec::new(),
             wholes: Vec::new(),
@@ -46,35 +49,35 @@ impl Quadtree {
             counts: Counts::default(),
             num_coarse: 0,
             allowed: 1.0,
-            beam: rule.beam.cloned(),
-            wavelength: judge.wavelength,
-            end_points: rule.end_points,
+            beam: refinement.beam.cloned(),
+            wavelength: criterion.wavelength,
+            end_points: refinement.end_points,
         };
-        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&judge, cast, previous, &cells);
+        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&criterion, cast, previous, &cells);
 
         // The base grid.
-        let cells = rule.base_cells();
+        let cells = refinement.base_cells();
         for (node, cell) in cells.iter().enumerate() {
-            tree.roots[cell.row as usize * rule.base.columns + cell.column as usize] = node as u32;
+            tree.roots[cell.row as usize * refinement.base.columns + cell.column as usize] = node as u32;
         }
         add(&mut tree, cells)?;
 
         // Parts of meshes that it may have missed.
-        let targets = judge.targets();
+        let targets = criterion.targets();
         for level in 0..MAX_LEVEL {
             let mut split = tree.cells_on(&targets, level);
-            split.truncate(rule.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
+            split.truncate(refinement.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
             let cells = tree.split(&mut split);
             add(&mut tree, cells)?;
         }
 
-        // Cells that leave too much open, of a smaller and smaller target, as far as the budget goes.
+        // Cells with too large a residual error, of a smaller and smaller target, as far as the budget goes.
         let all: Vec<u32> = (0..tree.nodes.len() as u32).collect();
         tree.link(&all);
         tree.measure(&all);
         tree.raise(&all);
         tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
-        let (mut step, most) = (FIRST_STEP, rule.budget.unwrap_or(usize::MAX));
+        let (mut step, most) = (FIRST_STEP, refinement.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
             let before = tree.allowed;
             tree.allowed = (before / step).max(1.0);
@@ -90,7 +93,7 @@ impl Quadtree {
         Ok(tree)
     }
 
-    /// Split cells until none leaves more open than is allowed, unless that takes more rays than some number.
+    /// Split cells until no residual error exceeds the allowed one, unless that takes more rays than some number.
     pub(super) fn refine(
         &mut self,
         most: usize,
@@ -120,7 +123,7 @@ impl Quadtree {
         Ok(true)
     }
 
-    /// Take back the last cells, and how much the others had left open.
+    /// Remove the last cells, and restore the residual errors of the others.
     pub(super) fn go_back(&mut self, open: &[f64]) {
         let number = open.len();
         self.spare
@@ -172,7 +175,7 @@ impl Quadtree {
         links
     }
 
-    /// What is on one side of a cell, if that is seen.
+    /// Link to the neighbour on one side of a cell, if there is one.
     pub(super) fn linked(&self, index: usize, axis: usize, side: usize) -> Option<usize> {
         let other = self.links[index][2 * axis + side].other as usize;
         let node = self.nodes.get(other)?;
@@ -196,7 +199,7 @@ impl Quadtree {
         }
     }
 
-    /// Find out how much some cells leave open.
+    /// Update the residual errors of cells.
     pub(super) fn measure(&mut self, nodes: &[u32]) {
         let left_open = |node: &u32| {
             let node = *node as usize;
@@ -232,8 +235,8 @@ impl Quadtree {
         cells
     }
 
-    /// Cells leave more open than they show where finer ones beside them say so: what a fine cell at the border sees is not what
-    /// the ray in the middle of a coarse one does.
+    /// Raise the residual errors of cells by those of finer neighbours: what a fine cell at the border sees is
+    /// not what the ray in the middle of a coarse one does.
     pub(super) fn raise(&mut self, nodes: &[u32]) {
         let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
         for (node, raised) in nodes.iter().zip(raised) {
@@ -242,7 +245,7 @@ impl Quadtree {
         }
     }
 
-    /// What finer cells beside a cell that are open themselves say that it leaves open.
+    /// Residual error of a cell by the finer cells beside it.
     pub(super) fn raised(&self, index: usize) -> f64 {
         let mut most: f64 = 0.0;
         if self.parts[index] != NONE {
@@ -272,13 +275,13 @@ impl Quadtree {
         if most > 1.0 { most } else { 0.0 }
     }
 
-    /// Whether a cell leaves too much open and can be split.
+    /// True if the residual error of a cell is too large and the cell can be split.
     pub(super) fn is_open(&self, node: u32) -> bool {
         let node = node as usize;
         self.nodes[node].open > self.allowed && self.could_be_split(node)
     }
 
-    /// Whether a cell has no parts and can have some.
+    /// True if a cell has no parts and can be split.
     pub(super) fn could_be_split(&self, node: usize) -> bool {
         self.parts[node] == NONE && usize::from(self.nodes[node].place.level) < MAX_LEVEL
     }
@@ -286,7 +289,7 @@ impl Quadtree {
     /// Cast the rays of new cells.
     pub(super) fn add(
         &mut self,
-        judge: &Judge,
+        criterion: &Criterion,
         cast: &Cast,
         previous: Option<(&Self, &Tree)>,
         cells: &[Place],
@@ -319,7 +322,9 @@ impl Quadtree {
                 (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = judge.snapshot.cast_batch(&points, &bundles(&new), cast, known.as_ref());
+        let (found, counts) = criterion
+            .snapshot
+            .cast_batch(&points, &bundles(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         self.num_cast += new.len();
         let mut found = found.into_iter();
@@ -340,7 +345,7 @@ impl Quadtree {
                 place: *place,
                 cell,
                 solid_angle: cell.solid_angle(),
-                look: judge.look(&cell, &found),
+                look: criterion.look(&cell, &found),
                 found,
                 open: 0.0,
             }
@@ -351,7 +356,8 @@ impl Quadtree {
         Ok(())
     }
 
-    /// The places of the four parts of every cell, those near each other one after the other; they will be the next nodes.
+    /// The places of the four parts of every cell, those near each other one after the other; they will be the next
+    /// nodes.
     pub(super) fn split(&mut self, nodes: &mut [u32]) -> Vec<Place> {
         nodes.sort_by_cached_key(|node| self.nodes[*node as usize].place.order());
         let mut cells = Vec::with_capacity(4 * nodes.len());
@@ -416,7 +422,7 @@ impl Quadtree {
         nodes
     }
 
-    /// How many cells can be split within a budget.
+    /// Number of cells that can be split within a budget.
     pub(super) fn affordable(&self, budget: usize) -> usize {
         budget.saturating_sub(self.num_cast) / 4
     }

@@ -54,7 +54,7 @@ fn array() -> Array {
 }
 
 const BASE: ImagePlane = ImagePlane::centered(33, 40, 0.5, 0.6);
-const RULE: Rule<'static> = Rule {
+const REFINEMENT: Refinement<'static> = Refinement {
     beam: None,
     base: BASE,
     rcs_floor: 1e-6,
@@ -62,13 +62,13 @@ const RULE: Rule<'static> = Rule {
     end_points: true,
 };
 
-fn grow(scene: &PosedScene, rule: &Rule, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
+fn grow(scene: &PosedScene, refinement: &Refinement, previous: Option<(&Quadtree, &Tree)>) -> Quadtree {
     let conductor = Material::Constant(Response {
         reflection: Complex64::from(-1.0),
         albedo: 0.0,
     });
     let materials = vec![conductor; scene.num_bodies()];
-    Quadtree::grow(scene, &Cast::default(), &materials, &array(), rule, previous).unwrap()
+    Quadtree::grow(scene, &Cast::default(), &materials, &array(), refinement, previous).unwrap()
 }
 
 /// A wall and two plates, of which one is shifted.
@@ -87,7 +87,7 @@ fn scene_of(surfaces: &[Arc<Surface>], shift: f64) -> PosedScene {
 
 #[test]
 fn cells_that_were_not_split_cover_the_image_once() {
-    let tree = grow(&scene(0.0), &RULE, None);
+    let tree = grow(&scene(0.0), &REFINEMENT, None);
     let finest = 1_usize << MAX_LEVEL;
     let (rows, columns) = (BASE.rows * finest, BASE.columns * finest);
     let mut covered = vec![false; rows * columns];
@@ -113,13 +113,13 @@ fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
     };
     let surfaces = [plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])];
     let (before, now) = (scene_of(&surfaces, 0.0), scene_of(&surfaces, 0.01));
-    let fresh = grow(&now, &RULE, None);
+    let fresh = grow(&now, &REFINEMENT, None);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-    alike(&fresh, &pool.install(|| grow(&now, &RULE, None)));
+    alike(&fresh, &pool.install(|| grow(&now, &REFINEMENT, None)));
 
-    let old = grow(&before, &RULE, None);
+    let old = grow(&before, &REFINEMENT, None);
     let moved = now.moved(&before).unwrap();
-    let again = grow(&now, &RULE, Some((&old, &moved)));
+    let again = grow(&now, &REFINEMENT, Some((&old, &moved)));
     alike(&fresh, &again);
     assert!(again.counts.tiles_reused > 50 && again.counts.rays < fresh.counts.rays);
 }
@@ -129,13 +129,13 @@ fn a_small_target_between_the_rays_of_the_base_grid_is_found() {
     // 6 mm at 2 m, where cells are 60 mm wide.
     let (y, z) = (2.0 * 4.0 * BASE.du, 2.0 * 3.0 * BASE.dv + 0.5 * 2.0 * BASE.dv);
     let scene = PosedScene::new(vec![plate([3e-3, 3e-3])], vec![at(2.0, y, z, 0.0)]);
-    let leaves = grow(&scene, &RULE, None).leaves();
+    let leaves = grow(&scene, &REFINEMENT, None).leaves();
     let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
     assert!((area / 36e-6 - 1.0).abs() < 0.3, "{area}");
     // One that is less than asked for is not looked for.
-    let dim = Rule {
+    let dim = Refinement {
         rcs_floor: 10.0,
-        ..RULE
+        ..REFINEMENT
     };
     assert!(grow(&scene, &dim, None).leaves().is_empty());
 }
@@ -147,7 +147,7 @@ fn a_thin_tilted_strip_is_found_all_along() {
         let mut pose = at(2.0, 0.013, 0.007, 0.0);
         pose.rotation = glam::DMat3::from_rotation_x(roll);
         let scene = PosedScene::new(vec![plate([0.5, 4e-3])], vec![pose]);
-        let leaves = grow(&scene, &RULE, None).leaves();
+        let leaves = grow(&scene, &REFINEMENT, None).leaves();
         let area: f64 = leaves.iter().map(|leaf| leaf.cell.du * leaf.cell.dv * 4.0).sum();
         assert!((area / 8e-3 - 1.0).abs() < 0.1, "{roll} {area}");
     }
@@ -155,14 +155,14 @@ fn a_thin_tilted_strip_is_found_all_along() {
 
 #[test]
 fn a_budget_is_kept_and_cells_leave_as_little_open_as_it_pays_for() {
-    let needed = grow(&scene(0.0), &RULE, None).nodes.len();
+    let needed = grow(&scene(0.0), &REFINEMENT, None).nodes.len();
     let mut last = f64::INFINITY;
     for budget in [needed / 8, needed / 2, 2 * needed] {
-        let rule = Rule {
+        let refinement = Refinement {
             budget: Some(budget),
-            ..RULE
+            ..REFINEMENT
         };
-        let tree = grow(&scene(0.0), &rule, None);
+        let tree = grow(&scene(0.0), &refinement, None);
         assert!(tree.counts.rays <= budget);
         assert!(
             tree.nodes.len() >= (budget / 2).min(needed) && tree.nodes.len() <= needed,
@@ -180,9 +180,9 @@ fn a_budget_is_kept_and_cells_leave_as_little_open_as_it_pays_for() {
 #[test]
 fn links_are_those_of_the_neighbours_in_the_end() {
     // Steps are taken back where there is a budget.
-    let needed = grow(&scene(0.0), &RULE, None).nodes.len();
+    let needed = grow(&scene(0.0), &REFINEMENT, None).nodes.len();
     for budget in [None, Some(needed / 2)] {
-        let tree = grow(&scene(0.0), &Rule { budget, ..RULE }, None);
+        let tree = grow(&scene(0.0), &Refinement { budget, ..REFINEMENT }, None);
         let mut num_finer = 0;
         for index in (0..tree.nodes.len()).filter(|index| tree.parts[*index] == NONE) {
             for (link, (axis, side)) in tree.links[index].iter().zip(SIDES) {
@@ -201,13 +201,13 @@ fn links_are_those_of_the_neighbours_in_the_end() {
 #[test]
 fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
     let wall = PosedScene::new(vec![plate([9.0, 9.0])], vec![at(3.0, 0.0, 0.0, 0.9)]);
-    let tree = grow(&wall, &RULE, None);
+    let tree = grow(&wall, &REFINEMENT, None);
     assert_eq!(tree.nodes.len(), BASE.num_pixels());
     assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
     // Without ends every cell has to be fine enough for its centre to stand for it.
-    let centres = Rule {
+    let centres = Refinement {
         end_points: false,
-        ..RULE
+        ..REFINEMENT
     };
     assert!(grow(&wall, &centres, None).nodes.len() > 10 * BASE.num_pixels());
 }
@@ -216,7 +216,7 @@ fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
 fn ends_of_all_cells_add_up_to_those_that_are_kept() {
     // The field of a plate by all ends of its linear cells, and by those that no neighbour cancels.
     let scene = scene(0.0);
-    let tree = grow(&scene, &RULE, None);
+    let tree = grow(&scene, &REFINEMENT, None);
     let (mut all, mut kept, mut size) = (Complex64::ZERO, Complex64::ZERO, 0.0);
     for leaf in tree.leaves().iter().filter(|leaf| leaf.has_ends == [true, false]) {
         let cell = leaf.cell;
@@ -238,7 +238,7 @@ fn ends_of_all_cells_add_up_to_those_that_are_kept() {
             }
         }
     }
-    let tolerance = SHARE * RULE.field(2.0, SPEED_OF_LIGHT / 60e9);
+    let tolerance = SHARE * REFINEMENT.field(2.0, SPEED_OF_LIGHT / 60e9);
     assert!((all - kept).norm() < 1e-4 * size, "{all} {kept} {size}");
     assert!(size > 1000.0 * tolerance, "{size} {tolerance}");
 }

@@ -1,10 +1,12 @@
-//! Judgement of cells: what they may leave open, and parts of meshes that want smaller ones.
+//! Criterion of refinement: the residual error that cells may have, and the parts of meshes that need smaller cells.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::cells::{BUNDLE, CELLS_ACROSS, FEW_PARTS, Look, MAX_LEVEL, MOST_PIECES, Place, Rule, SHARE, STEEP};
+use super::cells::{
+    BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, Refinement, SHARE, STEEP,
+};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::geometry::aabb::Bounds;
@@ -14,7 +16,7 @@ use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 
-/// A part of a mesh as the sensor sees it: a rectangle of the image plane that wants cells of a size.
+/// Part of a mesh on the image plane: a rectangle that needs cells of a size.
 pub(super) struct Target {
     pub(super) u: [f64; 2],
     pub(super) v: [f64; 2],
@@ -22,22 +24,22 @@ pub(super) struct Target {
     pub(super) width: [f64; 2],
 }
 
-/// Everything that cells are judged by.
-pub(super) struct Judge<'a> {
+/// Scene, materials, antennas and settings that the criterion depends on.
+pub(super) struct Criterion<'a> {
     pub(super) snapshot: &'a PosedScene,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
-    pub(super) rule: &'a Rule<'a>,
+    pub(super) refinement: &'a Refinement<'a>,
     pub(super) wavelength: f64,
 }
 
-impl Judge<'_> {
-    /// What a cell adds to the sum.
-    pub(super) fn look(&self, cell: &Cell, found: &Found) -> Look {
+impl Criterion<'_> {
+    /// Echo of a cell: its part of the sum.
+    pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
         let cosine = -found.normal.dot(direction);
         if !found.is_hit() || cosine <= 0.0 || found.distance <= 0.0 {
-            return Look::NOTHING;
+            return CellEcho::NOTHING;
         }
         let polarization = self.array.polarization;
         let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, found.normal, direction, direction));
@@ -53,17 +55,18 @@ impl Judge<'_> {
                 least[axis] = least[axis].min(bisector.dot(edges[axis]) * slope[axis].signum());
             }
         }
-        Look {
+        CellEcho {
             amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
-            steep: least.map(|least| self.rule.end_points && least > STEEP),
-            tolerance: SHARE * self.rule.field(found.distance, self.wavelength),
+            steep: least.map(|least| self.refinement.end_points && least > STEEP),
+            tolerance: SHARE * self.refinement.field(found.distance, self.wavelength),
             point: found.distance * direction,
             advance: -cosine,
         }
     }
 
-    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the base grid.
+    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the
+    /// base grid.
     pub(super) fn targets(&self) -> Vec<Target> {
         let bodies = 0..self.snapshot.num_bodies() as u32;
         let parts = bodies.flat_map(|body| {
@@ -79,14 +82,14 @@ impl Judge<'_> {
                     .filter_map(move |piece| self.target(&corners(piece), number))
             })
         });
-        let base = &self.rule.base;
+        let base = &self.refinement.base;
         let is_small = |target: &Target| target.width[0] < base.du || target.width[1] < base.dv;
         parts.filter(is_small).collect()
     }
 
-    /// A box in the sensor frame, one of a number of pieces.
+    /// Target of a box in the sensor frame, one of a number of pieces.
     pub(super) fn target(&self, corners: &[DVec3; 8], pieces: f64) -> Option<Target> {
-        // What reaches behind the sensor is near, and large.
+        // A box that reaches behind the sensor is near and large.
         if corners.iter().any(|corner| corner.x <= 0.0) {
             return None;
         }
@@ -101,13 +104,13 @@ impl Judge<'_> {
             .iter()
             .map(|corner| corner.length())
             .fold(f64::INFINITY, f64::min);
-        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= self.rule.field(distance, self.wavelength);
+        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= self.refinement.field(distance, self.wavelength);
         let width = [u, v].map(|[low, high]| (high - low) / CELLS_ACROSS);
         is_bright.then_some(Target { u, v, width })
     }
 }
 
-/// A long box in pieces about as long as it is wide: the frame of the image may lie across it.
+/// Split a long box into pieces about as long as wide: the border of the image may cross the box.
 pub(super) fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
     let size = bounds.max - bounds.min;
     let longest = size.max_position();
@@ -128,7 +131,7 @@ pub(super) fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
         .collect()
 }
 
-/// Where the bundles of cells in their order end: cells of one lie within a square of the image.
+/// Ends of the packets of cells in their order; the cells of a packet lie within a square of the image.
 pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
     let mut ends = Vec::with_capacity(cells.len() / MOST_RAYS + 1);
     let mut first = 0;
@@ -146,7 +149,7 @@ pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
     ends
 }
 
-/// The part of the image plane at a place.
+/// Cell of the image plane at a place of the quadtree.
 pub(super) fn cell(planes: &[ImagePlane], place: &Place) -> Cell {
     planes[place.level as usize].cell(place.row as usize, place.column as usize)
 }
