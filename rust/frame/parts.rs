@@ -187,6 +187,6 @@ mod tests {
         let got = turn_rate(&surface, &pose, &turning);
         // d/dt R = 4 (z x) R up to the part along z; the direction to the sensor turns at 4 rad/s seen from the origin,
         // and a little faster where that is nearer.
-        assert!(got >= 4.0 && got < 4.1, "{got}");
+        assert!((4.0..4.1).contains(&got), "{got}");
     }
 }

@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn kinks_of_amplitudes_end_the_search() {
-        let kink = choice(1e-6, |x| 1e-10 * x, |x| x.abs());
+        let kink = choice(1e-6, |x| 1e-10 * x, f64::abs);
         assert!(kink.amplitudes <= 32, "{kink:?}");
         assert!(kink.weight > 1e-4 && kink.residual() >= kink.weight);
     }

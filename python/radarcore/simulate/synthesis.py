@@ -99,7 +99,7 @@ def beat_signal(
     method: str = "auto",
     threads: int | None = None,
 ) -> NDArray[np.complex64] | NDArray[np.complex128]:
-    """Samples of an ideal I/Q receiver for a set of paths, README eq. (1).
+    """Samples of an ideal I/Q receiver for a set of paths, docs/theory.md eq. (1).
 
     Sum over the paths of ``conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau**2 / 2))`` with
     ``tau = delay + delay_rate T + delay_acceleration T**2 / 2``, T since the start of the frame, t since the
