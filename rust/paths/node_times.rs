@@ -25,6 +25,9 @@ const NUM_PROBES: usize = 512;
 /// Share of the tolerance for the error of the series.
 const SHARE: f64 = 0.1;
 
+/// Relative error of delays by rounding.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 /// Numbers of times, and the errors of the series through them: rms over the frame, relative to l2(amplitudes).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeTimes {
@@ -155,6 +158,12 @@ impl SeriesErrors {
                     *worst = worst.max(f64::sqrt(sum) / total);
                 }
             }
+        }
+        // Rounding of delays is no error of a series: more times do not help.
+        let longest = paths.delay.iter().copied().fold(0.0, f64::max);
+        let rounding = ROUNDING * TAU * frequency * longest;
+        for phase in phase.iter_mut().filter(|phase| **phase <= rounding) {
+            *phase = 0.0;
         }
         Self { phase, weight }
     }

@@ -1,8 +1,8 @@
 """Transmitters and receivers 10 cm apart: every pair has its own spherical waves, amplitude and phase.
 
 H is the received phasor of a channel at one frequency for 1 W, isotropic antennas and a perfect conductor. The slow
-truth integrates physical optics, docs/theory.md eq. (2) with F = 1 and the phase of propagation, over the surface; the bounds
-are those of test_closed_forms.py.
+truth integrates physical optics, docs/theory.md eq. (2) with F = 1 and the phase of propagation, over the surface; the
+bounds are those of test_closed_forms.py.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def test_motion_too_fast_for_the_first_times_is_placed_at_more(cycles: float) ->
 
 def test_motion_that_no_number_of_times_follows_warns_once() -> None:
     sim = simulator([ball(vibrating(40.0, 3.0))])
-    with pytest.warns(UserWarning, match=r"phases .* are followed within a frame to .* only") as told:
+    with pytest.warns(UserWarning, match=r"phases .* are interpolated within a frame with an error of") as told:
         frames = [sim.frame(time) for time in (0.0, 0.1)]
     assert len(told) == 1
     assert frames[0].stats["series_residual"] > TOLERANCE

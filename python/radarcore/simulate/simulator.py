@@ -149,8 +149,7 @@ class Simulator(Settings):
         """
         times = frame_times(start, stop, rate)
         self._doubts.of_rate(rate)
-        frames = notice.progress(self._in_chunks(times), "simulating", "frame", total=len(times), shown=progress)
-        source = self._source()
+        frames, source = self._told(times, progress), self._source()
         if path is None:
             return Recording.from_frames(list(frames), source=source)
         with RecordingWriter(path, self.radar, num_frames=len(times), source=source, overwrite=overwrite) as writer:
@@ -232,6 +231,13 @@ class Simulator(Settings):
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(times), size):
             yield from self._frames(times[first : first + size])
+
+    def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
+        """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
+        with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
+            for frame in self._in_chunks(times):
+                yield frame
+                bar.update()
 
     @cached_property
     def _placement(self) -> Placement:
