@@ -1,4 +1,4 @@
-"""What the benches write into the pages of docs/: tables, and sections between two comments."""
+"""Texts that the benches write into the pages of docs/: tables, and sections between two comments."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ Phasors = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Run:
-    """How much is measured."""
+    """Sizes of a measurement."""
 
     side: int  # square root of the number of paths
     samples: int
@@ -161,7 +161,7 @@ def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phas
 
 
 def has_direct_f64(job: Job) -> bool:
-    """Whether the recurrences can be bounded in double precision: not where a path turns within a chirp."""
+    """True if the recurrences can be bounded in double precision: not where a path turns within a chirp."""
     try:
         _core.plan_beat_signal(
             job.delay, job.amplitude, job.delay_rate, waveform=job.waveform._core, tolerance=4e-6, method="recurrence"
@@ -430,7 +430,7 @@ def growth_rows(run: Run) -> Iterator[list[str]]:
 
 
 def overhead(run: Run) -> str:
-    """What a call costs that has nothing to do."""
+    """Run time of a call without work."""
     wf = waveform(num_chirps=1, num_samples=16)
     delay, amplitude = np.array([20e-9]), np.array([1.0 + 0.0j])
     times = []

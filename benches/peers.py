@@ -72,7 +72,7 @@ Image = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Run:
-    """How much is measured."""
+    """Sizes of a measurement."""
 
     side: int  # pixels, a multiple of 4
     sizes: list[int]  # triangles
@@ -143,7 +143,7 @@ def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
 
 
 def depth_image(scene: rc.Scene, side: int) -> Caster:
-    """The same with all images."""
+    """Run times with all images."""
     simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=1)
     return Caster("radarcore depth_image", lambda view: view.time, simulator.depth_image, lambda image: image.distance)
 
@@ -298,7 +298,7 @@ Peer = Callable[[Triangles], Caster]
 
 
 def installed_peers() -> dict[Peer, str]:
-    """Those that can make a scene of one triangle, with name and version; says how to get the others."""
+    """Casters that can make a scene of one triangle, with name and version; prints how to get the others."""
     installed = {}
     for peer, hint in PEERS.items():
         try:

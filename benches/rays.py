@@ -1,4 +1,4 @@
-"""What the core's ways to trace rays and to build trees bring: the Rust benches `trace` and `bvh`, as ratios.
+"""Gains of the core's methods to trace rays and to build trees: the Rust benches `trace` and `bvh`, as ratios.
 
 python benches/rays.py            print the tables: cargo bench several times, a quarter of an hour
 python benches/rays.py --write    also write their section of docs/performance.md
@@ -26,7 +26,7 @@ SHORT = ["--warm-up-time", "0.2", "--measurement-time", "0.5"]
 """Criterion's options: several short runs, so that what is compared is measured at nearly the same time."""
 
 FEW = ["--quick", "5k|/10_bodies|occluded/10"]
-"""Those for `--tiny`."""
+"""Benches for `--tiny`."""
 
 LEVELS = {"avx512": "AVX-512", "avx2": "AVX2", "baseline": "baseline"}
 """Instruction sets, the best first."""
@@ -77,7 +77,7 @@ PAIRS = {
         for number in (10, 200)
     },
 }
-"""What is done, its bench, what could be done instead, and its bench."""
+"""Method, its bench, the alternative, and its bench."""
 
 PAGE_TEXT = """\
 ## Parts of ray casting
@@ -127,7 +127,7 @@ def run_benches(options: list[str], profile: str = "bench") -> Times:
 
 
 def times_in(directory: Path) -> Times:
-    """What criterion has left in a directory: of the samples the fastest, which other work has delayed least."""
+    """Fastest sample that criterion has left in a directory, which other work has delayed least."""
     times = {}
     for path in directory.rglob("new/benchmark.json"):
         name = json.loads(path.read_text(encoding="utf-8"))["full_id"]
@@ -142,7 +142,7 @@ def median(runs: list[Times], name: str) -> float:
 
 
 def ratio(runs: list[Times], name: str, other: str) -> str:
-    """How many times as long a bench takes as another."""
+    """Ratio of the run times of two benches."""
     return f"{np.median([run[name] / run[other] for run in runs]):.3g}"
 
 

@@ -25,7 +25,7 @@ NODES = {1e-2: 4, 1e-3: 5, 1e-4: 6, 1e-6: 8}
 
 @dataclass(frozen=True)
 class Job:
-    """What a synthesis is given: (path,) with a rate, or delays and amplitudes at nodes, (node, channel, path)."""
+    """Input of a synthesis: (path,) with a rate, or delays and amplitudes at nodes, (node, channel, path)."""
 
     waveform: rc.Waveform
     delay: Reals
@@ -46,7 +46,7 @@ class Case:
 
     @property
     def is_linear(self) -> bool:
-        """Whether every delay has a constant rate."""
+        """True if every delay has a constant rate."""
         return self.delay_rate is not None
 
     def amplitude_at(self, delay: Reals) -> Phasors:
@@ -146,7 +146,7 @@ class Part:
     motion: Motion
 
     def position(self, times: Reals) -> Reals:
-        """Where the points are, (time, path, 3) [m]."""
+        """Positions of the points, (time, path, 3) [m]."""
         origin, rotation = self.motion(times)
         return origin[:, None] + self.points @ rotation.swapaxes(1, 2)
 

@@ -1,4 +1,4 @@
-"""How many times faster than a board can send the driver takes frames: emulated board, pyusb's code, frames.
+"""Speed of the driver over that of a board, in taking frames: emulated board, pyusb's code, frames.
 
 The emulated board sends as fast as it is read, and both ends share this process; what the board's end takes alone is
 measured too, and "driver" is what is left of the time over CDC.
@@ -29,7 +29,7 @@ FRAMES = {  # chirps, samples
 
 
 class Constant:
-    """The same codes for every frame: nothing but the way of the bytes is measured."""
+    """Equal codes for every frame: only the transport of the bytes is measured."""
 
     def __init__(self) -> None:
         self.codes = np.zeros((0, 0, 0), np.uint16)

@@ -18,7 +18,7 @@ fn plane() -> ImagePlane {
     square(common::sizes([256], 8)[0])
 }
 
-/// The same of other sizes.
+/// Image plane of another size.
 fn square(side: usize) -> ImagePlane {
     let half = 30_f64.to_radians().tan();
     ImagePlane::centered(side, side, half, half)
@@ -144,7 +144,7 @@ fn traversals(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What moving 50 bodies of 10 k triangles costs before they are cast.
+/// Run time of new poses of 50 bodies of 10 k triangles, before rays are cast.
 fn motion(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([10_000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([10_000], 100)[0]));

@@ -1,4 +1,4 @@
-//! What the benches share: generated meshes, sizes for a once-through, and threads.
+//! Parts that the benches share: generated meshes, sizes for a once-through, and threads.
 
 #![allow(dead_code)] // every bench is a crate of its own and uses a part
 

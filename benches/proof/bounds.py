@@ -1,4 +1,4 @@
-"""What the samplings are meant to hold, beside what was measured."""
+"""Bounds of the samplings, beside the measured errors."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Bound:
     bound: float
     measured: list[float]
     is_typical: bool = False
-    """Whether their median is bounded, not the worst of them."""
+    """True if the median is bounded, not the worst."""
 
     @property
     def is_held(self) -> bool:
-        """Whether none is larger, or the median is not."""
+        """True if none is larger, or the median is not."""
         return bool((np.median if self.is_typical else np.max)(self.measured) <= self.bound)
 
 
@@ -56,7 +56,7 @@ def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[B
         rows = [row for row in budgets if row.setting == budget]
         what = f"adaptive, {budget} rays, single bodies"
         if budget == "10000":
-            # Its line of stationary phase takes more.
+            # The line of stationary phase of a cylinder takes more.
             what += " but cylinders"
             rows = [row for row in rows if not row.case.name.startswith("cylinder")]
         if rows:

@@ -35,7 +35,7 @@ SAMPLINGS = ("point", "footprint", "adaptive")
 
 @dataclass(frozen=True)
 class Corner:
-    """What was measured of one, by one sampling; cross-sections in dBsm, the phase re that on paper [rad]."""
+    """Measurement of a corner, by one sampling; cross-sections in dBsm, the phase re that on paper [rad]."""
 
     name: str
     distance: float
@@ -74,7 +74,7 @@ def corner(
     section = 4.0 * np.pi * (abs(h) * distance**2 * 4.0 * np.pi / WAVELENGTH) ** 2
     # A plate at the apex returns -j exp(-2jkR) times a positive number. Three mirrors at right angles turn the field
     # round once more, E -> 2 n (n.E) - E three times being +E; without a polarisation three changes of sign leave -1.
-    # Which sign a dihedral has depends on the polarisation. Near the radar the sphere of the wave counts.
+    # The sign of a dihedral depends on the polarisation. Near the radar the sphere of the wave counts.
     phase = None
     if distance == FAR:
         turns = h * np.exp(2j * np.pi * FREQUENCY * 2.0 * distance / SPEED_OF_LIGHT) / -1j
@@ -123,7 +123,7 @@ def corner_rows(results: list[Corner]) -> Iterator[list[str]]:
 
 
 def null_db(run: Run) -> float:
-    """What a dihedral returns that is turned by 45 degrees about the boresight, over what it returns upright [dB].
+    """Echo of a dihedral turned by 45 degrees about the boresight, relative to the upright one [dB].
 
     It turns vertical polarisation into horizontal: on paper nothing comes back to an antenna of the same.
     """

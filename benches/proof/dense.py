@@ -175,7 +175,7 @@ class View:
             sampling="point",
         )
         image = sim.depth_image()
-        # What was missed has the number -1: the last.
+        # Misses have the number -1: the last.
         is_wanted = np.zeros(len(scene.bodies) + 1, dtype=bool)
         is_wanted[bodies] = True
         row, column = np.nonzero(is_wanted[image.body])

@@ -47,7 +47,7 @@ WAVENUMBERS = 2.0 * np.pi * frequencies(WAVEFORM) / SPEED_OF_LIGHT
 
 @dataclass(frozen=True)
 class Run:
-    """How much is measured; cost counts in frames of `unit` by `unit` footprints."""
+    """Sizes of a measurement; cost counts in frames of `unit` by `unit` footprints."""
 
     resolutions: list[int]
     finest: list[int]
@@ -106,7 +106,7 @@ TINY = Run(
 )
 
 TURNS = np.array([[0.0, 0.0], [0.5, 0.17], [0.17, 0.67], [0.83, 0.33], [0.33, 0.83], [0.67, 0.5]])
-"""Where the rays fall, in pixels from the image's symmetry, down and left. The first, the foot point on a corner of
+"""Offsets of the rays, in pixels from the image's symmetry, down and left. The first, the foot point on a corner of
 four pixels, is often the worst."""
 
 

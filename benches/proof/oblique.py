@@ -1,4 +1,4 @@
-"""What must not echo: walls and plates that are tilted, and Doppler where nothing moves so."""
+"""Surfaces that must not echo: walls and plates that are tilted, and Doppler where nothing moves so."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BEAMWIDTH = np.rad2deg(np.sqrt(4.0 * np.log(2.0) * 0.08))
 
 @dataclass(frozen=True)
 class Quiet:
-    """How far something stays below what it must not reach, by one sampling [dB]."""
+    """Distance of a level below its bound, by one sampling [dB]."""
 
     name: str
     sampling: str

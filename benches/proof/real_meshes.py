@@ -213,7 +213,7 @@ def ways(run: Run) -> list[Way]:
 
 @dataclass(frozen=True)
 class Sampled:
-    """What a way gave and took."""
+    """Result and run time of a sampling."""
 
     way: Way
     rays: int

@@ -1,4 +1,4 @@
-"""Single targets whose echo is known on paper: mirror-like, matt, and cross-sections far away."""
+"""Single targets whose echo is known on paper: specular, diffuse, and cross-sections far away."""
 
 from __future__ import annotations
 

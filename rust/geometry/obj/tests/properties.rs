@@ -231,7 +231,7 @@ fn untangle(ring: &mut [[f64; 2]]) {
     }
 }
 
-/// What a file holds, all of it within bounds; or nothing where it is refused with a fault in one of its lines.
+/// Content of a file, checked to be within bounds; none if it is refused with a fault in one of its lines.
 fn check(bytes: &[u8]) -> std::result::Result<Option<Obj>, TestCaseError> {
     let obj = match parse(bytes) {
         Ok(obj) => obj,
