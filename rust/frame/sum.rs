@@ -211,6 +211,9 @@ impl Groups {
         let shape = [num_channels, part.waveform.chirp_times.len(), part.waveform.num_samples];
         let mut cube = zeros(shape, model.settings.tolerance);
         let (mut outcome, mut times) = (Outcome::default(), StageTimes::default());
+        if num_channels == 0 {
+            return Ok((cube, outcome));
+        }
         for group in &self.all {
             let paths = Evaluate {
                 model,
@@ -231,9 +234,9 @@ impl Groups {
             };
             let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| part.node_times(number));
             let most = delays_at.len().max(amplitudes_at.len());
-            let mut size = PIECE_NUMBERS / (num_channels * most).max(1);
+            let mut size = PIECE_NUMBERS / (num_channels * most);
             if model.settings.method == Method::Direct {
-                size = size.min(PIECE_PATH_SAMPLES / shape.iter().product::<usize>().max(1));
+                size = size.min(PIECE_PATH_SAMPLES / shape.iter().product::<usize>());
             }
             for first in (0..num_paths).step_by(size.max(1)) {
                 cancel.check()?;
@@ -263,7 +266,7 @@ impl Groups {
                 let [delays, amplitudes] = [&delays_at, &amplitudes_at].map(|times| count_of_times(times.len()));
                 outcome.add(&Outcome {
                     nodes: Some(nodes),
-                    still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels.max(1),
+                    still_paths: still.map(|part| part.num_paths).sum::<usize>() / num_channels,
                     rows: report.rows,
                     rows_skipped: report.rows_skipped,
                     farthest: if group.order == 0 {
@@ -286,8 +289,7 @@ impl Groups {
         let Source::Scene(scene) = &model.source else {
             return Err(Error::value("source", "a scene", "an image"));
         };
-        let mut rows: [Vec<(f64, f64, Complex64)>; 1] = [Vec::new()];
-        let mut per_channel = vec![std::mem::take(&mut rows[0]); num_channels];
+        let mut per_channel: Vec<Vec<(f64, f64, Complex64)>> = vec![Vec::new(); num_channels];
         let (mut body, mut order) = (Vec::new(), Vec::new());
         for group in &self.all {
             let deforming = group.deforming(&self.deforming);
