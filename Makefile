@@ -75,7 +75,8 @@ benches-python: $(VENV)/dev $(VENV)/built | benches-rust
 		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \
 	done
 
-wheel: $(VENV)/demo
+# After the build for the environment, whose result it packs.
+wheel: $(VENV)/demo | $(VENV)/built
 	@echo "-- wheel"
 	@rm -f dist/radarcore-*.whl
 	@$(BIN)/maturin build --quiet --release --locked --out dist
