@@ -44,11 +44,12 @@ class Receiver:
     ) -> NDArray[np.complex128] | NDArray[np.float64]:
         """Samples as the receiver delivers them, in sqrt(W), same shape as the ideal complex signal."""
         variance = self.noise_variance(sample_rate)
-        if self.output == "real":
-            real = np.ascontiguousarray(beat_signal.real)
-            return real if variance == 0.0 else real + np.sqrt(variance) * rng.standard_normal(real.shape)
+        is_real = self.output == "real"
         if variance == 0.0:
-            return beat_signal
-        pairs = rng.standard_normal((*beat_signal.shape, 2)).view(np.complex128)[..., 0]
-        noisy: NDArray[np.complex128] = beat_signal + np.sqrt(0.5 * variance) * pairs
+            return np.ascontiguousarray(beat_signal.real) if is_real else beat_signal
+        # In place: fresh memory costs as much as the numbers in it.
+        noise = rng.standard_normal(beat_signal.shape if is_real else (*beat_signal.shape, 2))
+        noise *= np.sqrt(variance if is_real else 0.5 * variance)
+        noisy: NDArray[np.complex128] | NDArray[np.float64] = noise if is_real else noise.view(np.complex128)[..., 0]
+        noisy += beat_signal.real if is_real else beat_signal
         return noisy
