@@ -29,6 +29,9 @@ fn modules(directory: &Path, path: &str, found: &mut BTreeMap<String, String>) {
         let name = entry.file_name().into_string().unwrap();
         let stem = name.trim_end_matches(".rs");
         let inner = [path, stem].join(if path.is_empty() { "" } else { "::" });
+        if name == "tests" {
+            continue;
+        }
         if entry.path().is_dir() {
             modules(&entry.path(), &inner, found);
         } else if !["lib.rs", "tests.rs"].contains(&name.as_str()) {

@@ -1,7 +1,7 @@
 //! Triangles of OBJ files.
 //!
 //! ```text
-//! bytes ── statements ── tobj ── vertices, corners of faces ── polygon ── triangles
+//! bytes ── text ── statements ── tobj ── vertices, corners of faces ── polygon ── triangles
 //! ```
 //!
 //! tobj reads the numbers. `statements` hands it vertices and faces, and keeps what it would lose: the line of a fault
@@ -20,10 +20,12 @@ mod polygon;
 mod statements;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use fault::Fault;
 pub use polygon::triangulate;
-use statements::{Reader, decode, statements};
+use statements::{Reader, statements};
+use text::decode;
 
 /// Limit of coordinates, whatever the unit of the file: no body is so large, and squares stay finite.
 const LARGEST: f64 = 1e15;
