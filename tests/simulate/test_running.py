@@ -8,6 +8,7 @@ import pickle
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,15 @@ def test_used_simulator_travels_with_equal_bits() -> None:
         np.testing.assert_array_equal(again.frame(at).cube, cube)
 
 
+@pytest.fixture
+def hears_interrupts() -> Iterator[None]:
+    """Python's own handler, also where the tests were started in the background, with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_interrupts")
 def test_interrupt_ends_a_long_frame_within_a_second() -> None:
     # Half a minute of work.
     long = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=256))
@@ -125,6 +135,7 @@ def test_interrupt_ends_a_long_frame_within_a_second() -> None:
     assert heard - sent[0] < 1.0  # time of all threads, which no other program slows down
 
 
+@pytest.mark.usefixtures("hears_interrupts")
 def test_interrupted_simulator_gives_the_bits_of_a_fresh_one() -> None:
     radar = rc.Radar(WAVEFORM.replace(num_samples=64, num_chirps=64))
     wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
