@@ -233,11 +233,11 @@ def test_captured_conversation_plays_without_the_board(tmp_path):
     path = tmp_path / "capture.jsonl"
     with (
         plugged(Controller(Numbered(), speed=None), "cdc") as (where, _),
-        open_sensor("usb:058b:0251", capture=path, **where) as sensor,
+        open_sensor("usb:058b:0251", capture=path, queue_size=4096, **where) as sensor,
     ):
         achieved = sensor.configure(SMALL)
         first = list(sensor.frames(5))
-    with open_sensor(f"capture:{path}") as sensor:
+    with open_sensor(f"capture:{path}", queue_size=4096) as sensor:
         assert sensor.configure(SMALL) == achieved
         again = list(sensor.frames(5))
     assert [number_of(frame.raw) for frame in again] == [0, 1, 2, 3, 4]
