@@ -62,7 +62,7 @@ tests-rust: | lint-rust
 
 benches-rust: | tests-rust
 	@echo "-- benches once: Rust"
-	@cargo bench --quiet --locked --profile test -- --test
+	@cargo bench --quiet --locked -- --test
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
 tests-python: $(VENV)/robots $(VENV)/built

@@ -29,9 +29,9 @@ mod linux {
 
         let executable = std::env::current_exe().and_then(std::fs::read).expect("own executable");
         let functions = functions(&executable).expect("symbols: profile.bench must not strip them");
-        // `simd::x86::avx512`, `simd::x86::avx2`: kernels compiled for a level.
+        // `simd::avx512`, `simd::avx2`: kernels compiled for a level.
         let num_kernels = |level: &str| {
-            let is_kernel = |name: &&String| name.contains("radarcore") && name.contains(&format!("x86{level}"));
+            let is_kernel = |name: &&String| name.contains("radarcore") && name.contains(&format!("simd{level}"));
             functions.iter().filter(is_kernel).count()
         };
         for level in ["4avx2", "6avx512"] {

@@ -111,10 +111,9 @@ Times = dict[str, float]
 """Times of the benches of a run [s], by their names."""
 
 
-def run_benches(options: list[str], profile: str = "bench") -> Times:
-    """Run cargo bench once, in a profile of Cargo.toml."""
-    command = ["cargo", "bench", "--quiet", "--locked", "--profile", profile]
-    command += ["--bench", "trace", "--bench", "bvh", "--", *options]
+def run_benches(options: list[str]) -> Times:
+    """Run cargo bench once."""
+    command = ["cargo", "bench", "--quiet", "--locked", "--bench", "trace", "--bench", "bvh", "--", *options]
     with tempfile.TemporaryDirectory() as directory:
         environment = {**os.environ, "CRITERION_HOME": directory}
         try:
@@ -184,8 +183,7 @@ def main() -> None:
     parser.add_argument("--tiny", action="store_true", help="run a few of the benches for a moment")
     parser.add_argument("--write", action="store_true", help=f"write the section of {PERFORMANCE.name}")
     arguments = parser.parse_args()
-    # Tests have built the profile `test` already.
-    runs = [run_benches(FEW, "test")] if arguments.tiny else [run_benches(SHORT) for _ in range(RUNS)]
+    runs = [run_benches(FEW)] if arguments.tiny else [run_benches(SHORT) for _ in range(RUNS)]
     images, pairs, builds = image_table(runs), pair_table(runs), build_table(runs)
     print(images, pairs, builds, sep="\n\n")
     if arguments.write:
