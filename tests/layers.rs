@@ -77,7 +77,7 @@ fn imports(module: &str, code: &str, modules: &BTreeMap<String, String>) -> BTre
     from_crate.chain(from_super).map(nearest).collect()
 }
 
-/// Whether a path along imports leads from a module back to itself.
+/// True if a path along imports leads from a module back to itself.
 fn is_in_circle(start: &str, imports: &BTreeMap<String, BTreeSet<String>>) -> bool {
     let (mut seen, mut rest) = (BTreeSet::new(), vec![start]);
     while let Some(module) = rest.pop() {
