@@ -9,7 +9,7 @@ PIP = $(BIN)/pip --quiet --disable-pip-version-check
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 
 # What `make test` runs.
-CHECKS = layout lint-python lint-rust tests-python tests-rust benches-rust types benches-python wheel-check
+CHECKS = layout lint-python tests-rust tests-python lint-rust types benches-python wheel-check
 
 # Older versions of make cannot keep the outputs of two commands apart.
 IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
@@ -55,21 +55,18 @@ types: $(VENV)/dev $(VENV)/built
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
 
-# Builds of the profile `test` wait for each other, so these follow `lint-rust`.
-tests-rust: | lint-rust
-	@echo "-- tests: Rust"
-	@cargo test --quiet --locked
-
-benches-rust: | tests-rust
-	@echo "-- benches once: Rust"
-	@cargo bench --quiet --locked -- --test
+# Benches as well, each once: one build serves both.
+tests-rust: $(VENV)/created
+	@echo "-- tests and benches once: Rust"
+	@cargo test --quiet --locked --lib --tests --benches
+	@cargo test --quiet --locked --doc
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
 tests-python: $(VENV)/robots $(VENV)/built
 	@echo "-- tests: Python"
 	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
 
-benches-python: $(VENV)/dev $(VENV)/built | benches-rust
+benches-python: $(VENV)/dev $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"
 	@for bench in benches/*.py; do \
 		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \

@@ -1,8 +1,6 @@
 //! Precisions of the grid: FFTs, and memory that is reused between sums.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-use rustfft::{Fft, FftPlanner};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::numeric::simd::Precision;
 
@@ -10,8 +8,6 @@ use crate::numeric::simd::Precision;
 pub trait Scalar: Precision {
     /// Numbers in a vector.
     const LANES: usize;
-    /// Inverse FFT of a length.
-    fn fft(n: usize) -> Arc<dyn Fft<Self>>;
     /// Zeros, in memory that was given back if possible: fresh pages cost a tenth of a large sum.
     fn take_zeros(len: usize) -> Vec<Self>;
     /// Keep memory for [`Self::take_zeros`].
@@ -28,13 +24,6 @@ macro_rules! scalar {
     ($scalar:ty, $lanes:literal) => {
         impl Scalar for $scalar {
             const LANES: usize = $lanes;
-
-            // Plans of transforms are made once per length.
-            fn fft(n: usize) -> Arc<dyn Fft<Self>> {
-                static PLANNER: Mutex<Option<FftPlanner<$scalar>>> = Mutex::new(None);
-                let mut planner = PLANNER.lock().unwrap_or_else(PoisonError::into_inner);
-                planner.get_or_insert_with(FftPlanner::new).plan_fft_inverse(n)
-            }
 
             fn take_zeros(len: usize) -> Vec<Self> {
                 let mut memory = Self::kept().pop().unwrap_or_default();

@@ -99,7 +99,7 @@ impl Job<'_> {
     ) -> Spectra<T> {
         let (n, num_samples) = (layout.num_cells, self.waveform.num_samples);
         let padded = num_samples.next_multiple_of(PAD);
-        let fft = T::fft(n);
+        let fft = T::inverse_fft(n);
         // The grid's origin is shifted by half a period: a sign per output.
         let middle = num_samples / 2;
         let scale: Vec<T> = (0..num_samples)

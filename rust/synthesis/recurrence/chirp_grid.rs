@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
+use radarcore_fft::Fft;
 
 use super::chirp_phases::{Amplitudes, FLUSH, Group, Job, MAX_LANES, Phases, complex_mul, cos_sin, splat};
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
@@ -82,7 +82,7 @@ impl<T: Precision> LaneGrid<T> {
             mean,
             factors,
             has_second,
-            fft: FftPlanner::new().plan_fft_inverse(num_cells),
+            fft: T::inverse_fft(num_cells),
         }
     }
 
