@@ -50,7 +50,7 @@ class Stopwatch:
     seconds: float = 0.0
     stages: dict[str, float] = field(default_factory=dict)
 
-    def frame(self, motion: _core.Placement, rates: _core.Placement) -> _core.IdealFrame | None:
+    def frame(self, motion: _core.Placement, rates: _core.Placement | None) -> _core.IdealFrame | None:
         """The engine's frame."""
         start = time.perf_counter()
         ideal = self.engine.frame(motion, rates)

@@ -97,12 +97,12 @@ pub struct Counts {
     pub times: StageTimes,
 }
 
-/// Simulate a frame. `motion`: positions at the Chebyshev times of the frame, in the world; `rates`: time derivatives
-/// at the middle of the frame. None where the times are too few for the motion.
+/// Simulate a frame. `motion`: positions at the Chebyshev times of the frame, in the world; `rates`: time derivatives,
+/// which a frame of a single sample needs, as its times are all the same. None where the times are too few for the motion.
 pub fn simulate(
     model: &Model,
     motion: &World,
-    rates: &World,
+    rates: Option<&World>,
     memory: &mut Memory,
     cancel: &Cancel,
 ) -> Result<Option<Frame>> {
@@ -112,7 +112,10 @@ pub fn simulate(
     if motion_error > MOTION_SHARE * model.settings.tolerance && placement.num_times() < MOST_TIMES {
         return Ok(None);
     }
-    let rates = timed(&mut times.motion, || model.rates(&placement, motion, rates))?;
+    let rates = timed(&mut times.motion, || match rates {
+        Some(rates) => model.rates(&placement, motion, rates),
+        None => Ok(placement.rates(model.waveform.duration())),
+    })?;
 
     let mut frame = FrameBuilder::new(model)?;
     for part in parts::of_frame(model, &placement, &rates) {
@@ -135,17 +138,17 @@ pub fn simulate(
     Ok(Some(frame.finish(motion_error)))
 }
 
-/// Paths at one time, from the rays of the first part of the frame that `motion` and `rates` describe; `at`
-/// and `rates_at`: positions and time derivatives at that time.
+/// Paths at one time, from the rays of the first part of the frame of a motion; `at` and `rates_at`: positions and time
+/// derivatives at that time.
 pub fn paths(
     model: &Model,
-    (motion, rates): (&World, &World),
+    motion: &World,
     (at, rates_at): (&World, &World),
     memory: &mut Memory,
     cancel: &Cancel,
 ) -> Result<PathArrays> {
     let placement = model.placement(motion)?;
-    let rates = model.rates(&placement, motion, rates)?;
+    let rates = placement.rates(model.waveform.duration());
     let part = &parts::of_frame(model, &placement, &rates)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
     let rays = Rays::cast(model, scene, memory.rays.as_ref())?;

@@ -131,16 +131,15 @@ def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) 
 
 
 def frame(
-    places: Any = None, rates: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any
+    places: Any = None, source: Any = None, materials: Any = (MATERIAL,), rates: Any = None, **changes: Any
 ) -> Any:
-    places = placement() if places is None else places
-    return simulator(source, materials, **changes).frame(places, places if rates is None else rates)
+    return simulator(source, materials, **changes).frame(placement() if places is None else places, rates)
 
 
 def paths(at: Any = None, rates: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
     places = placement() if at is None else at
     moving = placement() if rates is None else rates
-    return simulator(source, materials, **changes).paths(placement(), placement(), places, moving)
+    return simulator(source, materials, **changes).paths(placement(), places, moving)
 
 
 def cast(at: Any = None, source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
@@ -160,13 +159,18 @@ DEPTH_PLACES = placement(poses=np.zeros((1, 1, 3, 4)) + np.eye(3, 4), points=np.
 def surfels(**changes: Any) -> Any:
     """Frame of a depth image."""
     image = {name: changes.pop(name) for name in list(changes) if name not in ("threads", "seed")}
-    return frame(DEPTH_PLACES, None, depth_scene(**image), [], **changes)
+    return frame(DEPTH_PLACES, depth_scene(**image), [], **changes)
 
 
-def deformed(vertices: Any = VERTICES[None], vertex_rates: Any = VERTICES[None], **changes: Any) -> Any:
+def deformed(vertices: Any = VERTICES[None], **changes: Any) -> Any:
     """Frame of a body that deforms."""
-    places, rates = placement(vertices=[vertices]), placement(vertices=[vertex_rates])
-    return frame(places, rates, deforming_scene(), **changes)
+    return frame(placement(vertices=[vertices]), deforming_scene(), **changes)
+
+
+def deformed_paths(vertex_rates: Any) -> Any:
+    """Paths of a body that deforms."""
+    places = placement(vertices=[VERTICES[None]])
+    return simulator(deforming_scene()).paths(places, places, placement(vertices=[vertex_rates]))
 
 
 ANGLES, GAINS = np.array([0.0, 1.0]), np.zeros((2, 2))
@@ -385,7 +389,7 @@ TWICE = np.concatenate([SENSOR, SENSOR])
         (lambda: surfels(num_bodies=2), "poses: expected 2 of them as the scene has, got 1"),
         (lambda: deformed(VERTICES[None, :5]), "vertices: expected 6 as the mesh has, got 5"),
         (lambda: deformed(VERTICES[:0, None]), "vertices: expected 6 as the mesh has, got 0"),
-        (lambda: deformed(vertex_rates=VERTICES[None, 1:]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deformed_paths(VERTICES[None, 1:]), "vertices: expected 6 as the mesh has, got 5"),
         (lambda: deformed(VERTICES[None] * NAN), "vertices: expected finite coordinates.*at row 0"),
         (lambda: frame(source=deforming_scene()), "vertices: expected 1 of them as the scene has, got 0"),
         (lambda: occluded(np.zeros((1, 4))), r"points: expected shape \(n, 3\), got \(1, 4\)"),
@@ -522,8 +526,8 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: simulator(settings=SETTINGS), TypeError),
         (lambda: simulator(SURFACE), TypeError),
         (lambda: simulator(center=(0.0, 0.0)), (TypeError, ValueError)),
-        (lambda: simulator().frame(placement()), TypeError),
-        (lambda: simulator().frame(placement(), None), TypeError),
+        (lambda: simulator().frame(), TypeError),
+        (lambda: simulator().frame(placement(), POSES), TypeError),
         (lambda: simulator().image(None), TypeError),
         (lambda: placement(vertices=VERTICES), TypeError),
         (lambda: scene(deforming=[-1]), OverflowError),
@@ -571,17 +575,17 @@ def poses_of_nothing() -> Any:
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
         (lambda: EMPTY_HITS.distance(), (20, 30)),
-        (lambda: frame(NOWHERE, None, EMPTY, []).cube, (2, 2, 8)),
-        (lambda: frame(NOWHERE, None, EMPTY, []).truth, (0, 4)),
-        (lambda: frame(NOWHERE, None, EMPTY, [], sampling="adaptive").cube, (2, 2, 8)),
+        (lambda: frame(NOWHERE, EMPTY, []).cube, (2, 2, 8)),
+        (lambda: frame(NOWHERE, EMPTY, []).truth, (0, 4)),
+        (lambda: frame(NOWHERE, EMPTY, [], sampling="adaptive").cube, (2, 2, 8)),
         (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
         (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
         (lambda: frame(tx=np.zeros((0, 3)), tx_patterns=[]).cube, (0, 2, 8)),
         (lambda: paths(tx=np.zeros((0, 3)), tx_patterns=[])[0], None),
         (lambda: paths(seed=HUGE)[0], (2, NUM_PATHS)),
         (lambda: occluded(np.zeros((0, 3)))[0], (0,)),
-        (lambda: frame(poses_of_nothing(), None, scene([]), []).cube, (2, 2, 8)),
-        (lambda: frame(poses_of_nothing(), None, scene([]), []).truth, (1, 4)),
+        (lambda: frame(poses_of_nothing(), scene([]), []).cube, (2, 2, 8)),
+        (lambda: frame(poses_of_nothing(), scene([]), []).truth, (1, 4)),
     ],
 )
 def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None:
@@ -613,7 +617,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         lambda: depth_scene(age=value),
         lambda: surfels(age=value, range_rate=np.full(SHAPE, value)),
         lambda: deformed(np.full((1, 6, 3), value)),
-        lambda: deformed(vertex_rates=np.full((1, 6, 3), value)),
+        lambda: deformed_paths(np.full((1, 6, 3), value)),
         lambda: deformed(np.concatenate([VERTICES[None], np.full((2, 6, 3), value)])),
         *(lambda name=name: surfels(**{name: np.full_like(SURFELS[name], value)}) for name in list(SURFELS)[:-1]),
     ]
@@ -622,7 +626,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         calls += [
             lambda options=options: frame(wild_places, **options),
             lambda options=options: frame(turned, **options),
-            lambda options=options: frame(jumping, placement(), **options),
+            lambda options=options: frame(jumping, **options),
             lambda options=options: frame(rates=wild_places, **options),
             lambda options=options: frame(source=scene(rcs=np.full(1, value)), **options),
             lambda options=options: frame(materials=[GLASS], polarization=(value,) * 3, **options),
@@ -689,16 +693,16 @@ def test_threads_do_not_change_a_bit() -> None:
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
         sim = simulator(world, materials, threads=threads, rays=plane, image=plane, method="auto")
-        hits, found = sim.image(at), sim.frame(places, rates)
+        hits, found = sim.image(at), sim.frame(places)
         adaptive = simulator(world, materials, threads=threads, sampling="adaptive", max_bounces=2)
         return [
             hits.distance(),
             hits.body(),
             hits.cos_incidence(threads=threads),
-            *sim.paths(places, rates, at, rates),
+            *sim.paths(places, at, rates),
             found.cube,
             found.truth,
-            adaptive.frame(places, rates).cube,
+            adaptive.frame(places).cube,
             hits.reflectance(materials, frequency=60e9, threads=threads),
             *(
                 beat(DELAY, AMPLITUDE, num_samples=130, threads=threads, method=method, tolerance=1e-5)
@@ -767,7 +771,7 @@ def test_calls_from_several_threads_give_what_one_gives() -> None:
             for _ in range(20):
                 np.testing.assert_array_equal(beat(num_samples=200, threads=threads), expected_beat)
                 np.testing.assert_array_equal(cast(threads=threads).distance(), expected_hits)
-                np.testing.assert_array_equal(shared.frame(placement(), placement()).cube, expected_frame)
+                np.testing.assert_array_equal(shared.frame(placement()).cube, expected_frame)
         except BaseException as failure:  # a panic is a BaseException
             failures.append(failure)
 

@@ -21,6 +21,7 @@ __all__ = [
     "Surface",
     "Waveform",
     "__version__",
+    "add_noise",
     "beat_signal",
     "cross_sections",
     "levels",
@@ -72,6 +73,9 @@ def plan_beat_signal(
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
+
+def add_noise(samples: NDArray[np.float32] | NDArray[np.float64], *, deviation: float, seed: int, stream: int) -> None:
+    """Add white noise of a standard deviation to samples (n,), in place. Equal seeds and streams give equal noise."""
 
 def cross_sections(
     surface: Surface,
@@ -391,13 +395,13 @@ class Simulator:
 
         `center`: middle of the array in sensor axes (x, y, z) [m].
         """
-    def frame(self, motion: Placement, rates: Placement) -> IdealFrame | None:
-        """The frame of a motion at Chebyshev times of the frame; `rates`: time derivatives at its middle.
+    def frame(self, motion: Placement, rates: Placement | None = None) -> IdealFrame | None:
+        """The frame of a motion at Chebyshev times of the frame; `rates`: its derivatives if all times are the same.
 
         None where the motion needs more times.
         """
     def paths(
-        self, motion: Placement, rates: Placement, at: Placement, rates_at: Placement
+        self, motion: Placement, at: Placement, rates_at: Placement
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128], NDArray[np.uint32], NDArray[np.uint8]]:
         """Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), bodies and orders (path,).
 

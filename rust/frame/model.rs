@@ -219,9 +219,8 @@ impl Model {
         Ok(placement)
     }
 
-    /// Time derivatives in the sensor frame, at the middle of the frame.
-    pub(super) fn rates(&self, placement: &Placement, motion: &World, rates: &World) -> Result<Placement> {
-        let middle = motion.num_times() / 2;
+    /// Time derivatives in the sensor frame, of the motion `at` one time, its first.
+    pub(super) fn rates(&self, placement: &Placement, at: &World, rates: &World) -> Result<Placement> {
         let (bodies, points) = (placement.num_bodies(), placement.num_points());
         let lengths = [
             ("poses", bodies, rates.poses.len()),
@@ -230,13 +229,7 @@ impl Model {
         if let Some((name, expected, got)) = lengths.into_iter().find(|(_, expected, got)| expected != got) {
             return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
         }
-        let at = World {
-            sensor: vec![motion.sensor[middle]],
-            poses: motion.poses[middle * bodies..(middle + 1) * bodies].to_vec(),
-            points: motion.points[middle * points..(middle + 1) * points].to_vec(),
-            vertices: Vec::new(),
-        };
-        let seen = World::seen_rates(&at, rates, self.center);
+        let seen = World::seen_rates(at, rates, self.center);
         let num_vertices: Vec<usize> = placement.vertices().iter().map(VertexMotion::num_vertices).collect();
         seen.check(bodies, points, &num_vertices)?;
         Ok(seen)

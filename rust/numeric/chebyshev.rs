@@ -53,6 +53,20 @@ pub fn interpolation_weights(number: usize, x: f64) -> Vec<f64> {
     terms.into_iter().map(|term| term / sum).collect()
 }
 
+/// Weights of the values at `number` Chebyshev nodes in the derivative, by `x` at 0, of the polynomial through them.
+pub fn slope_weights(number: usize) -> Vec<f64> {
+    let matrix = chebyshev_matrix(number);
+    let mut weights = vec![0.0; number];
+    // The derivative of T_k at 0 is k sin(k pi / 2).
+    for k in (1..number).step_by(2) {
+        let slope = if k % 4 == 1 { k as f64 } else { -(k as f64) };
+        for (weight, value) in weights.iter_mut().zip(&matrix[k * number..]) {
+            *weight += slope * value;
+        }
+    }
+    weights
+}
+
 /// Error of the series through values at Chebyshev nodes: twice the larger of its last two coefficients, by component.
 pub fn series_tail<const N: usize>(values: &[[f64; N]]) -> [f64; N] {
     let number = values.len();
@@ -71,4 +85,24 @@ pub fn series_tail<const N: usize>(values: &[[f64; N]]) -> [f64; N] {
         }
     }
     tail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_of_polynomials_are_exact() {
+        for number in 1..=33 {
+            let weights = slope_weights(number);
+            for power in 0..number.min(12) {
+                let values = chebyshev_nodes(number)
+                    .into_iter()
+                    .map(|x| (0.3 + x).powi(power as i32));
+                let slope: f64 = values.zip(&weights).map(|(value, weight)| value * weight).sum();
+                let expected = power as f64 * 0.3_f64.powi(power as i32 - 1);
+                assert!((slope - expected).abs() < 1e-11, "{number} {power} {slope} {expected}");
+            }
+        }
+    }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
-use crate::numeric::chebyshev::{interpolation_weights, series_tail};
+use crate::numeric::chebyshev::{interpolation_weights, series_tail, slope_weights};
 use crate::paths::kinematics::Kinematics;
 
 /// Relative error of coordinates by rounding, of which no number of times frees a series.
@@ -39,6 +39,20 @@ impl VertexMotion {
         let mut at = Vec::with_capacity(self.num_vertices());
         self.append_at(x, &mut at);
         at
+    }
+
+    /// Derivative by `x` at the middle, as a motion with one time.
+    fn slope(&self) -> Self {
+        let mut positions = vec![[0.0; 3]; self.num_vertices()];
+        let rows = self.positions.chunks(self.num_vertices().max(1));
+        for (weight, row) in slope_weights(self.num_times).iter().zip(rows) {
+            for (sum, position) in positions.iter_mut().zip(row) {
+                for axis in 0..3 {
+                    sum[axis] += weight * position[axis];
+                }
+            }
+        }
+        Self::new(1, positions)
     }
 
     fn append_at(&self, x: f64, out: &mut Vec<[f64; 3]>) {
@@ -257,6 +271,46 @@ impl Placement {
             })
         };
         (0..number).map(at).collect()
+    }
+
+    /// Time derivatives at the middle of a frame that takes `duration` [s]: those of the series,
+    /// zero for a frame of a single sample.
+    pub fn rates(&self, duration: f64) -> Self {
+        let per_second = if duration > 0.0 { 2.0 / duration } else { 0.0 };
+        let slopes = slope_weights(self.num_times);
+        let weights: Vec<f64> = slopes.iter().map(|weight| weight * per_second).collect();
+        let (num_bodies, num_points) = (self.num_bodies(), self.num_points());
+        // Differences from the first time, which are exactly zero for what stands still.
+        let pose = |body: usize| {
+            let first = self.poses[body];
+            let zero = Pose {
+                rotation: DMat3::ZERO,
+                translation: DVec3::ZERO,
+            };
+            weights.iter().enumerate().fold(zero, |sum, (time, weight)| {
+                let pose = &self.poses[time * num_bodies + body];
+                Pose {
+                    rotation: sum.rotation + (pose.rotation - first.rotation) * *weight,
+                    translation: sum.translation + (pose.translation - first.translation) * *weight,
+                }
+            })
+        };
+        let point = |point: usize| {
+            let moved = |time: usize| self.points[time * num_points + point] - self.points[point];
+            let terms = weights.iter().enumerate();
+            terms.map(|(time, weight)| moved(time) * *weight).sum()
+        };
+        let vertices = self.vertices.iter().map(|motion| {
+            let mut slope = motion.slope();
+            slope.positions.iter_mut().flatten().for_each(|x| *x *= per_second);
+            slope
+        });
+        Self {
+            num_times: 1,
+            poses: (0..num_bodies).map(pose).collect(),
+            points: (0..num_points).map(point).collect(),
+            vertices: vertices.collect(),
+        }
     }
 
     /// Positions of the point targets at the time `x` [m].

@@ -11,6 +11,7 @@ mod cross_section;
 mod error;
 mod geometry;
 mod rays;
+mod receive;
 mod scattering;
 mod simulator;
 mod synthesis;
@@ -29,6 +30,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
+    module.add_function(wrap_pyfunction!(receive::add_noise, module)?)?;
     module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;

@@ -367,15 +367,16 @@ impl Simulator {
         })
     }
 
-    /// Simulate the frame of a motion, given at Chebyshev times of the frame; `rates` are the time derivatives at the
-    /// middle. None where the motion needs more times.
+    /// Simulate the frame of a motion, given at Chebyshev times of the frame; `rates`: time derivatives, for a frame of a
+    /// single sample. None where the motion needs more times.
+    #[pyo3(signature = (motion, rates=None))]
     fn frame(
         &self,
         py: Python<'_>,
         motion: PyRef<'_, Placement>,
-        rates: PyRef<'_, Placement>,
+        rates: Option<PyRef<'_, Placement>>,
     ) -> PyResult<Option<IdealFrame>> {
-        let (motion, rates) = (&motion.0, &rates.0);
+        let (motion, rates) = (&motion.0, rates.as_ref().map(|rates| &rates.0));
         let simulated = self.run(py, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
@@ -406,11 +407,10 @@ impl Simulator {
         &self,
         py: Python<'py>,
         motion: PyRef<'_, Placement>,
-        rates: PyRef<'_, Placement>,
         at: PyRef<'_, Placement>,
         rates_at: PyRef<'_, Placement>,
     ) -> PyResult<PathArrays<'py>> {
-        let (frame, at) = ((&motion.0, &rates.0), (&at.0, &rates_at.0));
+        let (frame, at) = (&motion.0, (&at.0, &rates_at.0));
         let paths = self.run(py, |memory, cancel| {
             frame::paths(&self.model, frame, at, memory, cancel)
         })?;

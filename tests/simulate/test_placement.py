@@ -233,10 +233,10 @@ def test_no_function_is_asked_twice_for_a_time_of_a_frame() -> None:
         asked.clear()
         sim.frame(0.5)
         placed = [call for call in asked if call[0] != "shape"]
-        # At 17 times and, for the rates of the middle, at four beside it; shapes at about half as many.
-        assert len(placed) == len(set(placed)) == 3 * (17 + 4)
+        # At 17 times; shapes at about half as many.
+        assert len(placed) == len(set(placed)) == 3 * 17
         shapes = [time for name, time in asked if name == "shape"]
-        assert len(shapes) == len(set(shapes)) == 9 + 4
+        assert len(shapes) == len(set(shapes)) == 9
 
 
 def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> None:

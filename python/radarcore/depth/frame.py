@@ -206,9 +206,8 @@ def _simulate(
         settings=settings.to_core(),
         threads=settings.threads,
     )
-    rates = motion.placement(start - at + 0.5 * np.array([radar.waveform.duration]), is_rate=True)
     for num_times in _NUMS_OF_TIMES:
         places = motion.placement(start - at + radar.waveform.delay_times(num_times))
-        if (ideal := engine.frame(places, rates)) is not None:
+        if (ideal := engine.frame(places)) is not None:
             return ideal
     raise AssertionError("the core takes any motion at the largest number of times")

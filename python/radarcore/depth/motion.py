@@ -41,15 +41,10 @@ class ImageMotion:
         rates = np.zeros((num_bodies, 6)) if twists is None else check.array("twists", twists, (num_bodies, 6))
         return cls(rates, None if interval is None else check.positive("interval", interval, "s"))
 
-    def placement(self, elapsed: NDArray[np.float64], *, is_rate: bool = False) -> _core.Placement:
-        """Poses at times after that of the image [s], or time derivatives; the sensor's axes are the world's."""
+    def placement(self, elapsed: NDArray[np.float64]) -> _core.Placement:
+        """Poses at times after that of the image [s]; the sensor's axes are the world's."""
         poses = _rigid_motions(self.twists, elapsed)
         sensor = np.broadcast_to(np.eye(3, 4), (len(elapsed), 3, 4)).copy()
-        if is_rate:
-            # d/dt [R | p] = [w x R | w x p + v].
-            turning = cross_matrix(self.twists[:, 3:]) @ poses
-            turning[..., 3] += self.twists[:, :3]
-            poses, sensor = turning, np.zeros_like(sensor)
         return _core.Placement(sensor, poses, np.zeros((len(elapsed), 0, 3)))
 
     def truth(self, image: Image, num_bodies: int) -> Truth:

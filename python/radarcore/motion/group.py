@@ -8,7 +8,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, transforms
 from radarcore.motion.attached import Attached, carried_poses, carried_rates
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion, poses_at
@@ -88,20 +88,32 @@ class _Uniform:
     """Constant velocities and angular velocities."""
 
     def __init__(self, motions: Sequence[Linear]) -> None:
-        self._positions = np.array([motion.pose.position for motion in motions])
-        self._rotations = np.array([motion.pose.rotation for motion in motions])
-        self._velocities = np.array([motion.velocity for motion in motions])
-        self._turning = np.array([motion.angular_velocity for motion in motions])
+        turning = np.array([motion.angular_velocity for motion in motions])
+        speed = np.linalg.norm(turning, axis=-1)[:, None, None]
+        axes = cross_matrix(turning) / np.where(speed > 0.0, speed, 1.0)
+        rotations = np.array([motion.pose.rotation for motion in motions])
+        self._start = transforms(rotations, np.array([motion.pose.position for motion in motions]))
+        # What the pose changes by: per second, and by Rodrigues' formula with the sine and 1 - cosine of the angle.
+        self._drift = transforms(0.0 * rotations, np.array([motion.velocity for motion in motions]))
+        self._by_sine, self._by_versine = (transforms(turn @ rotations, 0.0 * turning) for turn in (axes, axes @ axes))
+        self._speed = speed
 
     def poses_at(self, times: Matrix) -> Matrix:
-        elapsed = times[:, None, None]
-        angles = (elapsed * self._turning).reshape(-1, 3)
-        turns = rotations_about(angles).reshape(len(times), -1, 3, 3)
-        return transforms(turns @ self._rotations, self._positions + elapsed * self._velocities)
+        elapsed = times[:, None, None, None]
+        half = (0.5 * elapsed) * self._speed
+        # 1 - cos as 2 sin^2 keeps small angles exact.
+        versine = 2.0 * np.sin(half) ** 2
+        turned: Matrix = np.sin(2.0 * half) * self._by_sine + versine * self._by_versine
+        turned += elapsed * self._drift
+        turned += self._start
+        return turned
 
     def rates_at(self, times: Matrix) -> Matrix:
-        turning = cross_matrix(self._turning) @ self.poses_at(times)[..., :3]
-        return transforms(turning, np.broadcast_to(self._velocities, turning.shape[:-1]))
+        angle = times[:, None, None, None] * self._speed
+        turning: Matrix = np.cos(angle) * self._by_sine + np.sin(angle) * self._by_versine
+        turning *= self._speed
+        turning += self._drift
+        return turning
 
 
 class _Linked:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from radarcore import check
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
@@ -38,18 +35,3 @@ class Receiver:
             return 0.0
         power = BOLTZMANN * NOISE_TEMPERATURE * power_from_db(self.noise_figure_db) * sample_rate
         return power if self.output == "iq" else 0.5 * power
-
-    def receive(
-        self, beat_signal: NDArray[np.complex128], sample_rate: float, rng: np.random.Generator
-    ) -> NDArray[np.complex128] | NDArray[np.float64]:
-        """Samples as the receiver delivers them, in sqrt(W), same shape as the ideal complex signal."""
-        variance = self.noise_variance(sample_rate)
-        is_real = self.output == "real"
-        if variance == 0.0:
-            return np.ascontiguousarray(beat_signal.real) if is_real else beat_signal
-        # In place: fresh memory costs as much as the numbers in it.
-        noise = rng.standard_normal(beat_signal.shape if is_real else (*beat_signal.shape, 2))
-        noise *= np.sqrt(variance if is_real else 0.5 * variance)
-        noisy: NDArray[np.complex128] | NDArray[np.float64] = noise if is_real else noise.view(np.complex128)[..., 0]
-        noisy += beat_signal.real if is_real else beat_signal
-        return noisy

@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.receive.noise import add_noise
 
 
 def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
-    """Cube as the radar's receiver delivers it, in the precision of the ideal one.
+    """Cube as the radar's receiver delivers it, in the precision of the ideal one, whose memory it takes over.
 
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
     """
     receiver = radar.receiver or Receiver()
-    time_bits = int(np.float64(start + 0.0).view(np.uint64))
-    cube = receiver.receive(ideal, radar.waveform.sample_rate, np.random.default_rng([seed, time_bits]))
-    single = ideal.dtype == np.complex64
-    if np.iscomplexobj(cube):
-        return cube.astype(np.complex64 if single else np.complex128, copy=False)
-    return cube.astype(np.float32 if single else np.float64, copy=False)
+    cube = ideal if receiver.output == "iq" else np.ascontiguousarray(ideal.real)
+    add_noise(cube, receiver.noise_variance(radar.waveform.sample_rate), seed=seed, start=start)
+    return cube

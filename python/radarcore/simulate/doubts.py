@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import hypot
 
 from radarcore import _core, notice
 from radarcore.radar.radar import Radar
@@ -42,7 +42,7 @@ class Doubts:
     def of_frame(self, ideal: _core.IdealFrame) -> None:
         """Warn of unresolved motion within a frame, and of echoes from beyond the largest range."""
         phase, weight = ideal.series_errors
-        if (residual := float(np.hypot(phase, weight))) > self._tolerance and self._is_new("series"):
+        if (residual := hypot(phase, weight)) > self._tolerance and self._is_new("series"):
             series = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
             notice.warn(
                 f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "

@@ -37,6 +37,7 @@ class Placement:
 
     def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
         self._parts, self._waveform = scene.parts, waveform
+        self._kept_offsets: dict[int, NDArray[np.float64]] = {}
         # The sensor is the last of them.
         self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
 
@@ -46,20 +47,13 @@ class Placement:
         per_frame = num_times * (12 * (len(self._parts.meshed) + 1)) + _num_vertex_times(num_times) * vertices
         return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
 
-    def frames(self, starts: Sequence[float], num_times: int) -> Iterator[tuple[_core.Placement, _core.Placement]]:
-        """Placements at `num_times` times of each frame that starts at `starts` [s], and rates at its middle."""
+    def frames(self, starts: Sequence[float], num_times: int) -> Iterator[_core.Placement]:
+        """Placements at `num_times` times of each frame that starts at `starts` [s]."""
         first = np.array(starts)[:, None]
-        times = first + self._waveform.delay_times(num_times)
-        vertex_times = first + self._waveform.delay_times(_num_vertex_times(num_times))
-        middles = first[:, 0] + 0.5 * self._waveform.duration
-        num_frames = len(starts)
-        poses = self._motions.poses_at(times.ravel()).reshape(num_frames, num_times, -1, 3, 4)
-        rates = self._motions.rates_at(middles)[:, None]
-        for frame, middle in enumerate(middles.tolist()):
-            yield (
-                self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame])),
-                self._placed(rates[frame], self._parts.velocities[None], self._vertex_rates(middle)),
-            )
+        times, vertex_times = first + self._offsets(num_times), first + self._offsets(_num_vertex_times(num_times))
+        poses = self._motions.poses_at(times.ravel()).reshape(len(starts), num_times, -1, 3, 4)
+        for frame in range(len(starts)):
+            yield self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame]))
 
     def at(self, time: float) -> _core.Placement:
         """Placement at one time [s]."""
@@ -70,6 +64,12 @@ class Placement:
         """Time derivatives of the placement at one time [s]."""
         rates = self._motions.rates_at(np.array([time]))
         return self._placed(rates, self._parts.velocities[None], self._vertex_rates(time))
+
+    def _offsets(self, num_times: int) -> NDArray[np.float64]:
+        """Chebyshev times from the start of a frame [s]."""
+        if num_times not in self._kept_offsets:
+            self._kept_offsets[num_times] = self._waveform.delay_times(num_times)
+        return self._kept_offsets[num_times]
 
     @staticmethod
     def _placed(

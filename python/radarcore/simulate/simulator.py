@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import hypot
 from os import PathLike
 from typing import Any
 
@@ -167,7 +168,7 @@ class Simulator(Settings):
         self._doubts.of_materials(self.scene)
         place = self._placement
         frame = next(place.frames([start], _NUM_TIMES))
-        delay, rate, amplitude, body, order = self._engine.paths(*frame, place.at(start), place.rates_at(start))
+        delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
         channels = (len(delay), 1)
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
@@ -214,8 +215,9 @@ class Simulator(Settings):
     def _frames(self, starts: list[float]) -> Iterator[Frame]:
         """Frames that start at `starts` [s], placed together: place, simulate, receive."""
         self._doubts.of_materials(self.scene)
-        for start, places in zip(starts, self._placement.frames(starts, _NUM_TIMES), strict=True):
-            ideal = self._engine.frame(*places) or self._placed_again(start, _NUM_TIMES)
+        for start, placed in zip(starts, self._placement.frames(starts, _NUM_TIMES), strict=True):
+            rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
+            ideal = self._engine.frame(placed, rates) or self._placed_again(start, _NUM_TIMES)
             self._doubts.of_frame(ideal)
             assert ideal.truth is not None  # as every scene has one
             cube = receive(ideal.cube, self.radar, start, seed=self.seed)
@@ -224,7 +226,7 @@ class Simulator(Settings):
     def _placed_again(self, start: float, num_times: int) -> _core.IdealFrame:
         """Frame of a motion that needs more than `num_times` times."""
         more = 2 * num_times - 1
-        return self._engine.frame(*next(self._placement.frames([start], more))) or self._placed_again(start, more)
+        return self._engine.frame(next(self._placement.frames([start], more))) or self._placed_again(start, more)
 
     def _in_chunks(self, times: list[float]) -> Iterator[Frame]:
         """Frames at times, placed in chunks."""
@@ -290,5 +292,5 @@ class Simulator(Settings):
 
 def stats_of(ideal: _core.IdealFrame) -> dict[str, Any]:
     """Counts of a frame, for `Frame.stats`."""
-    residual = float(np.hypot(*ideal.series_errors))
+    residual = hypot(*ideal.series_errors)
     return {**dict(ideal.counts()), "series_residual": residual, "plan": ideal.plan}
