@@ -26,7 +26,7 @@ SHORT = ["--warm-up-time", "0.2", "--measurement-time", "0.5"]
 """Criterion's options: several short runs, so that what is compared is measured at nearly the same time."""
 
 FEW = ["--quick", "5k|/10_bodies|occluded/10"]
-"""Benches for `--tiny`."""
+"""Benches for `--tiny`, in the build of the tests."""
 
 LEVELS = {"avx512": "AVX-512", "avx2": "AVX2", "baseline": "baseline"}
 """Instruction sets, the best first."""
@@ -111,9 +111,22 @@ Times = dict[str, float]
 """Times of the benches of a run [s], by their names."""
 
 
-def run_benches(options: list[str]) -> Times:
+def run_benches(options: list[str], profile: str = "bench") -> Times:
     """Run cargo bench once."""
-    command = ["cargo", "bench", "--quiet", "--locked", "--bench", "trace", "--bench", "bvh", "--", *options]
+    command = [
+        "cargo",
+        "bench",
+        "--quiet",
+        "--locked",
+        "--profile",
+        profile,
+        "--bench",
+        "trace",
+        "--bench",
+        "bvh",
+        "--",
+        *options,
+    ]
     with tempfile.TemporaryDirectory() as directory:
         environment = {**os.environ, "CRITERION_HOME": directory}
         try:
@@ -183,7 +196,7 @@ def main() -> None:
     parser.add_argument("--tiny", action="store_true", help="run a few of the benches for a moment")
     parser.add_argument("--write", action="store_true", help=f"write the section of {PERFORMANCE.name}")
     arguments = parser.parse_args()
-    runs = [run_benches(FEW)] if arguments.tiny else [run_benches(SHORT) for _ in range(RUNS)]
+    runs = [run_benches(FEW, "test")] if arguments.tiny else [run_benches(SHORT) for _ in range(RUNS)]
     images, pairs, builds = image_table(runs), pair_table(runs), build_table(runs)
     print(images, pairs, builds, sep="\n\n")
     if arguments.write:

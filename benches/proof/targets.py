@@ -95,7 +95,7 @@ class Measured:
     level: float
     """Rms over turns and frequencies [dB]."""
     worst: float
-    """That of the worst turn [dB]."""
+    """Error of the worst turn [dB]."""
     phase: float
     """[rad]."""
     rays: int

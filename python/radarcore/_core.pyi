@@ -69,7 +69,7 @@ def plan_beat_signal(
     split_still: bool = True,
     skip_rows: bool = True,
 ) -> Report:
-    """What `beat_signal` would do."""
+    """Report of the sum that `beat_signal` would run."""
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
@@ -109,7 +109,7 @@ class Waveform:
 
 @final
 class Report:
-    """What is, or was, done with which paths; `str` has one line per class of paths."""
+    """Report of a sum: classes of paths and their methods; `str` has one line per class."""
 
     @property
     def error(self) -> float:
@@ -125,7 +125,7 @@ class Report:
         """Velocity rows that no path had touched."""
     @property
     def runs(self) -> int:
-        """How many plans were run: more than one where paths add up in phase, or differ from the samples."""
+        """Number of plans that were run: more than one where paths add up in phase, or differ from the samples."""
     @property
     def gain(self) -> float:
         """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
@@ -148,7 +148,7 @@ class Surface:
         """Rows of the triangles that were kept, (m,); None where all were."""
 
     def deform(self, vertices: NDArray[np.float64], *, threads: int | None = None) -> Surface:
-        """The same triangles between vertices (n, 3) at other places, with the shading and the speckle of this surface.
+        """Surface of the same triangles between other vertices (n, 3), with the normals and the speckle of this one.
 
         The tree is refitted, or built anew where it has become much worse; hits do not depend on it. Material points on
         such a surface stay with their facets, see `Scatterers.deforming`.
@@ -157,7 +157,7 @@ class Surface:
     def quality(
         self, *, crease_angle: float, wavelength: float, threads: int | None = None
     ) -> tuple[list[int], list[float]]:
-        """What the mesh is good for, if facets that meet below the crease angle [rad] stand for a curved surface.
+        """Quality of the mesh if facets that meet below the crease angle [rad] approximate a curved surface.
 
         Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area and
         smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets at the
@@ -170,11 +170,11 @@ class Surface:
 
 @final
 class Material:
-    """What a surface does to waves of one frequency."""
+    """Reflection and scattering of a surface at one frequency."""
 
     @staticmethod
     def constant(reflection: tuple[float, float], albedo: float) -> Material:
-        """The same at every angle; the field reflection coefficient as (real, imaginary)."""
+        """Equal reflection at every angle; the field reflection coefficient as (real, imaginary)."""
     @staticmethod
     def dielectric(
         permittivity: tuple[float, float],
@@ -183,7 +183,7 @@ class Material:
         scattering: float | None = None,
         thickness: float | None = None,
     ) -> Material:
-        """What Fresnel says of a relative permittivity (real, imaginary), of a half-space or a slab of a thickness [m].
+        """Fresnel reflection by a relative permittivity (real, imaginary): half-space or slab of a thickness [m].
 
         `roughness`: rms height [m]; or `scattering`: the part of the field that is scattered. None: a smooth surface.
         """
@@ -227,7 +227,7 @@ class Antennas:
 
 @final
 class Hits:
-    """What the rays of an image hit."""
+    """Hits of the rays of an image."""
 
     @property
     def counts(self) -> tuple[int, int, int]:

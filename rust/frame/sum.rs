@@ -139,8 +139,8 @@ impl Groups {
         }
 
         let mut groups = Vec::new();
-        let shown = scatterers.cells().iter().zip(scatterers.orders());
-        let farthest = shown
+        let smooth = scatterers.cells().iter().zip(scatterers.orders());
+        let farthest = smooth
             .filter(|(_, order)| **order > 0)
             .map(|(cell, _)| rays.distance(*cell));
         let farthest = farthest.fold(0.0, f64::max);

@@ -95,12 +95,10 @@ mod tests {
     fn slopes_of_polynomials_are_exact() {
         for number in 1..=33 {
             let weights = slope_weights(number);
-            for power in 0..number.min(12) {
-                let values = chebyshev_nodes(number)
-                    .into_iter()
-                    .map(|x| (0.3 + x).powi(power as i32));
+            for power in (0..12_i32).take(number) {
+                let values = chebyshev_nodes(number).into_iter().map(|x| (0.3 + x).powi(power));
                 let slope: f64 = values.zip(&weights).map(|(value, weight)| value * weight).sum();
-                let expected = power as f64 * 0.3_f64.powi(power as i32 - 1);
+                let expected = f64::from(power) * 0.3_f64.powi(power - 1);
                 assert!((slope - expected).abs() < 1e-11, "{number} {power} {slope} {expected}");
             }
         }

@@ -93,7 +93,7 @@ fn box_muller(radius: [u32; LANES], angle: [u32; LANES]) -> [[f32; LANES]; 2] {
 #[inline(always)]
 fn cos_sin(word: u32) -> [f32; 2] {
     // The lower 30 bits as -1/8 to 1/8 turn [rad].
-    let x = (word << 2) as i32 as f32 * (std::f32::consts::FRAC_PI_4 / 2_147_483_648.0);
+    let x = (word << 2).cast_signed() as f32 * (std::f32::consts::FRAC_PI_4 / 2_147_483_648.0);
     let z = x * x;
     let sin = x - x * z * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0)));
     let cos = 1.0 - z * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0 - z * (1.0 / 40_320.0))));
@@ -110,7 +110,7 @@ fn ln(x: f32) -> f32 {
     const HALF_ROOT: u32 = 0x3F35_04F3;
     // Mantissa from sqrt(1/2) to sqrt(2).
     let shifted = x.to_bits().wrapping_sub(HALF_ROOT);
-    let exponent = (shifted as i32) >> 23;
+    let exponent = shifted.cast_signed() >> 23;
     let mantissa = f32::from_bits((shifted & 0x007F_FFFF) + HALF_ROOT);
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let z = s * s;
@@ -161,7 +161,7 @@ mod tests {
             let word = k.wrapping_mul(2_654_435_761);
             // Bit 31 is bit 31 of a signed number, so the lower 30 bits count from the middle of their quarter.
             let quarter = f64::from(word >> 30) * 0.25;
-            let within = f64::from((word << 2) as i32) / 4_294_967_296.0 / 4.0;
+            let within = f64::from((word << 2).cast_signed()) / 4_294_967_296.0 / 4.0;
             let (sin, cos) = (std::f64::consts::TAU * (quarter + within)).sin_cos();
             let got = cos_sin(word).map(f64::from);
             assert!((got[0] - cos).abs() < 4e-7 && (got[1] - sin).abs() < 4e-7, "{word}");

@@ -148,7 +148,9 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             }
             if let Some(known) = known {
                 let mut touch = Touch(false);
-                scratch.rays.walk::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
+                scratch
+                    .rays
+                    .traverse::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
                 if !touch.0 && take_over(found, known, group.start) {
                     counts.tiles_reused += 1;
                     continue;

@@ -145,7 +145,7 @@ impl Kernel for CastBand<'_> {
             }
             if let Some((hits, moved)) = self.previous {
                 let mut touch = Touch(false);
-                scratch.rays.walk::<I>(moved, &mut scratch.stacks[0], &mut touch);
+                scratch.rays.traverse::<I>(moved, &mut scratch.stacks[0], &mut touch);
                 if !touch.0 {
                     self.take_over(&tile, hits);
                     counts.tiles_reused += 1;
@@ -304,7 +304,7 @@ impl PosedScene {
             is_empty: true,
         };
         if cast.skip_empty {
-            rays.walk::<I>(&self.top, top, &mut bodies);
+            rays.traverse::<I>(&self.top, top, &mut bodies);
             return bodies.is_empty;
         }
         bodies.best.clear::<I>(&rays.valid);

@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
-use crate::rays::traversal::{Slabs, Visit, walk};
+use crate::rays::traversal::{Slabs, Visit, traverse};
 use crate::rays::tree::{Node, Tree};
 use crate::rays::triangle_block::{Table, TriangleBlock, UNIT};
 
@@ -144,7 +144,7 @@ impl TileRays {
 
     /// Visit all leaves of a tree in the sensor frame whose boxes any ray may meet, near ones first.
     #[inline(always)]
-    pub fn walk<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+    pub fn traverse<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
         let (mut low, mut high) = ([1.0; 3], [1.0; 3]);
         for axis in 0..2 {
@@ -152,7 +152,7 @@ impl TileRays {
             high[axis + 1] = ((middle[axis] + half[axis]) as f32).next_up();
         }
         let slabs = Slabs::new(&[0.0; 3], 0.0, &low, &high);
-        walk::<I>(&slabs, tree, f32::MAX, stack, visitor);
+        traverse::<I>(&slabs, tree, f32::MAX, stack, visitor);
     }
 
     /// Number of the ray of a row and a column of the tile; the next columns follow to the end of the packet.
@@ -357,9 +357,9 @@ impl<E: Exact, const P: usize> Search<'_, E, P> {
 
     /// Visit all leaves whose boxes any ray may meet, near ones first.
     #[inline(always)]
-    pub fn walk<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
+    pub fn traverse<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
         let (slabs, far) = (self.rays.slabs(self.all()), self.farthest());
-        walk::<I>(&slabs, tree, far, stack, self);
+        traverse::<I>(&slabs, tree, far, stack, self);
     }
 
     /// True if any ray meets the box of a child before its hit so far.

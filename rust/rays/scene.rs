@@ -220,7 +220,7 @@ impl Kernel for CastOne<'_> {
             ended_early: false,
         };
         let single = Single::new(self.ray.origin, self.ray.direction);
-        single.walk::<I>(
+        single.traverse::<I>(
             &self.scene.top,
             above(self.far),
             &mut Vec::with_capacity(64),

@@ -72,7 +72,7 @@ struct Mesh {
     groups: OnceLock<Groups>,
     /// Connected components of the triangles; if asked for.
     parts: OnceLock<Components>,
-    fingerprint: u64,
+    content_hash: u64,
 }
 
 /// Growth of the cost of a refitted tree above which it is built anew: there, images take a seventh longer than with a
@@ -130,7 +130,7 @@ impl Surface {
             None => triangles.to_vec(),
             Some(kept) => kept.iter().map(|&row| triangles[row as usize]).collect(),
         };
-        let fingerprint = fingerprint(vertices, &triangles);
+        let content_hash = content_hash(vertices, &triangles);
         report(0.1);
         let shading = match mode {
             ShadingMode::Flat => Shading::flat(),
@@ -145,7 +145,7 @@ impl Surface {
             mode,
             groups: OnceLock::new(),
             parts: OnceLock::new(),
-            fingerprint,
+            content_hash,
         };
         Ok(Self::build(Arc::new(mesh), rest, shading, report))
     }
@@ -262,8 +262,8 @@ impl Surface {
     }
 
     /// Hash of the triangles in their order.
-    pub fn fingerprint(&self) -> u64 {
-        self.mesh.fingerprint
+    pub fn content_hash(&self) -> u64 {
+        self.mesh.content_hash
     }
 
     /// Box round all triangles.
@@ -379,7 +379,7 @@ impl Surface {
             table,
             num_leaves: 0,
         };
-        search.walk::<I>(&self.tree, stack);
+        search.traverse::<I>(&self.tree, stack);
         search.num_leaves
     }
 }
@@ -460,7 +460,7 @@ fn reach(bounds: &Bounds) -> f32 {
 }
 
 /// Hash of triangles in their order.
-fn fingerprint(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
+fn content_hash(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
     let of = |triangles: &[[u32; 3]]| {
         triangles.iter().flatten().fold(0, |state, vertex| {
             let [x, y, z] = vertices[*vertex as usize].to_array().map(f64::to_bits);
@@ -507,7 +507,7 @@ impl Kernel for Nearest<'_> {
             is_any_enough: self.is_any_enough,
             ended_early: false,
         };
-        single.walk::<I>(
+        single.traverse::<I>(
             &surface.tree,
             above(self.far),
             &mut Vec::with_capacity(64),

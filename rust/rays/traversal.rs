@@ -24,7 +24,7 @@ pub trait Visit {
 
 /// Visit all leaves whose boxes any direction may meet before `far`, near ones first.
 #[inline(always)]
-pub fn walk<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+pub fn traverse<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
     if tree.nodes.is_empty() {
         return;
     }
@@ -94,11 +94,11 @@ impl Single {
 
     /// Visit all leaves whose boxes the ray may meet before `far`, near ones first.
     #[inline(always)]
-    pub fn walk<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
+    pub fn traverse<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
         let low = self.direction.map(f32::next_down);
         let high = self.direction.map(f32::next_up);
         let slabs = Slabs::new(&self.origin, self.reach, &low, &high);
-        walk::<I>(&slabs, tree, far, stack, visitor);
+        traverse::<I>(&slabs, tree, far, stack, visitor);
     }
 
     /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.

@@ -82,7 +82,7 @@ impl Points {
             source: source(surface, rcs_floor, seed),
         };
         let mut triangle = 0;
-        let mut state = mix(seed ^ surface.fingerprint());
+        let mut state = mix(seed ^ surface.content_hash());
         let mut draw = || {
             state = mix(state);
             (state >> 11) as f64 / (1_u64 << 53) as f64
@@ -117,7 +117,7 @@ impl Points {
 
 /// Key of points: hash of the surface, bits of the floor, seed.
 fn source(surface: &Surface, rcs_floor: f64, seed: u64) -> (u64, u64, u64) {
-    (surface.fingerprint(), rcs_floor.to_bits(), seed)
+    (surface.content_hash(), rcs_floor.to_bits(), seed)
 }
 
 /// A ray to a point.

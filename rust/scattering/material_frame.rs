@@ -20,7 +20,7 @@ pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_
 pub(crate) struct MaterialFrame<'a> {
     pub(crate) pose: &'a Pose,
     /// Triangle that carries the points, where the body deforms.
-    pub(crate) carrier: Option<Carrier>,
+    pub(crate) moved: Option<MovedFacet>,
     /// Seed of the diffuse phases.
     pub(crate) speckle: u64,
 }
@@ -29,37 +29,35 @@ impl<'a> MaterialFrame<'a> {
     /// Material frame of a triangle of a body.
     pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
         let surface = snapshot.surface(body);
-        let carrier = surface.is_deformed().then(|| Carrier {
+        let moved = surface.is_deformed().then(|| MovedFacet {
             vertices: surface.vertices_of(triangle),
             facet: MovingTriangle::new(surface.corners(triangle)),
             rest: MovingTriangle::new(surface.rest_corners(triangle)),
         });
         Self {
             pose: snapshot.pose(body),
-            carrier,
-            speckle: mix(seed ^ surface.fingerprint()),
+            moved,
+            speckle: mix(seed ^ surface.content_hash()),
         }
     }
 
     /// Map a point of the sensor frame [m] to the material frame.
     pub(crate) fn position(&self, point: DVec3) -> DVec3 {
         let position = self.pose.point_to_body(point);
-        self.carrier
-            .as_ref()
-            .map_or(position, |c| c.facet.coordinates(position))
+        self.moved.as_ref().map_or(position, |c| c.facet.coordinates(position))
     }
 
     /// Map a unit normal of the sensor frame to the material frame: a vector, or slopes along the triangle.
     pub(crate) fn normal(&self, normal: DVec3) -> DVec3 {
         let normal = self.pose.direction_to_body(normal);
-        self.carrier.as_ref().map_or(normal, |c| c.facet.slopes(normal))
+        self.moved.as_ref().map_or(normal, |c| c.facet.slopes(normal))
     }
 
     /// Map the edges of a patch [m] to the material frame.
     pub(crate) fn edges(&self, edges: [DVec3; 2]) -> Edges {
         edges.map(|edge| {
             let edge = self.pose.direction_to_body(edge);
-            self.carrier
+            self.moved
                 .as_ref()
                 .map_or(edge, |c| c.facet.coordinates_of_vector(edge))
         })
@@ -67,13 +65,13 @@ impl<'a> MaterialFrame<'a> {
 
     /// Number of the cube of the undeformed surface at a position in the material frame.
     pub(crate) fn cube(&self, position: DVec3) -> u64 {
-        let on_surface = self.carrier.as_ref().map_or(position, |c| c.rest.point(position));
+        let on_surface = self.moved.as_ref().map_or(position, |c| c.rest.point(position));
         speckle_cube(self.speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN)
     }
 }
 
 /// Triangle that carries a material point of a body that deforms.
-pub(crate) struct Carrier {
+pub(crate) struct MovedFacet {
     pub(crate) vertices: [u32; 3],
     /// Triangle at the time of the rays.
     pub(crate) facet: MovingTriangle,

@@ -57,7 +57,7 @@ impl Points {
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
         self.order.push(sample.order);
-        self.facet.push(frame.carrier.as_ref().map(|carrier| carrier.vertices));
+        self.facet.push(frame.moved.as_ref().map(|moved| moved.vertices));
         self.position.push(sample.position);
         self.normal.push(frame.normal(patch.normal));
         self.patch.push(sample.edges);
