@@ -26,7 +26,6 @@ __all__ = [
     "cross_sections",
     "levels",
     "load_obj",
-    "plan_beat_signal",
 ]
 
 __version__: str
@@ -49,27 +48,13 @@ def beat_signal(
     level: str | None = None,
     split_still: bool = True,
     skip_rows: bool = True,
+    plan_only: bool = False,
 ) -> tuple[Any, Report]:
     """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and what was done.
 
     complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid", "recurrence", "lanes".
+    With `plan_only` None, and what would be done.
     """
-
-def plan_beat_signal(
-    delay: NDArray[np.float64],
-    amplitude: NDArray[np.complex128],
-    delay_rate: NDArray[np.float64] | None = None,
-    delay_acceleration: NDArray[np.float64] | None = None,
-    *,
-    waveform: Waveform,
-    tolerance: float,
-    method: str,
-    threads: int | None = None,
-    level: str | None = None,
-    split_still: bool = True,
-    skip_rows: bool = True,
-) -> Report:
-    """What `beat_signal` would do."""
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
@@ -129,8 +114,8 @@ class Report:
     @property
     def gain(self) -> float:
         """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
-    def parts(self) -> list[tuple[str, int, str, str, int, list[int], list[int], float, int]]:
-        """Per class of paths what `PlanPart` has."""
+    def parts(self) -> list[tuple[Any, ...]]:
+        """Fields of `PlanPart`, per class of paths."""
 
 @final
 class Surface:
