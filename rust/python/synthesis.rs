@@ -277,7 +277,7 @@ impl Report {
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyTuple>>> {
         let part = |part: &Part| {
             let block_plans: &[BlockPlan] = match &part.step {
-                Step::Grid { expansions, .. } => expansions,
+                Step::Grid { block_plans, .. } => block_plans,
                 _ => &[],
             };
             (

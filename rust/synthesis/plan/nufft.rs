@@ -73,14 +73,14 @@ impl Goal<'_> {
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
         let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
         let count = blocks.len();
-        let expansions: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
+        let block_plans: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
         // Parts of the paths, channels and blocks have separate grids, on as many threads as there may be.
         let num_grids = series.num_channels * count;
         // Spectra are half as large, and are held until those of other channels are complete.
         let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
-        let numbers = expansions
+        let numbers = block_plans
             .iter()
-            .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
+            .map(|plan| plan.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, plan.rows).size())
             .max()
             .unwrap_or(0);
         Some(Part {
@@ -89,7 +89,7 @@ impl Goal<'_> {
             step: Step::Grid {
                 is_single: kernel.is_single,
                 width: kernel.width,
-                expansions,
+                block_plans,
             },
             error: error * self.share,
             interpolation: interpolation * self.share,
