@@ -287,7 +287,7 @@ impl Report {
                 if part.step.is_single() { "single" } else { "double" },
                 part.step.width().unwrap_or(0),
                 PyTuple::new(py, block_plans.iter().map(|plan| plan.rows))?,
-                PyTuple::new(py, block_plans.iter().map(|plan| plan.modes.num_sets()))?,
+                PyTuple::new(py, block_plans.iter().map(|plan| plan.approximation.num_sets()))?,
                 part.error,
                 part.memory,
             )

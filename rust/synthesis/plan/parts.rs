@@ -166,7 +166,7 @@ impl fmt::Display for Part {
                 let rows = block_plans.iter().map(|plan| plan.rows).max().unwrap_or(0);
                 let terms: Vec<String> = block_plans
                     .iter()
-                    .map(|plan| plan.modes.num_sets().to_string())
+                    .map(|plan| plan.approximation.num_sets().to_string())
                     .collect();
                 write!(
                     f,
