@@ -84,8 +84,8 @@
 //!     frequency: 60e9,
 //!     polarization: None,
 //! };
-//! let shown = SmoothHits::new(&scene, &hits);
-//! let scatterers = Scatterers::new(&scene, &hits, &shown, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
+//! let smooth = SmoothHits::new(&scene, &hits);
+//! let scatterers = Scatterers::new(&scene, &hits, &smooth, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
 //! let kinematics = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };

@@ -221,7 +221,7 @@ class Hits:
         """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
     def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:
         """Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit."""
-    def shaded(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def smooth(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distance along the ray to the surface that the facets stand for [m], and its unit normal towards the sensor.
 
         (rows, columns), inf where nothing was hit, and (rows, columns, 3), 0 where nothing was hit.

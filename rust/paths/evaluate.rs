@@ -516,11 +516,11 @@ mod tests {
             let array = array(&pattern);
             let materials = vec![half_matt; 2];
             let hits = snapshot.cast_image(&plane).unwrap();
-            let shown = SmoothHits::at(&snapshot, &hits, Level::best());
+            let smooth = SmoothHits::at(&snapshot, &hits, Level::best());
             let of_pixels = Scatterers::new(
                 &snapshot,
                 &hits,
-                &shown,
+                &smooth,
                 &materials,
                 array.clone(),
                 Sampling::Footprint,

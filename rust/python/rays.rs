@@ -103,7 +103,7 @@ impl Surface {
     }
 }
 
-pub(super) type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+pub(super) type SmoothArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Hits of the rays of an image.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -134,19 +134,19 @@ impl Hits {
         if let Some(cosine) = &self.0.hits.cosine {
             return self.image(PyArray1::from_slice(py, cosine));
         }
-        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
-        self.image(PyArray1::from_slice(py, &shown.cosine))
+        let smooth = compute(py, threads, || Ok(self.0.smooth()))?;
+        self.image(PyArray1::from_slice(py, &smooth.cosine))
     }
 
     /// Distance along the ray to the curved surface that the triangles approximate [m], (rows, columns), and the unit
     /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
-    fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
-        let shown = compute(py, threads, || Ok(self.0.smooth()))?;
+    fn smooth<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<SmoothArrays<'py>> {
+        let smooth = compute(py, threads, || Ok(self.0.smooth()))?;
         let plane = &self.0.hits.plane;
-        let normals = shown.normal.iter().flat_map(DVec3::to_array);
+        let normals = smooth.normal.iter().flat_map(DVec3::to_array);
         Ok((
-            self.image(PyArray1::from_slice(py, &shown.distance))?,
+            self.image(PyArray1::from_slice(py, &smooth.distance))?,
             PyArray1::from_iter(py, normals).reshape([plane.rows, plane.columns, 3])?,
         ))
     }
@@ -165,13 +165,13 @@ impl Hits {
         let materials = self::materials(&materials, self.0.scene.num_bodies())?;
         let polarization = polarization.map(DVec3::from_array);
         let reflectance = compute(py, threads, || {
-            let shown = || self.0.smooth();
+            let smooth = || self.0.smooth();
             Ok(reflectance::reflectance(
                 &self.0.hits,
                 &materials,
                 frequency,
                 polarization,
-                shown,
+                smooth,
             ))
         })?;
         self.image(reflectance.into_pyarray(py))

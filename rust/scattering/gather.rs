@@ -30,14 +30,14 @@ impl Scatterers {
     pub fn new(
         snapshot: &PosedScene,
         hits: &Hits,
-        shown: &SmoothHits,
+        smooth: &SmoothHits,
         materials: &[Material],
         array: Array,
         sampling: Sampling,
         seed: u64,
     ) -> Self {
         Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
-            if let Some(patch) = patch(hits, shown, pixel) {
+            if let Some(patch) = patch(hits, smooth, pixel) {
                 let frame = MaterialFrame::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
                 weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
             }

@@ -69,14 +69,14 @@ pub fn place_on_mesh(snapshot: &PosedScene, cell: &Cell, body: u32, triangle: u3
 }
 
 /// Patch of the hit of one pixel; none where nothing was hit.
-pub(crate) fn patch(hits: &Hits, shown: &SmoothHits, pixel: usize) -> Option<Patch> {
+pub(crate) fn patch(hits: &Hits, smooth: &SmoothHits, pixel: usize) -> Option<Patch> {
     let body = hits.body[pixel];
     let (row, column) = (pixel / hits.plane.columns, pixel % hits.plane.columns);
     (body != NO_BODY).then(|| Patch {
         index: pixel,
         body,
         cell: hits.plane.cell(row, column),
-        distance: shown.distance[pixel],
-        normal: shown.normal[pixel],
+        distance: smooth.distance[pixel],
+        normal: smooth.normal[pixel],
     })
 }

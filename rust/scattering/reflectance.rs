@@ -10,13 +10,13 @@ use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material::Material;
 
 /// Power reflectance of the material at every pixel, specular and diffuse, for antennas at the centre of the array;
-/// zero where nothing was hit. `shown` is evaluated only for materials that depend on the angle.
+/// zero where nothing was hit. `smooth` is evaluated only for materials that depend on the angle.
 pub fn reflectance<'a>(
     hits: &Hits,
     materials: &[Material],
     frequency: f64,
     polarization: Option<DVec3>,
-    shown: impl FnOnce() -> &'a SmoothHits,
+    smooth: impl FnOnce() -> &'a SmoothHits,
 ) -> Vec<f64> {
     let wavelength = SPEED_OF_LIGHT / frequency;
     if materials.iter().all(|m| matches!(m, Material::Constant(_))) {
@@ -25,7 +25,7 @@ pub fn reflectance<'a>(
         let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
         return hits.body.iter().map(of).collect();
     }
-    let shown = shown();
+    let smooth = smooth();
     (0..hits.plane.num_pixels())
         .into_par_iter()
         .map(|pixel| {
@@ -35,8 +35,10 @@ pub fn reflectance<'a>(
             let direction = hits
                 .plane
                 .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
-            let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, shown.normal[pixel], direction, direction));
-            material.response(shown.cosine[pixel], wavelength, seen).power()
+            let seen = polarization.map_or(Seen::SCALAR, |e| {
+                Seen::by(e, smooth.normal[pixel], direction, direction)
+            });
+            material.response(smooth.cosine[pixel], wavelength, seen).power()
         })
         .collect()
 }
