@@ -162,10 +162,9 @@ def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phas
 
 def has_direct_f64(job: Job) -> bool:
     """True if the recurrences can be bounded in double precision: not where a path turns within a chirp."""
+    paths = (job.delay, job.amplitude, job.delay_rate)
     try:
-        _core.plan_beat_signal(
-            job.delay, job.amplitude, job.delay_rate, waveform=job.waveform._core, tolerance=4e-6, method="recurrence"
-        )
+        _core.beat_signal(*paths, waveform=job.waveform._core, tolerance=4e-6, method="recurrence", plan_only=True)
     except ValueError:
         return False
     return True

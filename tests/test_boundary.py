@@ -223,8 +223,8 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (response()[1], "float64", (3,)),
         (HITS.body(), "int32", (20, 30)),
         (HITS.directions(), "float64", (20, 30, 3)),
-        (HITS.shaded()[0], "float64", (20, 30)),
-        (HITS.shaded()[1], "float64", (20, 30, 3)),
+        (HITS.smooth()[0], "float64", (20, 30)),
+        (HITS.smooth()[1], "float64", (20, 30, 3)),
         (frame().cube, "complex64", (2, 2, 8)),
         (frame(tolerance=1e-7).cube, "complex128", (2, 2, 8)),
         (frame().truth, "float64", (2, 4)),
@@ -470,7 +470,7 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
 @pytest.mark.parametrize(
-    "call", [beat, cast, deform, frame, surfels, paths, reflectance, HITS.cos_incidence, HITS.shaded]
+    "call", [beat, cast, deform, frame, surfels, paths, reflectance, HITS.cos_incidence, HITS.smooth]
 )
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")

@@ -26,7 +26,6 @@ __all__ = [
     "cross_sections",
     "levels",
     "load_obj",
-    "plan_beat_signal",
 ]
 
 __version__: str
@@ -49,27 +48,13 @@ def beat_signal(
     level: str | None = None,
     split_still: bool = True,
     skip_rows: bool = True,
+    plan_only: bool = False,
 ) -> tuple[Any, Report]:
-    """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and what was done.
+    """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
 
     complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid", "recurrence", "lanes".
+    With `plan_only` None, and the report of the sum that would be run.
     """
-
-def plan_beat_signal(
-    delay: NDArray[np.float64],
-    amplitude: NDArray[np.complex128],
-    delay_rate: NDArray[np.float64] | None = None,
-    delay_acceleration: NDArray[np.float64] | None = None,
-    *,
-    waveform: Waveform,
-    tolerance: float,
-    method: str,
-    threads: int | None = None,
-    level: str | None = None,
-    split_still: bool = True,
-    skip_rows: bool = True,
-) -> Report:
-    """Report of the sum that `beat_signal` would run."""
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
@@ -129,8 +114,8 @@ class Report:
     @property
     def gain(self) -> float:
         """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
-    def parts(self) -> list[tuple[str, int, str, str, int, list[int], list[int], float, int]]:
-        """Per class of paths what `PlanPart` has."""
+    def parts(self) -> list[tuple[Any, ...]]:
+        """Fields of `PlanPart`, per class of paths."""
 
 @final
 class Surface:
@@ -236,7 +221,7 @@ class Hits:
         """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
     def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:
         """Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit."""
-    def shaded(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def smooth(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distance along the ray to the surface that the facets stand for [m], and its unit normal towards the sensor.
 
         (rows, columns), inf where nothing was hit, and (rows, columns, 3), 0 where nothing was hit.

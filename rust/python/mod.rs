@@ -28,7 +28,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(geometry::load_obj, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
-    module.add_function(wrap_pyfunction!(synthesis::plan_beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
     module.add_function(wrap_pyfunction!(receive::add_noise, module)?)?;
     module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;

@@ -103,7 +103,7 @@ impl Surface {
     }
 }
 
-pub(super) type ShadedArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+pub(super) type SmoothArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Hits of the rays of an image.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -141,7 +141,7 @@ impl Hits {
     /// Distance along the ray to the curved surface that the triangles approximate [m], (rows, columns), and the unit
     /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
-    fn shaded<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<ShadedArrays<'py>> {
+    fn smooth<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<SmoothArrays<'py>> {
         let smooth = compute(py, threads, || Ok(self.0.smooth()))?;
         let plane = &self.0.hits.plane;
         let normals = smooth.normal.iter().flat_map(DVec3::to_array);

@@ -3,6 +3,7 @@
 use num_complex::Complex64;
 use numpy::{IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use super::arrays::{contiguous, numbers};
 use super::threads::{check_threads, compute};
@@ -11,7 +12,8 @@ use crate::numeric::simd::Level;
 use crate::synthesis::beat;
 use crate::synthesis::chirp;
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::plan::{Method, Step};
+use crate::synthesis::low_rank::block_plan::BlockPlan;
+use crate::synthesis::plan::{Method, Part, Step};
 
 /// Times and frequencies of a frame.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -157,38 +159,19 @@ pub(super) fn tolerance(value: f64) -> Result<f64> {
     }
 }
 
-/// Options of the sum, from the arguments in Python.
-pub(super) fn options(
-    tolerance: f64,
-    method: &str,
-    level: Option<&str>,
-    split_still: bool,
-    skip_rows: bool,
-    is_parallel: bool,
-) -> Result<beat::Options> {
-    let method = self::method(method)?;
-    let levels = Level::available();
-    let level = match level {
-        None => Level::best(),
-        Some(name) => *levels.iter().find(|level| level.name() == name).ok_or_else(|| {
-            let names: Vec<&str> = levels.iter().map(|level| level.name()).collect();
-            Error::value("level", format!("one of {names:?}"), name)
-        })?,
-    };
-    Ok(beat::Options {
-        tolerance: self::tolerance(tolerance)?,
-        method,
-        level,
-        is_parallel,
-        split_still,
-        skip_rows,
-    })
+/// Instruction set, from its name in Python; without one the best.
+fn level(name: Option<&str>) -> Result<Level> {
+    let Some(name) = name else { return Ok(Level::best()) };
+    let index = levels().iter().position(|known| *known == name);
+    index
+        .map(|index| Level::available()[index])
+        .ok_or_else(|| Error::value("level", format!("one of {:?}", levels()), name))
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and the report of the sum.
+/// Beat samples (channel, chirp, sample) of paths, and the report of the sum; with `plan_only` its plan alone.
 #[pyfunction(signature = (
     delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
-    split_still=true, skip_rows=true
+    split_still=true, skip_rows=true, plan_only=false
 ))]
 pub(super) fn beat_signal<'py>(
     py: Python<'py>,
@@ -203,61 +186,44 @@ pub(super) fn beat_signal<'py>(
     level: Option<&str>,
     split_still: bool,
     skip_rows: bool,
-) -> PyResult<(Bound<'py, PyAny>, Report)> {
+    plan_only: bool,
+) -> PyResult<(Option<Bound<'py, PyAny>>, Report)> {
     check_threads(threads)?;
     let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
     let waveform = &waveform.0;
-    let (num_chirps, num_samples) = (waveform.chirp_times.len(), waveform.num_samples);
-    let work = [paths.num_channels, paths.num_paths, num_chirps, num_samples];
-    let is_parallel = threads != Some(1) && beat::is_worth_threads(work);
-    let options = options(tolerance, method, level, split_still, skip_rows, is_parallel)?;
+    let shape = [paths.num_channels, waveform.chirp_times.len(), waveform.num_samples];
+    let is_parallel = threads != Some(1) && beat::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
+    let options = beat::Options {
+        method: self::method(method)?,
+        level: self::level(level)?,
+        tolerance: self::tolerance(tolerance)?,
+        is_parallel,
+        split_still,
+        skip_rows,
+    };
     let (samples, report) = paths.with_series(|series| {
-        let sum = || beat::beat_signal(waveform, series, &options);
+        let sum = || {
+            if plan_only {
+                let report = beat::Report {
+                    plan: beat::plan(waveform, series, &options)?,
+                    ..beat::Report::default()
+                };
+                return Ok((None, report));
+            }
+            beat::beat_signal(waveform, series, &options).map(|(samples, report)| (Some(samples), report))
+        };
         if is_parallel {
             compute(py, threads, sum)
         } else {
             py.detach(|| sum().map_err(PyErr::from))
         }
     })?;
-    let shape = [paths.num_channels, num_chirps, num_samples];
-    let samples = match samples {
-        beat::Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
-        beat::Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
+    let array = |samples| match samples {
+        beat::Samples::Single(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
+        beat::Samples::Double(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
     };
-    Ok((samples, Report(report)))
+    Ok((samples.map(array).transpose()?, Report(report)))
 }
-
-/// Report of the sum that `beat_signal` would run.
-#[pyfunction(signature = (
-    delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
-    split_still=true, skip_rows=true
-))]
-pub(super) fn plan_beat_signal<'py>(
-    py: Python<'py>,
-    delay: PyReadonlyArrayDyn<'py, f64>,
-    amplitude: PyReadonlyArrayDyn<'py, Complex64>,
-    delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
-    delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
-    waveform: PyRef<'py, Waveform>,
-    tolerance: f64,
-    method: &str,
-    threads: Option<usize>,
-    level: Option<&str>,
-    split_still: bool,
-    skip_rows: bool,
-) -> PyResult<Report> {
-    let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
-    let options = options(tolerance, method, level, split_still, skip_rows, true)?;
-    let waveform = &waveform.0;
-    let plan = paths.with_series(|series| compute(py, threads, || beat::plan(waveform, series, &options)))?;
-    Ok(Report(beat::Report {
-        plan,
-        ..beat::Report::default()
-    }))
-}
-
-/// Part of a plan, see `Report::parts`.
-pub(super) type PlanPart = (String, usize, String, String, usize, Vec<usize>, Vec<usize>, f64, usize);
 
 /// Report of a sum: classes of paths and their methods.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -308,28 +274,26 @@ impl Report {
 
     /// Classes of paths: name, number of paths, method, precision, width of the kernel (0: none), velocity rows per
     /// block, terms per block, predicted error, and memory [bytes].
-    fn parts(&self) -> Vec<PlanPart> {
-        let parts = self.0.plan.parts.iter().map(|part| {
-            let (rows, terms) = match &part.step {
-                Step::Grid { expansions, .. } => (
-                    expansions.iter().map(|e| e.rows).collect(),
-                    expansions.iter().map(|e| e.modes.num_sets()).collect(),
-                ),
-                _ => (Vec::new(), Vec::new()),
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyTuple>>> {
+        let part = |part: &Part| {
+            let block_plans: &[BlockPlan] = match &part.step {
+                Step::Grid { block_plans, .. } => block_plans,
+                _ => &[],
             };
             (
-                part.class.name().to_owned(),
+                part.class.name(),
                 part.num_paths,
-                part.step.name().to_owned(),
-                if part.step.is_single() { "single" } else { "double" }.to_owned(),
+                part.step.name(),
+                if part.step.is_single() { "single" } else { "double" },
                 part.step.width().unwrap_or(0),
-                rows,
-                terms,
+                PyTuple::new(py, block_plans.iter().map(|plan| plan.rows))?,
+                PyTuple::new(py, block_plans.iter().map(|plan| plan.approximation.num_sets()))?,
                 part.error,
                 part.memory,
             )
-        });
-        parts.collect()
+                .into_pyobject(py)
+        };
+        self.0.plan.parts.iter().map(part).collect()
     }
 }
 

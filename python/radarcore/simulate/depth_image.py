@@ -63,16 +63,16 @@ class DepthImage:
     @cached_property
     def surface_distance(self) -> NDArray[np.float64]:
         """Distance to the smooth surface [m], see the attributes."""
-        return self._shaded[0]
+        return self._smooth[0]
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Unit normals of the smooth surface, see the attributes."""
-        return self._shaded[1]
+        return self._smooth[1]
 
     @cached_property
-    def _shaded(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self._hits.shaded(threads=self._threads)
+    def _smooth(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._hits.smooth(threads=self._threads)
 
     @property
     def points(self) -> NDArray[np.float64]:

@@ -79,14 +79,6 @@ class Plan:
     def __str__(self) -> str:
         return self.text
 
-    @classmethod
-    def _from_report(cls, report: _core.Report) -> Plan:
-        parts = tuple(
-            PlanPart(paths, count, method, precision, width, tuple(rows), tuple(terms), error, memory)
-            for paths, count, method, precision, width, rows, terms, error, memory in report.parts()
-        )
-        return cls(parts, report.error, report.memory, str(report))
-
 
 def beat_signal(
     delay: ArrayLike,
@@ -140,13 +132,7 @@ def beat_signal(
         For samples that do not fit into memory.
     """
     samples: NDArray[np.complex64] | NDArray[np.complex128]
-    samples, _ = _core.beat_signal(
-        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
-        waveform=waveform._core,
-        tolerance=check_tolerance(tolerance),
-        method=check.choice("method", method, METHODS),
-        threads=check_threads(threads),
-    )
+    samples, _ = _sum(waveform, tolerance, method, threads, delay, amplitude, delay_rate, delay_acceleration)
     return samples
 
 
@@ -162,14 +148,10 @@ def plan_beat_signal(
     threads: int | None = None,
 ) -> Plan:
     """Plan of `beat_signal` with these arguments, with its error and its memory; nothing is computed."""
-    report = _core.plan_beat_signal(
-        *_paths(delay, amplitude, waveform, delay_rate, delay_acceleration),
-        waveform=waveform._core,
-        tolerance=check_tolerance(tolerance),
-        method=check.choice("method", method, METHODS),
-        threads=check_threads(threads),
-    )
-    return Plan._from_report(report)
+    paths = (delay, amplitude, delay_rate, delay_acceleration)
+    _, report = _sum(waveform, tolerance, method, threads, *paths, plan_only=True)
+    parts = tuple(PlanPart(*part) for part in report.parts())
+    return Plan(parts, report.error, report.memory, str(report))
 
 
 def check_tolerance(tolerance: float) -> float:
@@ -195,16 +177,29 @@ def check_threads(threads: int | None) -> int | None:
     return num_threads
 
 
+def _sum(
+    waveform: Waveform, tolerance: float, method: str, threads: int | None, *paths: Any, plan_only: bool = False
+) -> tuple[Any, _core.Report]:
+    """Samples, None with `plan_only`, and report of the sum over paths."""
+    if not isinstance(waveform, Waveform):
+        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
+    return _core.beat_signal(
+        *_paths(*paths),
+        waveform=waveform._core,
+        tolerance=check_tolerance(tolerance),
+        method=check.choice("method", method, METHODS),
+        threads=check_threads(threads),
+        plan_only=plan_only,
+    )
+
+
 def _paths(
     delay: ArrayLike,
     amplitude: ArrayLike,
-    waveform: Waveform,
     delay_rate: ArrayLike | None,
     delay_acceleration: ArrayLike | None,
 ) -> tuple[Any, Any, Any, Any]:
     """Delays, amplitudes, rates and accelerations as the core takes them: of one shape, or amplitudes without nodes."""
-    if not isinstance(waveform, Waveform):
-        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
     delays = _numbers("delay", delay, np.float64)
     amplitudes = _numbers("amplitude", amplitude, np.complex128)
     is_nodal = delays.ndim == 3

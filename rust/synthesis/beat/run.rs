@@ -103,7 +103,7 @@ impl Job<'_> {
                 Outcome::default()
             }
             Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
-            Step::Grid { width, expansions, .. } => self.grid(selection, *width, expansions, out),
+            Step::Grid { width, block_plans, .. } => self.grid(selection, *width, block_plans, out),
         }
     }
 

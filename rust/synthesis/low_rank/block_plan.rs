@@ -23,7 +23,7 @@ pub struct BlockPlan {
     /// Number of terms of the amplitude's series that count.
     pub num_amplitudes: usize,
     /// Cross approximation of the residuals: one set of strengths and one grid per term.
-    pub modes: CrossApproximation,
+    pub approximation: CrossApproximation,
 }
 
 impl BlockPlan {

@@ -71,7 +71,11 @@ impl<T: Precision> Map<T> {
     pub fn new(job: &Job, layout: &Layout) -> Self {
         let (waveform, block_plan) = (job.waveform, job.block_plan);
         let (width, cells) = (job.width as f64, layout.num_cells as f64);
-        let (half, carrier, approximation) = (block_plan.block.half, block_plan.frame.carrier, &block_plan.modes);
+        let (half, carrier, approximation) = (
+            block_plan.block.half,
+            block_plan.frame.carrier,
+            &block_plan.approximation,
+        );
         let check = |check: &crate::synthesis::low_rank::cross_approximation::Check| {
             let weights = check.weights.iter().map(|w| [T::of(w.re), T::of(w.im)]);
             (Probe::new(job, &check.instant), weights.collect())
@@ -195,7 +199,7 @@ impl<T: Precision> Tracks<T> {
                 vec![zero; job.block_plan.num_amplitudes],
                 vec![zero; job.block_plan.num_amplitudes],
             ],
-            strengths: vec![[zero; 2]; job.block_plan.modes.num_sets()],
+            strengths: vec![[zero; 2]; job.block_plan.approximation.num_sets()],
         }
     }
 }
@@ -230,7 +234,7 @@ impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
             coordinates::<T, I, P>(job, map, rows, at, tracks, points, to + at);
         }
         expand::<T, I, P>(map, rows.len, tracks);
-        let is_flat = job.block_plan.modes.are_flat();
+        let is_flat = job.block_plan.approximation.are_flat();
         for term in 0..points.strengths.len() {
             let strengths = &mut points.strengths[term][2 * to..];
             for at in (0..rows.len).step_by(8 * P) {

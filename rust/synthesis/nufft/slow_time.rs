@@ -103,8 +103,8 @@ impl<T: Scalar> SlowTime<T> {
             inverse_root: kernel.tables().inverse_root.iter().map(|c| T::of(*c)).collect(),
             groups,
             num_rows: layout.rows,
-            num_sums: channels.len() * job.block_plan.modes.num_sets(),
-            num_degrees: job.block_plan.modes.num_degrees(),
+            num_sums: channels.len() * job.block_plan.approximation.num_sets(),
+            num_degrees: job.block_plan.approximation.num_degrees(),
             scale: job.scale,
             chirps,
         }
@@ -203,7 +203,7 @@ impl<T: Scalar> Tile<'_, T> {
     #[inline(always)]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
         let (block_plan, slow) = (self.job.block_plan, self.slow);
-        let (num_sums, num_terms) = (slow.num_sums, block_plan.modes.num_sets());
+        let (num_sums, num_terms) = (slow.num_sums, block_plan.approximation.num_sets());
         let zero = <T::In<I>>::splat(T::zero());
         let mut sums = vec![[zero; 4]; slow.groups.len() * num_sums * GROUP];
         let square = mul(mul(fast.time, fast.time), wide::splat::<I, P>(self.job.waveform.slope));
@@ -319,7 +319,7 @@ impl<T: Scalar> Tile<'_, T> {
     /// Weights of the sums of the terms in the interpolation; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
-        let approximation = &self.job.block_plan.modes;
+        let approximation = &self.job.block_plan.approximation;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.

@@ -42,7 +42,7 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
     let batch = (room_for_paths / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
     let mut rows = Rows::of_class(job.series, job.selection.class);
     let mut tracks = Tracks::new(job);
-    let mut points = Points::new(job.block_plan.modes.num_sets(), batch * CHUNK);
+    let mut points = Points::new(job.block_plan.approximation.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
     let tables = Tables::new(job.width);
     let mut room = Room::new(batch * CHUNK, job.width);
@@ -80,7 +80,7 @@ const MIN_BYTES: usize = 56;
 fn is_sorted<T>(job: &Job, layout: &Layout) -> bool {
     layout.rows > 1
         && layout.size() * size_of::<T>() > FAST_MEMORY
-        && job.block_plan.modes.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
+        && job.block_plan.approximation.num_sets() * job.width * size_of::<T>() >= MIN_BYTES
 }
 
 /// Polynomials of the kernel, `[power][number]`.

@@ -68,7 +68,7 @@ impl Job<'_> {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
-            let mut grid = T::take_zeros(self.block_plan.modes.num_sets() * layout.size());
+            let mut grid = T::take_zeros(self.block_plan.approximation.num_sets() * layout.size());
             let checked = spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
             (grid, checked)
         };
@@ -85,7 +85,7 @@ impl Job<'_> {
             checked = checked.join(others);
         }
         // In units of the unscaled power [W].
-        checked.sum *= self.block_plan.modes.check_factor / self.scale / self.scale;
+        checked.sum *= self.block_plan.approximation.check_factor / self.scale / self.scale;
         (sum, checked)
     }
 
@@ -110,7 +110,7 @@ impl Job<'_> {
             })
             .collect();
         let first = (m_index(0, middle, n), num_samples.min(middle));
-        let size = self.block_plan.modes.num_sets() * layout.rows * padded;
+        let size = self.block_plan.approximation.num_sets() * layout.rows * padded;
         let mut spectra = Spectra {
             re: vec![T::zero(); size],
             im: vec![T::zero(); size],

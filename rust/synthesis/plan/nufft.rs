@@ -73,14 +73,16 @@ impl Goal<'_> {
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
         let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
         let count = blocks.len();
-        let expansions: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
+        let block_plans: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
         // Parts of the paths, channels and blocks have separate grids, on as many threads as there may be.
         let num_grids = series.num_channels * count;
         // Spectra are half as large, and are held until those of other channels are complete.
         let grids = num_grids.clamp(MAX_PARTS, 16) + num_grids.min(16 * MAX_CHANNELS).div_ceil(2);
-        let numbers = expansions
+        let numbers = block_plans
             .iter()
-            .map(|e| e.modes.num_sets() * Layout::new(waveform.num_samples, kernel.width, e.rows).size())
+            .map(|plan| {
+                plan.approximation.num_sets() * Layout::new(waveform.num_samples, kernel.width, plan.rows).size()
+            })
             .max()
             .unwrap_or(0);
         Some(Part {
@@ -89,7 +91,7 @@ impl Goal<'_> {
             step: Step::Grid {
                 is_single: kernel.is_single,
                 width: kernel.width,
-                expansions,
+                block_plans,
             },
             error: error * self.share,
             interpolation: interpolation * self.share,
@@ -130,8 +132,9 @@ impl Goal<'_> {
             let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
             // A kernel of one cell more may save one of a few terms.
             let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
-                laid.iter().all(|laid| laid.block_plan.modes.num_sets() <= FEW_TERMS)
-                    && laid.iter().any(|laid| laid.block_plan.modes.num_sets() > 1)
+                laid.iter()
+                    .all(|laid| laid.block_plan.approximation.num_sets() <= FEW_TERMS)
+                    && laid.iter().any(|laid| laid.block_plan.approximation.num_sets() > 1)
             };
             if let ([_, wider], Some(narrow)) = (&kernels[..], laid.as_ref())
                 && is_few(narrow)
@@ -220,7 +223,7 @@ impl Goal<'_> {
     /// have: delays bend a quarter as much.
     fn cost(&self, kernel: Kernel, block_plan: &BlockPlan, is_halved: bool) -> f64 {
         let divisor = if is_halved { 2 } else { 1 };
-        let mut num_terms = block_plan.modes.num_sets();
+        let mut num_terms = block_plan.approximation.num_sets();
         if is_halved {
             num_terms = num_terms.div_ceil(2).min(num_terms / 4 + 4);
         }
@@ -322,7 +325,7 @@ impl Goal<'_> {
                 rows: 1,
                 num_degrees: 1,
                 num_amplitudes: 1,
-                modes: CrossApproximation::none(),
+                approximation: CrossApproximation::none(),
             };
             return Some(Laid {
                 block_plan,
@@ -388,7 +391,7 @@ impl Goal<'_> {
             rows: 1,
             num_degrees: 2,
             num_amplitudes,
-            modes: approximation,
+            approximation,
         };
         let laid = Laid {
             block_plan,
@@ -403,7 +406,7 @@ impl Goal<'_> {
         let (waveform, block_plan) = (self.request.waveform, &mut laid.block_plan);
         let axis = self.velocity_axis(&block_plan.block, delay, &block_plan.frame, kernel)?;
         let size = Layout::new(waveform.num_samples, kernel.width, axis.rows).size();
-        if block_plan.modes.num_sets().saturating_mul(size) > MAX_GRID {
+        if block_plan.approximation.num_sets().saturating_mul(size) > MAX_GRID {
             return None;
         }
         (block_plan.middle_rate, block_plan.step, block_plan.rows) = (axis.middle_rate, axis.step, axis.rows);

@@ -29,7 +29,7 @@ pub enum Step {
         /// Width of the kernel [cells].
         width: usize,
         /// Block plans, in the order of the chirps.
-        expansions: Vec<BlockPlan>,
+        block_plans: Vec<BlockPlan>,
     },
 }
 
@@ -161,16 +161,19 @@ impl fmt::Display for Part {
             Step::Grid {
                 is_single,
                 width,
-                expansions,
+                block_plans,
             } => {
-                let rows = expansions.iter().map(|e| e.rows).max().unwrap_or(0);
-                let terms: Vec<String> = expansions.iter().map(|e| e.modes.num_sets().to_string()).collect();
+                let rows = block_plans.iter().map(|plan| plan.rows).max().unwrap_or(0);
+                let terms: Vec<String> = block_plans
+                    .iter()
+                    .map(|plan| plan.approximation.num_sets().to_string())
+                    .collect();
                 write!(
                     f,
                     "grid, {} precision, kernel of {width} cells, {} block{}, {rows} velocity row{}, {} term{}",
                     precision(*is_single),
-                    expansions.len(),
-                    if expansions.len() == 1 { "" } else { "s" },
+                    block_plans.len(),
+                    if block_plans.len() == 1 { "" } else { "s" },
                     if rows == 1 { "" } else { "s" },
                     terms.join("+"),
                     if terms == ["1"] { "" } else { "s" },
