@@ -145,8 +145,8 @@ class Surface:
         """Quality of the mesh if facets that meet below the crease angle [rad] approximate a curved surface.
 
         Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area and
-        smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the echoes of flat facets at the
-        wavelength [m], relative to the rms echo.
+        smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the far fields of flat facets and
+        of the curved surfaces at the wavelength [m], relative to the rms far field of the curved ones.
         """
 
     @property

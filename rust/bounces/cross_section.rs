@@ -1,4 +1,4 @@
-//! Radar cross-sections of a body: ray tubes of a plane wave, and the far field radiated in one direction.
+//! Far fields and radar cross-sections of a body: ray tubes of a plane wave, and the field radiated in one direction.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -17,11 +17,23 @@ use crate::rays::surface::Surface;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 
-/// Rays per wavelength across a body.
-const RAYS_PER_WAVELENGTH: f64 = 6.0;
+/// Rays of cross-sections.
+const RAYS: Rays = Rays {
+    per_wavelength: 6.0,
+    least: 64.0,
+    most: 1024.0,
+};
 
-/// Least and largest number of rays across a body.
-const RAYS: [f64; 2] = [64.0, 1024.0];
+/// Number of rays across a body, along each side of the rectangle that covers it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rays {
+    /// Rays per wavelength.
+    pub(super) per_wavelength: f64,
+    /// Least number of rays.
+    pub(super) least: f64,
+    /// Largest number of rays.
+    pub(super) most: f64,
+}
 
 /// Directions and polarisations of incidence and of reception.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,24 +55,44 @@ pub fn cross_sections(
     if !(frequency > 0.0 && frequency.is_finite()) {
         return Err(Error::value("frequency", "a positive number [Hz]", frequency));
     }
+    let fields = far_fields(
+        surface,
+        material,
+        SPEED_OF_LIGHT / frequency,
+        aspects,
+        max_bounces,
+        RAYS,
+    );
+    Ok(fields.into_iter().map(|f| 4.0 * PI * f.norm_sqr()).collect())
+}
+
+/// Far fields f of a body of one material, with `f exp(-j k R) / R` at a distance R in a unit wave [m].
+pub(super) fn far_fields(
+    surface: &Arc<Surface>,
+    material: Material,
+    wavelength: f64,
+    aspects: &[Aspect],
+    max_bounces: usize,
+    rays: Rays,
+) -> Vec<Complex64> {
     if surface.num_triangles() == 0 {
-        return Ok(vec![0.0; aspects.len()]);
+        return vec![Complex64::ZERO; aspects.len()];
     }
     let snapshot = PosedScene::new(vec![surface.clone()], vec![Pose::IDENTITY]);
     let shooter = Shooter {
         snapshot: &snapshot,
         materials: &[material],
-        wavelength: SPEED_OF_LIGHT / frequency,
+        wavelength,
         limits: Limits {
             max_bounces,
             floor: 0.0,
         },
     };
-    Ok(aspects.iter().map(|aspect| shooter.cross_section(aspect)).collect())
+    aspects.iter().map(|aspect| shooter.far_field(aspect, rays)).collect()
 }
 
 impl Shooter<'_> {
-    fn cross_section(&self, aspect: &Aspect) -> f64 {
+    fn far_field(&self, aspect: &Aspect, rays: Rays) -> Complex64 {
         let k = -aspect.directions[0];
         let bounds = self.snapshot.surface(0).bounds();
         let corners = bounds.corners();
@@ -74,12 +106,12 @@ impl Shooter<'_> {
             (low, positions.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
         };
         let [first, second] = axes.map(range);
-        let finest = RAYS_PER_WAVELENGTH / self.wavelength;
-        let number = |extent: f64| (extent * finest).ceil().clamp(RAYS[0], RAYS[1]) as usize;
+        let finest = rays.per_wavelength / self.wavelength;
+        let number = |extent: f64| (extent * finest).ceil().clamp(rays.least, rays.most) as usize;
         let (columns, rows) = (number(first.1), number(second.1));
         let size = [first.1 / columns as f64, second.1 / rows as f64];
         if size[0] * size[1] == 0.0 {
-            return 0.0; // seen edge-on
+            return Complex64::ZERO; // seen edge-on
         }
         let (near, depth) = range(k);
 
@@ -94,9 +126,8 @@ impl Shooter<'_> {
         };
         let rows: Vec<Complex64> = (0..rows).into_par_iter().map(row).collect();
 
-        // sigma = 4 pi |f|^2 of the far field f exp(-j k R) / R, f = j k / (2 pi) times the sum.
-        let total: Complex64 = rows.into_iter().sum();
-        4.0 * PI * total.norm_sqr() / (self.wavelength * self.wavelength)
+        // j k / (2 pi) times the sum.
+        rows.into_iter().sum::<Complex64>() * Complex64::I / self.wavelength
     }
 
     /// Field radiated by one cell towards the receiver.

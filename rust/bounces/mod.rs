@@ -3,10 +3,12 @@
 //! A cell of the image launches a ray tube. The tube goes from surface to surface by geometrical optics (`tube`,
 //! `interaction`), carries a field (`field`), and at every surface after the first its footprint radiates
 //! to every visible receiver by physical optics; `scattering` has the first reflection. The points of reflection
-//! become a path of material points, which move with their bodies (`path`).
+//! become a path of material points, which move with their bodies (`path`). A plane wave gives far fields
+//! (`cross_section`), also to compare the facets of a mesh with the curved surface (`facets`).
 
 mod cross_section;
 mod direction;
+mod facets;
 mod field;
 mod interaction;
 mod launch;
@@ -15,6 +17,7 @@ mod shooting;
 mod tube;
 
 pub use cross_section::{Aspect, cross_sections};
+pub use facets::FacetDifference;
 pub use launch::Launch;
 pub use path::Bounces;
 pub use shooting::{Counts, Limits};

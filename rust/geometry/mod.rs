@@ -4,7 +4,6 @@
 pub mod aabb;
 pub mod components;
 pub mod curved_triangle;
-pub mod echo;
 pub mod moving_triangle;
 pub mod obj;
 pub mod pose;

@@ -1,25 +1,15 @@
-//! Quality of a mesh: topology, distance of its triangles from the curved surface that they approximate, and error of
-//! the radar echo that follows.
+//! Quality of a mesh: topology, and distance of its triangles from the curved surface that they approximate.
 
 use std::collections::HashSet;
-use std::f64::consts::TAU;
 
 use glam::DVec3;
-use num_complex::Complex64;
-use rayon::prelude::*;
 
-use crate::geometry::echo;
 use crate::geometry::smooth_normals::Shading;
 use crate::geometry::topology::{distinct_positions, for_edges, join, next_corner, root};
+use crate::geometry::triangle::area;
 
 /// Ratio of longest edge to height above which a triangle is thin.
 const THIN: f64 = 100.0;
-
-/// Number of triangles whose echoes are summed together: the order of sums does not depend on threads.
-const BLOCK: usize = 1024;
-
-/// Number of directions in which echoes are compared.
-const NUM_DIRECTIONS: usize = 64;
 
 /// Quality of a mesh; see the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,17 +34,12 @@ pub struct Quality {
     pub largest_sagitta: f64,
     /// Mean distance of the curved surface from the middle of its triangles, weighted by area [m].
     pub mean_sagitta: f64,
-    /// Largest difference of the far-field echoes of flat triangles and of curved surfaces, in 64 directions and
-    /// without occlusion, relative to the rms of these echoes.
-    pub largest_difference: f64,
-    /// Root mean square of the difference of echoes, relative to the same rms.
-    pub rms_difference: f64,
 }
 
 impl Quality {
     /// Quality of a mesh whose triangles approximate a curved surface where they meet at less than `crease_angle`
-    /// [rad], with echoes at a wavelength [m]. Triangles index into `vertices` and have an area.
-    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64, wavelength: f64) -> Self {
+    /// [rad]. Triangles index into `vertices` and have an area.
+    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
         let shading = Shading::smooth(vertices, triangles, crease_angle);
         let corners = |triangle: usize| triangles[triangle].map(|vertex| vertices[vertex as usize]);
         let mut quality = Self::default();
@@ -63,15 +48,6 @@ impl Quality {
             .filter(|triangle| is_thin(corners(*triangle)))
             .count();
         quality.measure(triangles.len(), corners, &shading);
-        if quality.smooth_area > 0.0 {
-            quality.compare(
-                triangles.len(),
-                corners,
-                &shading,
-                wavelength,
-                &echo::directions(NUM_DIRECTIONS),
-            );
-        }
         quality
     }
 
@@ -112,7 +88,7 @@ impl Quality {
         let mut sum = 0.0;
         for triangle in 0..number {
             let corners = corners(triangle);
-            let area = area(corners);
+            let area = area(&corners);
             self.area += area;
             if let Some(normals) = shading.corner_normals(triangle) {
                 let sagitta = sagitta(corners, normals);
@@ -125,63 +101,14 @@ impl Quality {
             self.mean_sagitta = sum / self.smooth_area;
         }
     }
-
-    /// Compare the echoes of flat triangles with those of the curved surface.
-    fn compare(
-        &mut self,
-        number: usize,
-        corners: impl Fn(usize) -> [DVec3; 3] + Sync,
-        shading: &Shading,
-        wavelength: f64,
-        directions: &[DVec3],
-    ) {
-        // From the middle of the mesh, so that phases are small.
-        let middle = (0..number)
-            .map(|i| corners(i).into_iter().sum::<DVec3>())
-            .sum::<DVec3>()
-            / (3 * number) as f64;
-        let wavenumber = TAU / wavelength;
-        // Echo of the surface, and difference of that of the triangles, per direction.
-        let of_block = |block: usize| {
-            let mut sums = vec![[Complex64::ZERO; 2]; directions.len()];
-            for triangle in block * BLOCK..((block + 1) * BLOCK).min(number) {
-                let facet = corners(triangle).map(|corner| corner - middle);
-                let pieces = shading
-                    .corner_normals(triangle)
-                    .map(|normals| echo::cut(facet, normals, sagitta(facet, normals), wavelength));
-                for (sum, direction) in sums.iter_mut().zip(directions) {
-                    let flat = echo::of_facet(facet, *direction, wavenumber);
-                    let of_piece = |piece: &[DVec3; 3]| echo::of_facet(*piece, *direction, wavenumber);
-                    let smooth = pieces.as_ref().map_or(flat, |pieces| pieces.iter().map(of_piece).sum());
-                    sum[0] += smooth;
-                    sum[1] += flat - smooth;
-                }
-            }
-            sums
-        };
-        let blocks: Vec<_> = (0..number.div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
-        let (mut echo, mut difference) = (0.0, 0.0);
-        let mut largest = 0.0_f64;
-        for i in 0..directions.len() {
-            let [smooth, other] = [0, 1].map(|k| blocks.iter().map(|sums| sums[i][k]).sum::<Complex64>().norm_sqr());
-            echo += smooth;
-            difference += other;
-            largest = largest.max(other);
-        }
-        if echo > 0.0 {
-            self.rms_difference = (difference / echo).sqrt();
-            self.largest_difference = (largest * directions.len() as f64 / echo).sqrt();
-        }
-    }
 }
 
-/// Distance of the curved surface from the middle of a triangle [m].
+/// Distance of the curved surface from the middle of a triangle [m], as in
+/// [`crate::geometry::curved_triangle::shade`].
 fn sagitta(corners: [DVec3; 3], normals: [DVec3; 3]) -> f64 {
-    echo::raised(corners, normals, [1.0 / 3.0; 3]).1.abs()
-}
-
-fn area([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
+    let middle = corners.into_iter().sum::<DVec3>() / 3.0;
+    let heights = (0..3).map(|i| (corners[i] - middle).dot(normals[i]));
+    0.5 * (heights.sum::<f64>() / 3.0).abs()
 }
 
 fn is_thin([a, b, c]: [DVec3; 3]) -> bool {
@@ -190,65 +117,29 @@ fn is_thin([a, b, c]: [DVec3; 3]) -> bool {
         .max((c - b).length_squared())
         .max((a - c).length_squared());
     // Height over the longest edge: twice the area over it.
-    longest > THIN * 2.0 * area([a, b, c])
+    longest > THIN * 2.0 * area(&[a, b, c])
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_4;
+
     use super::*;
     use crate::geometry::smooth_normals::tests::icosphere;
 
-    const WAVELENGTH: f64 = 4.996_540_966_667e-3;
-    const CREASE: f64 = std::f64::consts::FRAC_PI_4;
-
-    fn sphere(level: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        let (vertices, triangles) = icosphere(level);
-        (vertices.into_iter().map(|v| 0.1 * v).collect(), triangles)
-    }
-
-    #[test]
-    fn cut_sphere_has_the_cross_section_of_the_sphere_and_its_facets_have_not() {
-        // Physical optics: sigma = pi a^2, that is a sum of lambda a / 2.
-        let (vertices, triangles) = sphere(3);
-        let shading = Shading::smooth(&vertices, &triangles, CREASE);
-        let mut off = 0.0_f64;
-        for direction in echo::directions(20) {
-            let (mut smooth, mut flat) = (Complex64::ZERO, Complex64::ZERO);
-            for (i, triangle) in triangles.iter().enumerate() {
-                let facet = triangle.map(|vertex| vertices[vertex as usize]);
-                let normals = shading.corner_normals(i).unwrap();
-                flat += echo::of_facet(facet, direction, TAU / WAVELENGTH);
-                for piece in echo::cut(facet, normals, sagitta(facet, normals), WAVELENGTH) {
-                    smooth += echo::of_facet(piece, direction, TAU / WAVELENGTH);
-                }
-            }
-            let expected = 0.5 * WAVELENGTH * 0.1;
-            assert!(
-                (smooth.norm() / expected - 1.0).abs() < 0.06,
-                "{}",
-                smooth.norm() / expected
-            );
-            off = off.max((flat.norm() / expected - 1.0).abs());
-        }
-        assert!(off > 0.3, "{off}");
-    }
-
     #[test]
     fn sagitta_of_a_sphere_is_what_its_facets_lack_in_radius() {
-        let mut last = f64::INFINITY;
         for level in 2..5 {
-            let (vertices, triangles) = sphere(level);
-            let quality = Quality::new(&vertices, &triangles, CREASE, WAVELENGTH);
+            let (vertices, triangles) = icosphere(level);
+            let vertices: Vec<DVec3> = vertices.into_iter().map(|v| 0.1 * v).collect();
+            let quality = Quality::new(&vertices, &triangles, FRAC_PI_4);
             let facets = triangles
                 .iter()
                 .map(|triangle| triangle.map(|vertex| vertices[vertex as usize]));
             let lacking = |facet: [DVec3; 3]| 0.1 - (facet.into_iter().sum::<DVec3>() / 3.0).length();
-            let mean = facets.map(|facet| area(facet) * lacking(facet)).sum::<f64>() / quality.area;
+            let mean = facets.map(|facet| area(&facet) * lacking(facet)).sum::<f64>() / quality.area;
             assert!((quality.mean_sagitta / mean - 1.0).abs() < 0.01, "{level} {quality:?}");
             assert!((1.0..1.3).contains(&(quality.largest_sagitta / mean)));
-            // Every halving of edges quarters it, and the echo differs the less.
-            assert!(quality.rms_difference < 0.6 * last, "{level} {quality:?}");
-            last = quality.rms_difference;
             let closed = (
                 quality.num_parts,
                 quality.num_open_edges,

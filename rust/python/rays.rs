@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use super::arrays::{numbers, points};
 use super::scattering::{Material, materials};
 use super::threads::{check_threads, compute};
+use crate::bounces::FacetDifference;
 use crate::frame;
 use crate::rays::hits;
 use crate::rays::scene::NO_BODY;
@@ -67,7 +68,7 @@ impl Surface {
     /// Quality of the mesh as an approximation of a curved surface at a wavelength [m]; triangles that meet below the
     /// crease angle [rad] are smooth. Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of
     /// thin triangles; area and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the
-    /// echoes of flat facets.
+    /// far fields of flat facets and of the curved surfaces, relative to the rms far field of the curved ones.
     #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
     fn quality(
         &self,
@@ -76,7 +77,10 @@ impl Surface {
         wavelength: f64,
         threads: Option<usize>,
     ) -> PyResult<([usize; 6], [f64; 6])> {
-        let q = compute(py, threads, || Ok(self.0.quality(crease_angle, wavelength)))?;
+        let (q, difference) = compute(py, threads, || {
+            let difference = FacetDifference::new(&self.0, crease_angle, wavelength)?;
+            Ok((self.0.quality(crease_angle), difference))
+        })?;
         let counts = [
             q.num_parts,
             q.num_open_edges,
@@ -90,8 +94,8 @@ impl Surface {
             q.smooth_area,
             q.largest_sagitta,
             q.mean_sagitta,
-            q.largest_difference,
-            q.rms_difference,
+            difference.largest,
+            difference.rms,
         ];
         Ok((counts, measures))
     }

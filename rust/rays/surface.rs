@@ -219,9 +219,17 @@ impl Surface {
         })
     }
 
-    /// Quality of the mesh for a wavelength [m]; see [`Quality::new`].
-    pub fn quality(&self, crease_angle: f64, wavelength: f64) -> Quality {
-        Quality::new(&self.vertices, &self.mesh.triangles, crease_angle, wavelength)
+    /// Surface of the same triangles with another shading; this one where it has that shading.
+    pub fn shaded(self: &Arc<Self>, mode: ShadingMode) -> Result<Arc<Self>> {
+        if self.mesh.mode == mode {
+            return Ok(self.clone());
+        }
+        Self::new(&self.vertices, &self.mesh.triangles, mode).map(Arc::new)
+    }
+
+    /// Quality of the mesh; see [`Quality::new`].
+    pub fn quality(&self, crease_angle: f64) -> Quality {
+        Quality::new(&self.vertices, &self.mesh.triangles, crease_angle)
     }
 
     /// Memory of triangles, tree and shading [bytes], without that of the vertices.
