@@ -44,7 +44,8 @@ lint-python: $(VENV)/dev
 	@echo "-- lint: Python"
 	@$(BIN)/ruff check --quiet .
 
-# After the tests, whose build would wait for it. Tests are linted with the boundary to Python, as without it the lint of dead code is off.
+# After the tests, whose build would wait for it. Tests are linted with the boundary to Python, as without it the lint of
+# dead code is off.
 lint-rust: $(VENV)/created | tests-rust
 	@echo "-- lint: Rust"
 	@cargo clippy --quiet --lib --benches --locked -- -D warnings

@@ -113,20 +113,8 @@ Times = dict[str, float]
 
 def run_benches(options: list[str], profile: str = "bench") -> Times:
     """Run cargo bench once."""
-    command = [
-        "cargo",
-        "bench",
-        "--quiet",
-        "--locked",
-        "--profile",
-        profile,
-        "--bench",
-        "trace",
-        "--bench",
-        "bvh",
-        "--",
-        *options,
-    ]
+    benches = ["--bench", "trace", "--bench", "bvh"]
+    command = ["cargo", "bench", "--quiet", "--locked", "--profile", profile, *benches, "--", *options]
     with tempfile.TemporaryDirectory() as directory:
         environment = {**os.environ, "CRITERION_HOME": directory}
         try:

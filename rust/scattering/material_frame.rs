@@ -44,13 +44,15 @@ impl<'a> MaterialFrame<'a> {
     /// Map a point of the sensor frame [m] to the material frame.
     pub(crate) fn position(&self, point: DVec3) -> DVec3 {
         let position = self.pose.point_to_body(point);
-        self.moved.as_ref().map_or(position, |c| c.facet.coordinates(position))
+        self.moved
+            .as_ref()
+            .map_or(position, |moved| moved.facet.coordinates(position))
     }
 
     /// Map a unit normal of the sensor frame to the material frame: a vector, or slopes along the triangle.
     pub(crate) fn normal(&self, normal: DVec3) -> DVec3 {
         let normal = self.pose.direction_to_body(normal);
-        self.moved.as_ref().map_or(normal, |c| c.facet.slopes(normal))
+        self.moved.as_ref().map_or(normal, |moved| moved.facet.slopes(normal))
     }
 
     /// Map the edges of a patch [m] to the material frame.
@@ -59,13 +61,13 @@ impl<'a> MaterialFrame<'a> {
             let edge = self.pose.direction_to_body(edge);
             self.moved
                 .as_ref()
-                .map_or(edge, |c| c.facet.coordinates_of_vector(edge))
+                .map_or(edge, |moved| moved.facet.coordinates_of_vector(edge))
         })
     }
 
     /// Number of the cube of the undeformed surface at a position in the material frame.
     pub(crate) fn cube(&self, position: DVec3) -> u64 {
-        let on_surface = self.moved.as_ref().map_or(position, |c| c.rest.point(position));
+        let on_surface = self.moved.as_ref().map_or(position, |moved| moved.rest.point(position));
         speckle_cube(self.speckle, on_surface / SPECKLE_CELL + SPECKLE_ORIGIN)
     }
 }

@@ -51,7 +51,7 @@ class MeshReport:
         Difference between the far fields of facets taken as flat and of the curved surfaces, relative to the rms far
         field of the curved ones: those of metal in 64 directions after one reflection, by the sums of `rcs` with at
         most 96 x 96 rays per direction. It estimates the error of the mesh; single peaks of the echo may be off by as
-        much. Of bodies over a few decimetres it is uncertain by about 0.05.
+        much. Of bodies over a few decimetres it is uncertain by up to 0.06.
     """
 
     num_triangles: int

@@ -14,7 +14,7 @@ from radarcore import _core
 def add_noise(cube: NDArray[Any], variance: float, *, seed: int, start: float) -> None:
     """Add white noise of a power per sample [W] to a contiguous cube, in place.
 
-    The noise is independent for every seed and every start of a frame [s]; numpy's take ten times as long.
+    The noise is independent for every seed and every start of a frame [s].
     """
     if variance == 0.0:
         return
