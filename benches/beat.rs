@@ -1,4 +1,4 @@
-//! Sum over paths: NUFFT on the range-velocity grid, chirp grid, recurrence sum and direct sum.
+//! Sum over paths: NUFFT on the range-velocity grid, sums in lanes, recurrence sum and direct sum.
 //!
 //! Paths lie between 0.5 and 8 m at up to 3 m/s, in random order or in the order of an image. Names of benches are
 //! `beat/<what varies>/<method>/<value>`; everything else is 65 536 paths, 64 chirps of 128 samples over 1 GHz, one
@@ -159,5 +159,92 @@ fn main() {
     let mut group = criterion.benchmark_group("beat/lanes");
     Case::new(Method::Lanes, 1e-3).run(&mut group, BenchmarkId::new("lanes", "1e-3"));
     group.finish();
+
+    // Frames of three channels: lanes against the grid and the recurrence, for the constants of their choice.
+    let mut group = criterion.benchmark_group("beat/take_over");
+    let methods = [
+        ("lanes", Method::Lanes),
+        ("grid", Method::Grid),
+        ("recurrence", Method::Recurrence),
+    ];
+    for num_chirps in common::sizes([16, 64, 256, 512], 2) {
+        for num_points in common::sizes([30, 4_000, 10_000, 33_000], 10) {
+            for (name, method) in methods {
+                if method != Method::Recurrence || num_points < 1000 {
+                    let case = Frame {
+                        num_points,
+                        num_chirps,
+                        method,
+                    };
+                    case.run(
+                        &mut group,
+                        BenchmarkId::new(name, format!("{num_points}_points_{num_chirps}_chirps")),
+                    );
+                }
+            }
+        }
+    }
+    group.finish();
     criterion.final_summary();
+}
+
+/// Frame of three channels: points that swing, half a metre to five metres away, at eight times, with amplitudes at four.
+#[derive(Clone, Copy)]
+struct Frame {
+    num_points: usize,
+    num_chirps: usize,
+    method: Method,
+}
+
+impl Frame {
+    fn run(&self, group: &mut BenchmarkGroup<WallTime>, id: BenchmarkId) {
+        const NUM_CHANNELS: usize = 3;
+        let case = Case::new(self.method, 1e-3);
+        let waveform = Waveform {
+            start_frequency: 60e9,
+            slope: 1e9 * 2e6 / case.num_samples as f64,
+            sample_rate: 2e6,
+            adc_delay: 3.1e-6,
+            num_samples: case.num_samples,
+            chirp_times: (0..self.num_chirps).map(|chirp| 300e-6 * chirp as f64).collect(),
+        };
+        let number = NUM_CHANNELS * self.num_points;
+        let place = |path: usize, step: f64| (step * path as f64).fract();
+        let duration = waveform.duration();
+        let distance = |path: usize, time: f64| {
+            let swing = std::f64::consts::TAU * (2.0 * time + place(path, 0.754_877));
+            0.5 + 4.5 * place(path, 0.618_034) + 0.1 * place(path, 0.569_84) * swing.sin()
+        };
+        let times = |count: usize| {
+            let angle = move |node: usize| std::f64::consts::PI * (2 * node + 1) as f64 / (2 * count) as f64;
+            (0..count).map(move |node| 0.5 * duration * (1.0 - angle(node).cos()))
+        };
+        let delays: Vec<Vec<f64>> = times(8)
+            .map(|time| (0..number).map(|path| 2.0 / C * distance(path, time)).collect())
+            .collect();
+        let amplitude =
+            |path: usize, time: f64| Complex64::from_polar(distance(path, time).powi(-2), 5e4 * place(path, 0.37));
+        let amplitudes: Vec<Vec<Complex64>> = times(4)
+            .map(|time| (0..number).map(|path| amplitude(path, time)).collect())
+            .collect();
+        let delay: Vec<&[f64]> = delays.iter().map(Vec::as_slice).collect();
+        let amplitude: Vec<&[Complex64]> = amplitudes.iter().map(Vec::as_slice).collect();
+        let series = PathSeries {
+            basis: Basis::Chebyshev,
+            delay: &delay,
+            amplitude: &amplitude,
+            num_channels: NUM_CHANNELS,
+            num_paths: self.num_points,
+        };
+        let options = Options {
+            tolerance: case.tolerance,
+            method: self.method,
+            is_parallel: false,
+            ..Options::default()
+        };
+        group.throughput(Throughput::Elements(number as u64));
+        group.bench_function(id, |bencher| {
+            bencher.iter(|| beat_signal(&waveform, &series, &options).unwrap());
+        });
+    }
 }

@@ -96,10 +96,10 @@ k triangles each and separate poses, their room has 5 k.
 
 {pairs}
 
-"×" is the speedup of the first over the second. "auto packets" chooses between one traversal per tile of 8 x 8 rays
-and one per packet of 4 x 4. Images and points use one thread, builds use all cores. The 50 bodies have 10 k triangles
-each. The twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3 m away, one in the
-direction of every pixel.
+"×" is the speedup of the first over the second. "auto packets" chooses at every node between tests of 8 x 8 and
+of 4 x 4 rays. Images and points use one thread, builds use all cores. The 50 bodies have 10 k triangles each. The
+twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3 m away, one in the direction of
+every pixel.
 
 Builds of the rooms in ms, on all cores: the tree alone, flat triangles, and smooth normals. "×" is the time relative
 to the previous column.

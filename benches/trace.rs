@@ -1,7 +1,8 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
-//! as one; `traversals`: tiles in one traversal through a tree or on four, where these are chosen and everywhere;
+//! as one; `traversals`: tests of nodes for tiles or for packets, as chosen and everywhere;
+//! `person`: fine triangles of many bodies;
 //! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per
 //! second.
 
@@ -11,7 +12,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, Surface, Traversals};
+use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, SmoothHits, Surface, Traversals};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
@@ -144,6 +145,36 @@ fn traversals(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// A person of 16 bodies, from pixels far larger than triangles to smaller ones: hits, and smooth hits from them.
+fn people(criterion: &mut Criterion) {
+    let ahead = Pose {
+        rotation: DMat3::from_rotation_z(2.6),
+        translation: DVec3::new(2.0, 0.0, 0.0),
+    };
+    let mode = ShadingMode::Smooth { crease_angle: 0.6 };
+    let parts = common::person(common::sizes([109_000], 1000)[0]);
+    let surfaces: Vec<Arc<Surface>> = parts
+        .iter()
+        .map(|(vertices, triangles)| Arc::new(Surface::new(vertices, triangles, mode).unwrap()))
+        .collect();
+    let poses = vec![ahead; surfaces.len()];
+    let snapshot = PosedScene::new(surfaces, poses);
+    let pool = common::pool(1);
+    let mut group = criterion.benchmark_group("person");
+    for side in common::sizes([64, 128, 256, 512, 1024], 8) {
+        let plane = square(side);
+        group.throughput(Throughput::Elements(plane.num_pixels() as u64));
+        group.bench_function(BenchmarkId::new("hits", side), |bencher| {
+            bencher.iter(|| pool.install(|| snapshot.cast_image(&plane).unwrap()));
+        });
+        let hits = snapshot.cast_image(&plane).unwrap();
+        group.bench_function(BenchmarkId::new("smooth_hits", side), |bencher| {
+            bencher.iter(|| pool.install(|| SmoothHits::new(&snapshot, &hits)));
+        });
+    }
+    group.finish();
+}
+
 /// Run time of new poses of 50 bodies of 10 k triangles, before rays are cast.
 fn motion(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([10_000], 100)[0]));
@@ -205,6 +236,7 @@ fn main() {
     rooms(&mut criterion);
     two_levels(&mut criterion);
     traversals(&mut criterion);
+    people(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);
     occluded(&mut criterion);

@@ -7,7 +7,10 @@
 //!
 //! [`simulate`] has one line per stage. A frame whose bodies turn fast is cast in parts, one after the other.
 
+mod groups;
+mod lanes;
 mod model;
+mod outcome;
 mod parts;
 mod rays;
 mod stages;
@@ -23,16 +26,17 @@ use crate::paths::placement::World;
 use crate::rays::scene::Occlusion;
 use crate::synthesis::beat::Samples;
 
+pub use groups::PathArrays;
 pub use model::{Cancel, DepthImage, Model, RaySampling, Scene, Settings, Source};
+pub use outcome::Outcome;
 pub use rays::Image;
-pub use sum::{Outcome, PathArrays};
 pub use truth::Truth;
 
+use groups::Groups;
 use model::Shapes;
 use parts::Part;
 use rays::Rays;
 use stages::{StageTimes, timed};
-use sum::Groups;
 
 /// Share of the tolerance for the error of the series of motions.
 const MOTION_SHARE: f64 = 0.1;
@@ -122,7 +126,7 @@ pub fn simulate(
         cancel.check()?;
         let rays = timed(&mut times.rays, || {
             let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-            Rays::cast(model, scene, memory.rays.as_ref())
+            Rays::cast(model, scene, &part.turns, memory.rays.as_ref())
         })?;
         let groups = timed(&mut times.scatterers, || {
             Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)
@@ -151,7 +155,7 @@ pub fn paths(
     let rates = placement.rates(model.waveform.duration());
     let part = &parts::of_frame(model, &placement, &rates)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-    let rays = Rays::cast(model, scene, memory.rays.as_ref())?;
+    let rays = Rays::cast(model, scene, &part.turns, memory.rays.as_ref())?;
     let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
     let at_seen = model.placement(at)?;
@@ -216,7 +220,8 @@ impl<'a> FrameBuilder<'a> {
             *counts.cells_not_split.get_or_insert(0) += number;
         }
         counts.paths += groups.num_paths();
-        counts.paths_skipped += hit.saturating_sub(groups.num_cells());
+        let lit = rays.num_lit().unwrap_or_else(|| groups.num_cells());
+        counts.paths_skipped += hit.saturating_sub(lit);
         counts.bounce_paths += num_bounces;
         counts.bounce_rays += bounces.rays;
         counts.bounces_stopped += bounces.stopped;

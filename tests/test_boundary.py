@@ -46,6 +46,7 @@ SETTINGS: dict[str, Any] = {
     "rays": (20, 30, 0.5, 0.5),
     "image": (20, 30, 0.5, 0.5),
     "rcs_floor": 1e-3,
+    "follows_echo": False,
     "ray_budget": 2000,
     "end_points": True,
     "gain_floor": 1e-8,

@@ -74,6 +74,34 @@ pub fn sphere(radius: f64, num_triangles: usize) -> Triangles {
     box_grid(m, |p| radius * p.normalize())
 }
 
+/// The parts of a person of 1.8 m, standing at the origin: 16 ellipsoids of equal numbers of triangles.
+pub fn person(num_triangles: usize) -> Vec<Triangles> {
+    // Centre and half axes of each; limbs and their mirror images.
+    let middle = [
+        ([0.0, 0.0, 0.70], [0.10, 0.08, 0.12]),
+        ([0.0, 0.0, 0.50], [0.06, 0.06, 0.10]),
+        ([0.0, 0.0, 0.22], [0.12, 0.18, 0.32]),
+        ([0.0, 0.0, -0.10], [0.12, 0.17, 0.14]),
+    ];
+    let left = [
+        ([0.0, 0.22, 0.25], [0.05, 0.05, 0.17]),
+        ([0.05, 0.24, -0.02], [0.04, 0.04, 0.15]),
+        ([0.10, 0.24, -0.20], [0.03, 0.05, 0.09]),
+        ([0.0, 0.10, -0.35], [0.08, 0.08, 0.24]),
+        ([0.0, 0.10, -0.73], [0.06, 0.06, 0.22]),
+        ([0.07, 0.10, -0.94], [0.13, 0.05, 0.04]),
+    ];
+    let mirrored = left.map(|([x, y, z], axes)| ([x, -y, z], axes));
+    let parts = middle.iter().chain(&left).chain(&mirrored);
+    parts
+        .map(|(center, axes)| {
+            let place = |p: &DVec3| DVec3::from(*center) + DVec3::from(*axes) * *p;
+            let (vertices, triangles) = sphere(1.0, num_triangles / 16);
+            (vertices.iter().map(place).collect(), triangles)
+        })
+        .collect()
+}
+
 /// The faces of the cube from -1 to 1, `n` by `n` squares each, cut into triangles and mapped: 12 n^2 triangles.
 fn box_grid(n: usize, map: impl Fn(DVec3) -> DVec3) -> Triangles {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());

@@ -38,8 +38,6 @@ def single_points(run: Run) -> Iterator[Point]:
     for name, (mesh, expected) in targets.items():
         scene = rc.Scene([conductor(mesh, 1.0)])
         for way in ways(finer):
-            if not way.end_points:
-                continue
             side = int(way.number) if way.knob == "pixels" else num_cells(60.0)
             motions = [turned(turn, side, 60.0) for turn in TURNS[: run.turns : 2]]
             yield point(name, [sampled(scene, RADAR, motion, way, expected, (0.0, 2.0)) for motion in motions])
@@ -51,8 +49,7 @@ def mesh_points(results: list[ViewResult]) -> Iterator[Point]:
         if group.startswith("room"):
             continue
         for rows in zip(*(result.sampled for result in results if result.group == group), strict=True):
-            if rows[0].way.end_points:
-                yield point(group, list(rows))
+            yield point(group, list(rows))
 
 
 def point(target: str, rows: list[Sampled]) -> Point:
@@ -69,7 +66,7 @@ CURVES = {
     "point, by pixels (Stetco et al. 2020)": (("point", "pixels"), "s:", "C7"),
     "footprint, by pixels": (("footprint", "pixels"), "o-", "C0"),
     "adaptive, by rcs_floor": (("adaptive", "floor"), "D-", "C3"),
-    "adaptive, by ray_budget": (("adaptive", "rays"), "^--", "C1"),
+    "adaptive, edge terms, by ray_budget": (("adaptive", "rays"), "^--", "C1"),
 }
 """Line and colour by sampling and what is varied."""
 

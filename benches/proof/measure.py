@@ -81,8 +81,8 @@ FULL = Run(
     aspects=4,
     rooms=2,
     mesh_resolutions=[64, 128, 256, 512, 1024],
-    mesh_floors=[1e-2, 1e-3, 1e-4, 1e-5],
-    mesh_budgets=[10_000, 40_000, 100_000, 260_000],
+    mesh_floors=[1e-1, 1e-2, 1e-3, 1e-4],
+    mesh_budgets=[40_000, 100_000, 260_000],
     pitch=2e-4,
     shifts=8,
 )
@@ -155,8 +155,9 @@ def num_cells(field_of_view_deg: float) -> int:
 
 
 def budget_options(budget: int) -> dict[str, Any]:
-    """Adaptive sampling within a budget: a floor that asks for more rays, and a finer grid where there are many."""
-    return {"rcs_floor": 1e-7, "ray_budget": budget, **({"resolution": 128} if budget >= 100_000 else {})}
+    """Edge terms within a budget: a floor that asks for more rays, and a finer grid where there are many."""
+    resolution = 128 if budget >= 100_000 else 64
+    return {"end_points": True, "rcs_floor": 1e-7, "ray_budget": budget, "resolution": resolution}
 
 
 def rms(values: NDArray[Any]) -> float:

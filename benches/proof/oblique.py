@@ -55,11 +55,13 @@ def ways(run: Run) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
             "adaptive",
             floor_text(rcs_floor),
             num_cells(60.0),
-            {
-                "sampling": "adaptive",
-                "rcs_floor": rcs_floor,
-                "ray_budget": math.inf,
-            },
+            {"rcs_floor": rcs_floor, "ray_budget": math.inf},
+        )
+        yield (
+            "adaptive, edge terms",
+            floor_text(rcs_floor),
+            num_cells(60.0) // 2,
+            {"rcs_floor": rcs_floor, "ray_budget": math.inf, "end_points": True, "resolution": num_cells(60.0) // 2},
         )
 
 

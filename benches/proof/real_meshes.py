@@ -174,12 +174,11 @@ def profile_errors(got: Phasors, expected: Phasors, nearest: float, farthest: fl
 
 @dataclass(frozen=True)
 class Way:
-    """A sampling and its setting: `number` is pixels along a side, rays, or a floor [m²]."""
+    """A sampling and its setting: `number` is pixels along a side, rays with edge terms, or a floor [m²]."""
 
     sampling: str
     knob: str
     number: float
-    end_points: bool = True
 
     @property
     def options(self) -> dict[str, Any]:
@@ -188,12 +187,12 @@ class Way:
             return {"sampling": self.sampling, "resolution": int(self.number)}
         if self.knob == "floor":
             return {"sampling": self.sampling, "rcs_floor": self.number, "ray_budget": math.inf}
-        return {"sampling": self.sampling, "end_points": self.end_points, **budget_options(int(self.number))}
+        return {"sampling": self.sampling, **budget_options(int(self.number))}
 
     @property
     def name(self) -> str:
         """Of the sampling, in tables."""
-        return self.sampling if self.end_points else f"{self.sampling}, centres"
+        return f"{self.sampling}, edge terms" if self.knob == "rays" else self.sampling
 
     @property
     def text(self) -> str:
@@ -207,7 +206,6 @@ def ways(run: Run) -> list[Way]:
         *(Way("footprint", "pixels", side) for side in run.mesh_resolutions),
         *(Way("adaptive", "floor", rcs_floor) for rcs_floor in run.mesh_floors),
         *(Way("adaptive", "rays", budget) for budget in run.mesh_budgets),
-        *(Way("adaptive", "rays", budget, end_points=False) for budget in run.mesh_budgets),
     ]
 
 

@@ -297,6 +297,7 @@ class Settings:
         rays: tuple[int, int, float, float],
         image: tuple[int, int, float, float],
         rcs_floor: float,
+        follows_echo: bool,
         ray_budget: int | None,
         end_points: bool,
         gain_floor: float | None,

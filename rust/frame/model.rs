@@ -23,6 +23,12 @@ use crate::synthesis::beat;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
 
+/// Largest bandwidth over the carrier frequency of a narrow band, and largest phases of joined points from their mean
+/// in narrow and wide bands [rad]: the sum over the band then changes by at most 4 %.
+const NARROW: f64 = 0.1;
+const JOIN_NARROW: f64 = 1.5;
+const JOIN_WIDE: f64 = 1.0;
+
 /// Bodies with surfaces, and point targets.
 #[derive(Clone)]
 pub struct Scene {
@@ -91,6 +97,8 @@ pub enum RaySampling {
         base: ImagePlane,
         /// Smallest cross-section of interest [m^2].
         rcs_floor: f64,
+        /// True if the floor is lowered where the strongest echo in view is weak.
+        follows_echo: bool,
         /// Largest number of rays; none: limited by the floor alone.
         budget: Option<usize>,
         /// True if cells with a fast phase are integrated by edge terms.
@@ -197,6 +205,17 @@ impl Model {
             center,
             settings,
         })
+    }
+
+    /// Largest difference of the phases of joined points from their mean [rad]: joined points err over the band.
+    pub(super) fn join(&self) -> f64 {
+        let waveform = &self.waveform;
+        let bandwidth = waveform.slope.abs() * waveform.num_samples as f64 / waveform.sample_rate;
+        if bandwidth <= NARROW * self.array.frequency {
+            JOIN_NARROW
+        } else {
+            JOIN_WIDE
+        }
     }
 
     /// Directions that the antennas see.

@@ -22,6 +22,8 @@ pub struct Part {
     pub cast: f64,
     /// Half the duration of the part, in the unit of `cast`.
     pub half: f64,
+    /// Angle by which every body turns from the cast to either end of the part, seen from the sensor [rad].
+    pub turns: Vec<f64>,
     /// True for the part that contains the middle of the frame, which gives the truth.
     pub has_middle: bool,
 }
@@ -31,9 +33,10 @@ pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
     // A depth image has no boxes, and is never cast.
     let each = model.boxes.iter().zip(poses.iter().zip(&pose_rates));
-    let fastest = each
+    let turn_rates: Vec<f64> = each
         .map(|(corners, (pose, rate))| turn_rate(corners, pose, rate))
-        .fold(0.0, f64::max);
+        .collect();
+    let fastest = turn_rates.iter().copied().fold(0.0, f64::max);
     let ranges = split(&model.waveform, fastest, model.settings.retrace);
     let number = ranges.len();
     let middle = 0.5 * model.waveform.duration();
@@ -45,6 +48,10 @@ pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<
     let nearest = (0..number).min_by(|a, b| distance(&parts[*a]).total_cmp(&distance(&parts[*b])));
     if let Some(nearest) = nearest {
         parts[nearest].has_middle = true;
+    }
+    for part in &mut parts {
+        let half = 0.5 * part.waveform.duration();
+        part.turns = turn_rates.iter().map(|rate| rate * half).collect();
     }
     parts
 }
@@ -66,6 +73,7 @@ impl Part {
                 start: 0.0,
                 cast: 0.0,
                 half: 1.0,
+                turns: Vec::new(),
                 has_middle: false,
             };
         }
@@ -83,6 +91,7 @@ impl Part {
             cast: (2.0 * start + own.duration()) / duration - 1.0,
             half: own.duration() / duration,
             waveform: own,
+            turns: Vec::new(),
             has_middle: false,
         }
     }

@@ -10,15 +10,15 @@ use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
-use crate::rays::camera::ImagePlane;
+use crate::rays::camera::{Cell, ImagePlane};
 use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material_points::NO_CELL;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Refinement;
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Refinement;
 
 /// Hits of the pixels of an image.
 pub struct Image {
@@ -105,8 +105,9 @@ impl Model {
 }
 
 impl Rays {
-    /// Cast the rays of a frame; static tiles of the frame `before` are reused.
-    pub fn cast(model: &Model, scene: Arc<PosedScene>, before: Option<&Self>) -> Result<Self> {
+    /// Cast the rays of a frame, or of a part of one within which bodies turn by some angles [rad]; static tiles of the
+    /// frame `before` are reused.
+    pub fn cast(model: &Model, scene: Arc<PosedScene>, turns: &[f64], before: Option<&Self>) -> Result<Self> {
         if let Source::Depth(_) = &model.source {
             return Ok(Self::None);
         }
@@ -115,15 +116,19 @@ impl Rays {
             &RaySampling::Adaptive {
                 base,
                 rcs_floor,
+                follows_echo,
                 budget,
                 end_points,
             } => {
                 let refinement = Refinement {
                     base,
                     rcs_floor,
+                    follows_echo,
                     budget,
                     end_points,
                     beam: model.beam(),
+                    join: model.join(),
+                    turns,
                 };
                 let before = match before {
                     Some(Self::Cells(scene, samples)) => Some((&**scene, samples)),
@@ -211,7 +216,15 @@ impl Rays {
     /// Number of cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub fn num_coarse(&self) -> Option<usize> {
         match self {
-            Self::Cells(_, samples) => Some(samples.num_coarse()),
+            Self::Cells(_, samples) => Some(samples.specular.num_coarse()),
+            _ => None,
+        }
+    }
+
+    /// Number of hits with a material point; none where the cells of material points tell.
+    pub fn num_lit(&self) -> Option<usize> {
+        match self {
+            Self::Cells(_, samples) => samples.specular.num_hit().1,
             _ => None,
         }
     }
@@ -219,7 +232,7 @@ impl Rays {
     /// Number of rays that hit a body.
     pub fn num_hit(&self) -> usize {
         match self {
-            Self::Cells(_, samples) => samples.leaves.len(),
+            Self::Cells(_, samples) => samples.specular.num_hit().0,
             Self::Pixels(image) => image.hits.body.iter().filter(|body| **body != NO_BODY).count(),
             Self::None => 0,
         }
@@ -228,10 +241,9 @@ impl Rays {
     /// Distance of the hit of a cell [m]; 0 for points without a cell.
     pub fn distance(&self, cell: u32) -> f64 {
         match self {
-            _ if cell == NO_CELL => 0.0,
-            Self::Cells(_, samples) => samples.leaves[cell as usize].found.to_facet,
-            Self::Pixels(image) => image.hits.distance[cell as usize],
-            Self::None => 0.0,
+            Self::Cells(_, samples) => samples.specular.distance(cell),
+            Self::Pixels(image) if cell != NO_CELL => image.hits.distance[cell as usize],
+            _ => 0.0,
         }
     }
 
@@ -246,43 +258,45 @@ impl Rays {
 
     /// Nearest hit of every body with a hit, the first of equal ones.
     pub fn nearest(&self) -> Vec<NearestHit> {
-        let (scene, bodies): (_, Vec<(u32, f64)>) = match self {
+        match self {
             Self::Cells(scene, samples) => {
-                let hits = samples.leaves.iter();
-                (scene, hits.map(|leaf| (leaf.found.body, leaf.found.to_facet)).collect())
+                let nearest = samples.specular.nearest().into_iter();
+                nearest
+                    .map(|hit| NearestHit::new(scene, &hit.cell, hit.body, hit.triangle, hit.distance))
+                    .collect()
             }
-            Self::Pixels(image) => {
-                let hits = image.hits.body.iter().zip(&image.hits.distance);
-                (&image.scene, hits.map(|(body, distance)| (*body, *distance)).collect())
-            }
-            Self::None => return Vec::new(),
-        };
-        let mut nearest = vec![(f64::INFINITY, 0); scene.num_bodies()];
-        for (ray, (body, distance)) in bodies.into_iter().enumerate() {
-            if body != NO_BODY && distance < nearest[body as usize].0 {
-                nearest[body as usize] = (distance, ray);
+            Self::Pixels(image) => image.nearest(),
+            Self::None => Vec::new(),
+        }
+    }
+}
+
+impl Image {
+    /// Nearest hit of every body with a hit, the first of equal ones.
+    fn nearest(&self) -> Vec<NearestHit> {
+        let hits = &self.hits;
+        let mut nearest = vec![(f64::INFINITY, 0); self.scene.num_bodies()];
+        for (pixel, (body, distance)) in hits.body.iter().zip(&hits.distance).enumerate() {
+            if *body != NO_BODY && *distance < nearest[*body as usize].0 {
+                nearest[*body as usize] = (*distance, pixel);
             }
         }
-        let seen = nearest
-            .into_iter()
-            .enumerate()
-            .filter(|(_, (distance, _))| distance.is_finite());
-        let hit = |(body, (distance, ray)): (usize, (f64, usize))| {
-            let (cell, triangle) = match self {
-                Self::Cells(_, samples) => (samples.leaves[ray].cell, samples.leaves[ray].found.triangle),
-                Self::Pixels(image) => {
-                    let plane = &image.hits.plane;
-                    let cell = plane.cell(ray / plane.columns, ray % plane.columns);
-                    (cell, image.hits.triangle[ray])
-                }
-                Self::None => unreachable!("nothing was hit"),
-            };
-            NearestHit {
-                body,
-                point: distance * cell.direction(),
-                corners: place_on_mesh(scene, &cell, body as u32, triangle),
-            }
-        };
-        seen.map(hit).collect()
+        let seen = nearest.into_iter().zip(0..);
+        seen.filter(|((distance, _), _)| distance.is_finite())
+            .map(|((distance, pixel), body)| {
+                let cell = hits.plane.cell(pixel / hits.plane.columns, pixel % hits.plane.columns);
+                NearestHit::new(&self.scene, &cell, body, hits.triangle[pixel], distance)
+            })
+            .collect()
+    }
+}
+
+impl NearestHit {
+    fn new(scene: &PosedScene, cell: &Cell, body: u32, triangle: u32, distance: f64) -> Self {
+        Self {
+            body: body as usize,
+            point: distance * cell.direction(),
+            corners: place_on_mesh(scene, cell, body, triangle),
+        }
     }
 }

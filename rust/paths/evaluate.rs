@@ -463,6 +463,7 @@ mod tests {
     use crate::rays::surface::{ShadingMode, Surface};
     use crate::scattering::material::{Material, Response};
     use crate::scattering::physical_optics::Sampling;
+    use crate::scattering::refinement::Refinement;
     use crate::scattering::samples::Samples;
 
     fn array(pattern: &Pattern) -> Array {
@@ -526,16 +527,23 @@ mod tests {
                 Sampling::Footprint,
                 1,
             );
-            let refinement = crate::scattering::sampling::Refinement {
-                beam: None,
-                base: plane,
-                rcs_floor: 1e-3,
-                budget: Some(1000),
-                end_points: true,
-            };
-            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
-            let of_cells = Scatterers::of_samples(&snapshot, &samples, &materials, array);
-            for scatterers in [of_pixels, of_cells] {
+            let of_cells = [false, true].map(|end_points| {
+                let refinement = Refinement {
+                    base: plane,
+                    rcs_floor: 1e-3,
+                    follows_echo: false,
+                    budget: None,
+                    end_points,
+                    beam: None,
+                    join: 1.5,
+                    turns: &[],
+                };
+                let samples =
+                    Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
+                Scatterers::of_samples(&snapshot, &samples, &materials, array.clone())
+            });
+            let [of_tiles, of_leaves] = of_cells;
+            for scatterers in [of_pixels, of_tiles, of_leaves] {
                 let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();
                 let kinematics = Kinematics {
                     num_nodes: 2,

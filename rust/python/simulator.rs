@@ -148,8 +148,8 @@ impl Settings {
     /// (cells of the base grid in adaptive sampling) and of images.
     #[new]
     #[pyo3(signature = (
-        *, sampling, rays, image, rcs_floor, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles, max_bounces,
-        bounce_floor, retrace, seed, tolerance, method
+        *, sampling, rays, image, rcs_floor, follows_echo, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles,
+        max_bounces, bounce_floor, retrace, seed, tolerance, method
     ))]
     #[allow(clippy::too_many_arguments, clippy::fn_params_excessive_bools)] // as Python hands them over
     fn new(
@@ -157,6 +157,7 @@ impl Settings {
         rays: Plane,
         image: Plane,
         rcs_floor: f64,
+        follows_echo: bool,
         ray_budget: Option<usize>,
         end_points: bool,
         gain_floor: Option<f64>,
@@ -173,6 +174,7 @@ impl Settings {
             "adaptive" => RaySampling::Adaptive {
                 base: plane(rays),
                 rcs_floor,
+                follows_echo,
                 budget: ray_budget,
                 end_points,
             },

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use crate::numeric::simd::{Isa, Kernel};
 use crate::rays::hits::{Cast, Counts};
-use crate::rays::image::{Scratch, Touch};
 use crate::rays::packet::{MOST_RAYS, PACKET};
 use crate::rays::scene::{NO_BODY, PosedScene};
+use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
 
 /// Number of groups that one thread casts in a row.
@@ -130,7 +130,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             points,
             found,
         } = self;
-        let mut scratch = Scratch::new(scene.num_bodies());
+        let mut scratch = Scratch::new();
         let mut counts = Counts::default();
         let mut start = first;
         for end in ends {
@@ -148,9 +148,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
             }
             if let Some(known) = known {
                 let mut touch = Touch(false);
-                scratch
-                    .rays
-                    .traverse::<I>(known.moved, &mut scratch.stacks[0], &mut touch);
+                scratch.rays.traverse::<I>(known.moved, &mut scratch.top, &mut touch);
                 if !touch.0 && take_over(found, known, group.start) {
                     counts.tiles_reused += 1;
                     continue;

@@ -3,6 +3,7 @@
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::TileRays;
+use crate::rays::packet_search::Traversals;
 use crate::rays::scene::PosedScene;
 
 /// Hits of all pixels of an image, row by row.
@@ -57,26 +58,15 @@ pub struct Cast<'a> {
     pub outside: Option<&'a Outside<'a>>,
     /// Option to compute cosines of incidence.
     pub with_cosines: bool,
-    /// Number of traversals for the rays of a tile.
+    /// Way of the rays of a tile through the tree of a body.
     pub traversals: Traversals,
     /// Scene and hits of another time with the same directions outside. Tiles where no body has moved are copied.
     pub previous: Option<(&'a PosedScene, &'a Hits)>,
 }
 
-/// Number of traversals of a body's tree for the rays of a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Traversals {
-    /// The faster choice, from the number of leaves of the body that previous tiles visited.
-    Chosen,
-    /// One traversal for 8 x 8 rays.
-    Together,
-    /// Four traversals, each for 4 x 4 rays.
-    Apart,
-}
-
 impl Cast<'_> {
     /// True if no ray of a tile is of interest.
-    pub(super) fn is_outside(&self, rays: &TileRays) -> bool {
+    pub(crate) fn is_outside(&self, rays: &TileRays) -> bool {
         let [u, v] = rays.ranges();
         self.outside.is_some_and(|is_outside| is_outside(u, v))
     }

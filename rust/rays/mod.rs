@@ -3,11 +3,17 @@
 pub mod batch;
 pub mod build;
 pub mod camera;
+pub mod facets;
 pub mod hits;
 pub mod image;
+pub mod measure;
 pub mod nearest_point;
 pub mod packet;
+pub mod packet_hits;
+pub mod packet_search;
 pub mod scene;
+pub mod search;
+pub mod shade;
 pub mod smooth_hits;
 pub mod surface;
 pub mod traversal;

@@ -1,17 +1,13 @@
-//! Packets: rays of one origin that traverse a tree together, all children of a node, and 16 rays, at a time.
-//!
-//! The search is in single precision with bounds on every rounding. Where these cannot tell whether a ray meets a
-//! triangle, or which of two triangles is nearer, an exact test decides, so that hits equal those of rays traced one by
-//! one.
+//! Packets: rays of a tile, 16 at a time, in the sensor frame and in those of bodies.
 
 use glam::DVec3;
 
 use crate::geometry::pose::Pose;
-use crate::numeric::simd::{Isa, Vector, prefetch};
+use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::traversal::{Slabs, Visit, traverse};
 use crate::rays::tree::{Node, Tree};
-use crate::rays::triangle_block::{Table, TriangleBlock, UNIT};
+use crate::rays::triangle_block::UNIT;
 
 /// Rays of a packet, tested at once in vectors.
 pub const PACKET: usize = 16;
@@ -92,6 +88,31 @@ impl TileRays {
                 0.5 * (self.u[first] - self.u[last]),
                 0.5 * (self.v[first] - self.v[last]),
             ];
+        }
+    }
+
+    /// Keep the packets of a bit mask; the others become invalid, and cost nothing.
+    #[inline(always)]
+    pub fn keep(&mut self, packets: u32) {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for packet in 0..PACKETS {
+            if packets >> packet & 1 == 0 {
+                self.valid[packet] = 0;
+            }
+            if self.valid[packet] == 0 {
+                continue;
+            }
+            for axis in 0..2 {
+                let (middle, half) = (self.middle[packet][axis], self.half[packet][axis]);
+                (low[axis], high[axis]) = (low[axis].min(middle - half), high[axis].max(middle + half));
+            }
+        }
+        if self.valid == [0; PACKETS] {
+            return;
+        }
+        for axis in 0..2 {
+            self.middle[PACKETS][axis] = 0.5 * (low[axis] + high[axis]);
+            self.half[PACKETS][axis] = 0.5 * (high[axis] - low[axis]);
         }
     }
 
@@ -200,19 +221,23 @@ impl View {
 /// Rays of a tile ([`TileRays`]) in the frame of a body, in single precision.
 #[repr(C, align(64))]
 pub struct BodyRays {
-    origin: [f32; 3],
+    pub(super) origin: [f32; 3],
     /// Bound of the coordinates of the origin.
-    reach: f32,
+    pub(super) reach: f32,
     /// Bound of the coordinates of directions.
-    length: f32,
+    pub(super) length: f32,
     /// Directions, axis by axis.
-    directions: [[f32; MOST_RAYS]; 3],
-    /// Inverses of directions; set if the tree is fine.
+    pub(super) directions: [[f32; MOST_RAYS]; 3],
+    /// Inverses of directions; see [`Self::part`].
     inverses: [[f32; MOST_RAYS]; 3],
-    valid: [u32; PACKETS],
+    pub(super) valid: [u32; PACKETS],
     /// Centre and half the sides of the box round the directions of every packet, and of all.
-    center: [[f32; 3]; PACKETS + 1],
-    half: [[f32; 3]; PACKETS + 1],
+    pub(super) center: [[f32; 3]; PACKETS + 1],
+    pub(super) half: [[f32; 3]; PACKETS + 1],
+    /// Slabs of every packet; see [`Self::part`].
+    slabs: [Slabs; PACKETS],
+    /// True once [`Self::part`] has prepared inverses and slabs.
+    is_parted: bool,
 }
 
 impl BodyRays {
@@ -226,16 +251,19 @@ impl BodyRays {
         valid: [0; PACKETS],
         center: [[0.0; 3]; PACKETS + 1],
         half: [[0.0; 3]; PACKETS + 1],
+        slabs: [Slabs::EMPTY; PACKETS],
+        is_parted: false,
     };
 
     /// Transform rays to the frame of a body, with the origin relative to its point `middle`.
     #[inline(always)]
-    pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3, is_fine: bool) {
+    pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3) {
         let origin = view.origin - middle;
         let axes = &view.axes;
         self.origin = [origin.x as f32, origin.y as f32, origin.z as f32];
         self.reach = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
         self.valid = rays.valid;
+        self.is_parted = false;
         for packet in 0..PACKETS {
             let first = packet * PACKET;
             let middle = first + PACKET / 2;
@@ -247,12 +275,6 @@ impl BodyRays {
                 let z = <I::F32 as Vector>::splat(axes[2][axis] as f32);
                 let direction = v.mul_add(z, u.mul_add(y, x));
                 direction.store(&mut self.directions[axis][first..]);
-                if is_fine {
-                    let inverse = <I::F32 as Vector>::splat(1.0).div(direction);
-                    let most = <I::F32 as Vector>::splat(1e30);
-                    let least = <I::F32 as Vector>::splat(-1e30);
-                    inverse.max(least).min(most).store(&mut self.inverses[axis][first..]);
-                }
             }
         }
         // More than the rounding of directions.
@@ -269,278 +291,59 @@ impl BodyRays {
         self.length = length as f32 * (1.0 + UNIT);
     }
 
+    /// Prepare what tests of packets and of single rays need, if nothing has so far: few tiles over coarse meshes do.
+    #[inline(always)]
+    pub(super) fn part<I: Isa>(&mut self) {
+        if self.is_parted {
+            return;
+        }
+        self.is_parted = true;
+        let (most, least) = (<I::F32 as Vector>::splat(1e30), <I::F32 as Vector>::splat(-1e30));
+        for packet in 0..PACKETS {
+            self.slabs[packet] = self.slabs(packet);
+            for axis in 0..3 {
+                let direction = I::F32::load(&self.directions[axis][packet * PACKET..]);
+                let inverse = <I::F32 as Vector>::splat(1.0).div(direction);
+                let inverse = inverse.max(least).min(most);
+                inverse.store(&mut self.inverses[axis][packet * PACKET..]);
+            }
+        }
+    }
+
+    /// Slabs of a packet, once they are prepared.
+    #[inline(always)]
+    pub(super) fn slabs_of(&self, packet: usize) -> &Slabs {
+        &self.slabs[packet]
+    }
+
+    /// Bit mask of the rays of a packet that meet the box of a child at most at distances `far`, once they are
+    /// prepared.
+    #[inline(always)]
+    pub(super) fn meet<I: Isa>(&self, packet: usize, node: &Node, place: usize, pad: f32, far: I::F32) -> u32 {
+        let splat = <I::F32 as Vector>::splat;
+        let first = packet * PACKET;
+        let (mut entry, mut exit) = (splat(0.0), far);
+        for axis in 0..3 {
+            let inverse = I::F32::load(&self.inverses[axis][first..]);
+            let low = splat(node.min[axis][place] - self.origin[axis] - pad);
+            let high = splat(node.max[axis][place] - self.origin[axis] + pad);
+            let (a, b) = (low.mul(inverse), high.mul(inverse));
+            (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
+        }
+        let is_met = entry
+            .mul(splat(1.0 - 16.0 * UNIT))
+            .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
+        is_met & self.valid[packet]
+    }
+
     /// Box of the directions of a packet, or of all rays.
     #[inline(always)]
-    fn slabs(&self, packet: usize) -> Slabs {
+    pub(super) fn slabs(&self, packet: usize) -> Slabs {
         let (center, half) = (&self.center[packet], &self.half[packet]);
         let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
             (low[axis], high[axis]) = (center[axis] - half[axis], center[axis] + half[axis]);
         }
         Slabs::new(&self.origin, self.reach, &low, &high)
-    }
-}
-
-/// Nearest triangles of the rays of a tile, over all bodies.
-#[repr(C, align(64))]
-pub struct PacketHits {
-    /// Lower bound of the distance of the hit so far, in lengths of the direction; infinite without one.
-    near: [f32; MOST_RAYS],
-    /// Upper bound of the distance.
-    far: [f32; MOST_RAYS],
-    /// Largest upper bound of every packet.
-    farthest: [f32; PACKETS],
-    /// Number of the body.
-    pub body: [[u32; PACKET]; PACKETS],
-    /// Number of its triangle.
-    pub triangle: [[u32; PACKET]; PACKETS],
-    /// A bit per ray that lies in the plane of its triangle.
-    pub edge_on: [u32; PACKETS],
-}
-
-impl PacketHits {
-    /// Hits of no rays.
-    pub const EMPTY: Self = Self {
-        near: [f32::INFINITY; MOST_RAYS],
-        far: [f32::INFINITY; MOST_RAYS],
-        farthest: [f32::NEG_INFINITY; PACKETS],
-        body: [[u32::MAX; PACKET]; PACKETS],
-        triangle: [[u32::MAX; PACKET]; PACKETS],
-        edge_on: [0; PACKETS],
-    };
-
-    /// Clear all hits of the valid rays.
-    #[inline(always)]
-    pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS]) {
-        for packet in 0..PACKETS {
-            let all = packet * PACKET..(packet + 1) * PACKET;
-            let everywhere = <I::F32 as Vector>::splat(f32::INFINITY);
-            let nowhere = <I::F32 as Vector>::splat(f32::NEG_INFINITY);
-            everywhere.store(&mut self.near[all.clone()]);
-            everywhere.select(valid[packet], nowhere).store(&mut self.far[all]);
-            I::put(&mut self.body[packet], u32::MAX, u32::MAX);
-            I::put(&mut self.triangle[packet], u32::MAX, u32::MAX);
-            self.edge_on[packet] = 0;
-            self.farthest[packet] = if valid[packet] == 0 {
-                f32::NEG_INFINITY
-            } else {
-                f32::INFINITY
-            };
-        }
-    }
-
-    /// Distance beyond which no ray can find a nearer triangle.
-    #[inline(always)]
-    pub fn farthest(&self) -> f32 {
-        let [a, b, c, d] = self.farthest;
-        a.max(b).max(c.max(d))
-    }
-}
-
-impl<E: Exact, const P: usize> Search<'_, E, P> {
-    /// Number of the box round the directions of all packets of the search; see [`BodyRays::center`].
-    #[inline(always)]
-    fn all(&self) -> usize {
-        const { assert!(P == PACKETS || P == 1) };
-        if P == PACKETS { PACKETS } else { self.from }
-    }
-
-    /// Distance beyond which no ray can find a nearer triangle.
-    #[inline(always)]
-    fn farthest(&self) -> f32 {
-        let mut farthest = self.best.farthest[self.from];
-        for packet in self.from + 1..self.from + P {
-            farthest = farthest.max(self.best.farthest[packet]);
-        }
-        farthest
-    }
-
-    /// Visit all leaves whose boxes any ray may meet, near ones first.
-    #[inline(always)]
-    pub fn traverse<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<u64>) {
-        let (slabs, far) = (self.rays.slabs(self.all()), self.farthest());
-        traverse::<I>(&slabs, tree, far, stack, self);
-    }
-
-    /// True if any ray meets the box of a child before its hit so far.
-    #[inline(always)]
-    fn some_ray_meets<I: Isa>(&self, node: &Node, place: usize) -> bool {
-        let splat = <I::F32 as Vector>::splat;
-        let rays = self.rays;
-        // More than the rounding of directions moves a ray within reach.
-        let pad = 32.0 * UNIT * (self.reach + rays.reach);
-        let mut sides = [[splat(0.0); 2]; 3];
-        for axis in 0..3 {
-            sides[axis] = [
-                splat(node.min[axis][place] - rays.origin[axis] - pad),
-                splat(node.max[axis][place] - rays.origin[axis] + pad),
-            ];
-        }
-        for packet in self.from..self.from + P {
-            let first = packet * PACKET;
-            let (mut entry, mut exit) = (splat(0.0), I::F32::load(&self.best.far[first..]));
-            for axis in 0..3 {
-                let inverse = I::F32::load(&rays.inverses[axis][first..]);
-                let (a, b) = (sides[axis][0].mul(inverse), sides[axis][1].mul(inverse));
-                (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
-            }
-            let is_met = entry
-                .mul(splat(1.0 - 16.0 * UNIT))
-                .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
-            if is_met & rays.valid[packet] != 0 {
-                return true;
-            }
-        }
-        false
-    }
-}
-
-impl PacketHits {
-    /// Decide by the exact test whether a triangle is the nearest of a ray so far; of several at one distance the
-    /// first.
-    #[inline(never)]
-    fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
-        let ray = packet * PACKET + lane;
-        let Some((distance, is_edge_on)) = exact.distance(ray, body, triangle) else {
-            return false;
-        };
-        if distance > f64::from(self.far[ray]) {
-            return false;
-        }
-        if distance >= f64::from(self.near[ray]) {
-            let before = (self.body[packet][lane], self.triangle[packet][lane]);
-            let other = exact.distance(ray, before.0, before.1);
-            let other = other.map_or(f64::INFINITY, |(distance, _)| distance);
-            if distance > other || (distance == other && before <= (body, triangle)) {
-                return false;
-            }
-        }
-        self.near[ray] = (distance as f32).next_down();
-        self.far[ray] = (distance as f32).next_up();
-        (self.body[packet][lane], self.triangle[packet][lane]) = (body, triangle);
-        self.edge_on[packet] = self.edge_on[packet] & !(1 << lane) | u32::from(is_edge_on) << lane;
-        true
-    }
-}
-
-/// Exact test of a ray and a triangle.
-pub trait Exact {
-    /// Distance of a triangle of a body in lengths of the direction, and whether the ray lies in the triangle's plane;
-    /// none if the ray misses.
-    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
-}
-
-/// Search for the nearest triangles of one body, for `P` packets: all of a tile together, or one.
-pub struct Search<'a, E, const P: usize> {
-    /// Rays in the frame of the body.
-    pub rays: &'a BodyRays,
-    /// First packet.
-    pub from: usize,
-    /// Triangle block of every leaf.
-    pub leaves: &'a [TriangleBlock],
-    /// Bound of the coordinates of the triangles.
-    pub reach: f32,
-    /// Number of the body.
-    pub body: u32,
-    /// True if leaves are so small that rays of a tile may pass between them.
-    pub is_fine: bool,
-    /// Distance at or below which there are no hits.
-    pub start: f32,
-    /// Hits so far.
-    pub best: &'a mut PacketHits,
-    /// Exact test.
-    pub exact: &'a E,
-    /// Planes of the triangle block at hand.
-    pub table: &'a mut Table,
-    /// Number of leaves visited.
-    pub num_leaves: usize,
-}
-
-impl<E: Exact, const P: usize> Visit for Search<'_, E, P> {
-    #[inline(always)]
-    fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool {
-        if self.is_fine && !self.some_ray_meets::<I>(node, place) {
-            return false;
-        }
-        prefetch(&self.leaves[leaf]);
-        true
-    }
-
-    #[inline(always)] // part of a kernel
-    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32 {
-        self.num_leaves += 1;
-        let (rays, leaf) = (self.rays, &self.leaves[leaf]);
-        let planes = leaf.planes::<I>(&rays.origin, self.reach + rays.reach, rays.length);
-        let all = planes.may_meet(&rays.center[self.all()], &rays.half[self.all()]) & ((1 << count) - 1);
-        if all == 0 {
-            return self.farthest();
-        }
-        planes.store(self.table);
-        let table = &*self.table;
-        for packet in self.from..self.from + P {
-            if near > self.best.farthest[packet] {
-                continue;
-            }
-            let mut triangles = all;
-            if P > 1 {
-                triangles &= planes.may_meet(&rays.center[packet], &rays.half[packet]);
-                if triangles == 0 {
-                    continue;
-                }
-            }
-            let first = packet * PACKET;
-            let mut directions = [<I::F32 as Vector>::splat(0.0); 3];
-            for axis in 0..3 {
-                directions[axis] = I::F32::load(&rays.directions[axis][first..]);
-            }
-            let mut has_changed = false;
-            while triangles != 0 {
-                let lane = triangles.trailing_zeros() as usize;
-                triangles &= triangles - 1;
-                let number = leaf.triangles[lane];
-                let (mut unsure, least) = table.meet(lane, &directions);
-                if planes.unclear >> lane & 1 == 1 {
-                    unsure = table.meet_unclear(lane, &directions) & rays.valid[packet];
-                } else {
-                    unsure &= rays.valid[packet];
-                    if unsure == 0 {
-                        continue;
-                    }
-                    let crossing = table.cross(lane, &directions, least);
-                    let best_near = I::F32::load(&self.best.near[first..]);
-                    let best_far = I::F32::load(&self.best.far[first..]);
-                    let is_behind = best_far.at_most(crossing.near) & crossing.measured;
-                    let is_nearest = unsure
-                        & crossing.measured
-                        & crossing.certain
-                        & crossing.far.at_most(best_near)
-                        & <I::F32 as Vector>::splat(self.start).at_most(crossing.near);
-                    if is_nearest != 0 {
-                        crossing
-                            .near
-                            .select(is_nearest, best_near)
-                            .store(&mut self.best.near[first..]);
-                        crossing
-                            .far
-                            .select(is_nearest, best_far)
-                            .store(&mut self.best.far[first..]);
-                        I::put(&mut self.best.body[packet], is_nearest, self.body);
-                        I::put(&mut self.best.triangle[packet], is_nearest, number);
-                        self.best.edge_on[packet] &= !is_nearest;
-                        has_changed = true;
-                    }
-                    unsure &= !(is_behind | is_nearest);
-                }
-                while unsure != 0 {
-                    let ray = unsure.trailing_zeros() as usize;
-                    unsure &= unsure - 1;
-                    has_changed |= self.best.decide(packet, ray, self.body, number, self.exact);
-                }
-            }
-            if has_changed {
-                self.best.farthest[packet] = I::F32::load(&self.best.far[first..]).largest();
-            }
-        }
-        self.farthest()
     }
 }

@@ -15,7 +15,9 @@ use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
-use crate::rays::packet::{BodyRays, Exact, PacketHits, Search};
+use crate::rays::packet::BodyRays;
+use crate::rays::packet_hits::{Exact, PacketHits};
+use crate::rays::packet_search::{Search, Traversals, Waiting};
 use crate::rays::traversal::{Single, Visit};
 use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
 use crate::rays::triangle_block::{Table, TriangleBlock};
@@ -23,10 +25,6 @@ use crate::rays::watertight::{Crossing, WatertightTest};
 
 /// Largest coordinate that is accepted [m]: squares of lengths must stay finite.
 const LARGEST: f64 = 1e15;
-
-/// Number of leaves above which rays are tested one by one against the boxes of leaves: where leaves are smaller than a
-/// tile, rays pass between them.
-const FINE: usize = 2000;
 
 /// Normals of a surface from its triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -352,43 +350,35 @@ impl Surface {
         Level::best().run(nearest).hit.is_some()
     }
 
-    /// True if leaves are so many that rays of a tile may pass between them.
-    pub fn is_fine(&self) -> bool {
-        self.leaves.len() > FINE
-    }
-
     /// Point that the tree's coordinates are relative to.
     pub fn middle(&self) -> DVec3 {
         self.middle
     }
 
-    /// Search for triangles nearer than the hits so far of `P` packets of a tile, the first of which is `from`; see
-    /// [`Search`]. Returns the number of leaves visited.
+    /// Search for triangles beyond `start` and nearer than the hits so far of the rays of a tile; see [`Search`].
     #[inline(always)]
-    pub fn search<I: Isa, E: Exact, const P: usize>(
+    pub fn search<I: Isa, E: Exact>(
         &self,
         body: u32,
-        (rays, from): (&BodyRays, usize),
-        start: f32,
+        rays: &mut BodyRays,
+        (traversals, start): (Traversals, f32),
         best: &mut PacketHits,
         exact: &E,
-        (table, stack): (&mut Table, &mut Vec<u64>),
-    ) -> usize {
-        let mut search = Search::<E, P> {
+        (table, stack, num_leaves): (&mut Table, &mut Vec<Waiting>, &mut usize),
+    ) {
+        let mut search = Search {
             rays,
-            from,
             leaves: &self.leaves,
             reach: self.reach,
             body,
-            is_fine: self.is_fine(),
+            traversals,
             start,
             best,
             exact,
             table,
-            num_leaves: 0,
+            num_leaves,
         };
         search.traverse::<I>(&self.tree, stack);
-        search.num_leaves
     }
 }
 

@@ -110,6 +110,7 @@ impl Single {
 }
 
 /// Box of directions from one origin, prepared for slab tests of the boxes of children.
+#[derive(Clone, Copy)]
 pub struct Slabs {
     /// Origin, moved outwards for both sides of a box by more than the rounding of all coordinates.
     origin: [[f32; 2]; 3],
@@ -126,14 +127,17 @@ enum Sign {
 }
 
 impl Slabs {
+    /// Slabs of no directions.
+    pub const EMPTY: Self = Self {
+        origin: [[0.0; 2]; 3],
+        inverse: [[0.0; 2]; 3],
+        sign: [Sign::Both; 3],
+    };
+
     /// Slabs from smallest and largest directions; `reach` bounds the coordinates of the origin.
     #[inline(always)]
     pub fn new(origin: &[f32; 3], reach: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
-        let mut slabs = Self {
-            origin: [[0.0; 2]; 3],
-            inverse: [[0.0; 2]; 3],
-            sign: [Sign::Both; 3],
-        };
+        let mut slabs = Self::EMPTY;
         for axis in 0..3 {
             let (low, high) = (low[axis], high[axis]);
             slabs.sign[axis] = if low > 0.0 {
@@ -152,7 +156,7 @@ impl Slabs {
 
     /// Bit mask of the children whose boxes any direction may meet before `far`; `near` gets the distances of entry.
     #[inline(always)]
-    fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
+    pub fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
         let splat = <I::F32 as Vector>::splat;
         let (mut entry, mut exit) = (splat(0.0), splat(far));
         for axis in 0..3 {

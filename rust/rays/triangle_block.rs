@@ -174,6 +174,52 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
         bits | self.unclear
     }
 
+    /// Bit mask of triangles that a ray may meet, and depth inside; see [`Table::meet`].
+    #[inline(always)]
+    pub fn meet(&self, direction: &[V; 3]) -> (u32, V) {
+        let mut sides = [self.tolerance; 3];
+        for edge in 0..3 {
+            for axis in 0..3 {
+                sides[edge] = direction[axis].mul_add(self.edges[edge][axis], sides[edge]);
+            }
+        }
+        let least = sides[0].min(sides[1]).min(sides[2]);
+        (V::splat(0.0).at_most(least), least)
+    }
+
+    /// Bit mask of triangles that a ray may meet, if their planes may be turned the wrong way.
+    #[inline(always)]
+    pub fn meet_unclear(&self, direction: &[V; 3]) -> u32 {
+        let mut least = V::splat(f32::INFINITY);
+        let mut most = V::splat(f32::NEG_INFINITY);
+        for edge in 0..3 {
+            let mut side = V::splat(0.0);
+            for axis in 0..3 {
+                side = direction[axis].mul_add(self.edges[edge][axis], side);
+            }
+            (least, most) = (least.min(side), most.max(side));
+        }
+        V::splat(0.0).sub(self.tolerance).at_most(least) | most.at_most(self.tolerance)
+    }
+
+    /// Intersections of a ray with the triangles, from the least distances that [`Self::meet`] returned.
+    #[inline(always)]
+    pub fn cross(&self, direction: &[V; 3], least: V) -> Crossing<V> {
+        let mut slope = V::splat(0.0);
+        for axis in 0..3 {
+            slope = direction[axis].mul_add(self.normal[axis], slope);
+        }
+        let inverse = V::splat(1.0).div(slope);
+        let (distance, slack) = (inverse.mul(self.height), inverse.mul(self.slack));
+        let twice = self.tolerance.add(self.tolerance);
+        Crossing {
+            certain: twice.add(self.tolerance).at_most(least),
+            measured: twice.at_most(slope),
+            near: distance.sub(slack),
+            far: distance.add(slack),
+        }
+    }
+
     /// Store in memory, to be read triangle by triangle.
     #[inline(always)]
     pub fn store(&self, table: &mut Table) {
@@ -199,11 +245,11 @@ pub struct Table {
     slack: [f32; WIDTH],
 }
 
-/// Intersections of a packet of rays with one triangle.
+/// Intersections of a packet of rays with one triangle, or of one ray with the triangles of a block.
 pub struct Crossing<V> {
-    /// Bit mask of rays that certainly meet the triangle.
+    /// Bit mask of the lanes that certainly meet.
     pub certain: u32,
-    /// Bit mask of rays whose distances hold if they meet the triangle.
+    /// Bit mask of the lanes whose distances hold if they meet.
     pub measured: u32,
     /// Lower bound of the distance.
     pub near: V,

@@ -6,14 +6,14 @@
 //! deforms, and `paths` evaluates its delay and amplitude at any time of the frame.
 
 use glam::DVec3;
+use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::antennas::array::Array;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
-use crate::paths::scatterers::Scatterers;
-use crate::rays::batch::Found;
+use crate::paths::scatterers::{Scatterers, Weight};
 use crate::rays::hits::Hits;
 use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::SmoothHits;
@@ -23,7 +23,9 @@ use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::material_points::Points;
 use crate::scattering::patch::{Patch, patch};
 use crate::scattering::physical_optics::{Sampling, Weigh};
-use crate::scattering::samples::Samples;
+use crate::scattering::quadtree::Leaf;
+use crate::scattering::samples::{Samples, Specular};
+use crate::scattering::sampling::Tiles;
 
 impl Scatterers {
     /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
@@ -45,32 +47,43 @@ impl Scatterers {
         .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of adaptive samples: specular ones of the leaves, numbered by leaf, and diffuse ones, with the
-    /// cell [`NO_CELL`].
+    /// Material points of adaptive samples: specular ones of the tiles, and diffuse ones.
     pub fn of_samples(snapshot: &PosedScene, samples: &Samples, materials: &[Material], array: Array) -> Self {
         let weigh = Weigh {
             array: &array,
             sampling: Sampling::Footprint,
         };
-        let mut points = gather(samples.leaves.len(), |index, points| {
-            let leaf = &samples.leaves[index];
-            let Found {
-                body,
-                triangle,
-                distance,
-                normal,
-                ..
-            } = leaf.found;
+        let num_channels = array.num_channels();
+        let of_tiles = |tiles: &Tiles, index: usize, points: &mut Points| {
+            let point = &tiles.points.points[index];
+            let weights = &tiles.points.weights[tiles.num_weights * index..][..tiles.num_weights];
+            let weights = weights.iter().cycle().take(num_channels);
+            points.weights.extend(weights.map(|weight| Weight {
+                specular: *weight,
+                diffuse: Complex64::ZERO,
+            }));
+            let frame = MaterialFrame::of_mesh(snapshot, point.body, point.triangle, 0);
+            points.push_specular(point, &frame);
+        };
+        let of_leaf = |leaf: &Leaf, index: usize, points: &mut Points| {
             let patch = Patch {
                 index,
-                body,
+                body: leaf.found.body,
                 cell: leaf.cell,
-                distance,
-                normal,
+                distance: leaf.found.distance,
+                normal: leaf.found.normal,
             };
-            let frame = MaterialFrame::of_mesh(snapshot, body, triangle, 0);
-            weigh.leaf(&patch, leaf, &frame, &materials[body as usize], points);
-        });
+            let frame = MaterialFrame::of_mesh(snapshot, patch.body, leaf.found.triangle, 0);
+            weigh.leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
+        };
+        let mut points = match &samples.specular {
+            Specular::Tiles(tiles) => gather(tiles.points.points.len(), |index, points| {
+                of_tiles(tiles, index, points);
+            }),
+            Specular::Quadtree(_, leaves) => {
+                gather(leaves.len(), |index, points| of_leaf(&leaves[index], index, points))
+            }
+        };
         for (body, speckle) in samples.speckles.iter().enumerate() {
             let Some(speckle) = speckle else { continue };
             points.append(gather(speckle.normal.len(), |point, points| {

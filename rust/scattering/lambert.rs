@@ -17,13 +17,16 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
-use crate::scattering::sampling::Refinement;
+use crate::scattering::refinement::Refinement;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
 
 /// Cross-section of a point of a white surface that faces the sensor, relative to the smallest of interest.
 const POINT_RCS: f64 = 10.0;
+
+/// Smallest cross-section of interest [m^2] of points at most: speckle takes many points per cell of range and velocity.
+const FLOOR: f64 = 1e-5;
 
 /// Refinement of the base grid that rays are sorted by.
 const SUBDIVISION: f64 = 256.0;
@@ -144,9 +147,10 @@ impl Speckle {
         moved: Option<&Tree>,
     ) -> (Self, Counts) {
         let surface = snapshot.surface(body);
-        let before = before.filter(|before| before.points.is_of(surface, refinement.rcs_floor, seed));
+        let floor = refinement.rcs_floor.min(FLOOR);
+        let before = before.filter(|before| before.points.is_of(surface, floor, seed));
         let points = before.map_or_else(
-            || Arc::new(Points::new(surface, refinement.rcs_floor, seed)),
+            || Arc::new(Points::new(surface, floor, seed)),
             |before| before.points.clone(),
         );
 

@@ -16,7 +16,7 @@ use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::{MaterialFrame, speckle_turns};
 use crate::scattering::material_points::{NO_CELL, Points, SurfaceSample};
 use crate::scattering::patch::Patch;
-use crate::scattering::sampling::Leaf;
+use crate::scattering::quadtree::Leaf;
 use crate::scattering::taper::taper;
 
 /// Least rate of the phase at the end of a cell, relative to the rate in the centre.

@@ -361,16 +361,23 @@ impl Chunk {
         expand::<I>(&block.amplitude, &self.rows.re, &mut self.re);
         expand::<I>(&block.amplitude, &self.rows.im, &mut self.im);
     }
+
+    /// Bit mask of the paths that change.
+    #[inline(always)]
+    pub fn moving(&self) -> u128 {
+        self.rows.moving()
+    }
 }
 
 /// Coefficients of all degrees.
 #[inline(always)]
 fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
+    // Four vectors at once, as every sum waits for the one before.
     for k in 0..coefficients.len() {
-        for at in (0..CHUNK).step_by(8) {
-            let mut sum = coefficient::<I, 1>(matrix, rows, k, at);
+        for at in (0..CHUNK).step_by(32) {
+            let mut sum = coefficient::<I, 4>(matrix, rows, k, at);
             if k == 0 {
-                sum = wide::add(sum, wide::load::<I, 1>(&rows[0][at..]));
+                sum = wide::add(sum, wide::load::<I, 4>(&rows[0][at..]));
             }
             wide::store(sum, &mut coefficients[k][at..]);
         }

@@ -51,6 +51,17 @@ impl Waveform {
         self.start_frequency + self.slope * (self.adc_delay + self.num_samples as f64 / (2.0 * self.sample_rate))
     }
 
+    /// Field at the frequency of every sample over the field at the centre of the band, for fields that fall with a power
+    /// of the frequency; empty for power 0.
+    pub fn over_frequency(&self, order: u8) -> Vec<f64> {
+        if order == 0 {
+            return Vec::new();
+        }
+        let frequency = |sample| self.start_frequency + self.slope * self.sample_time(sample);
+        let ratio = |sample| (self.center_frequency() / frequency(sample)).powi(i32::from(order));
+        (0..self.num_samples).map(ratio).collect()
+    }
+
     /// Time of the middle sample, number `num_samples / 2`, after the start of its ramp [s].
     pub fn middle_time(&self) -> f64 {
         self.sample_time(self.num_samples / 2)

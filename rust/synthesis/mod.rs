@@ -6,6 +6,7 @@ pub mod chirp;
 pub mod delay;
 pub mod direct;
 pub mod interval;
+pub mod lanes;
 pub mod low_rank;
 pub mod nufft;
 pub mod plan;

@@ -110,6 +110,6 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pyte
         original(self, frame)
 
     monkeypatch.setattr(RecordingWriter, "append", interrupted)
-    assert main(["demo", "--no-robots", "--ray-budget", "6144", "-o", str(tmp_path)]) == 130
+    assert main(["demo", "--no-robots", "--ray-budget", "400000", "-o", str(tmp_path)]) == 130
     with pytest.warns(UserWarning, match="2 of 200 planned frames"):
         assert len(rc.Recording.load(tmp_path / "recording")) == 2

@@ -187,7 +187,7 @@ def test_frames_take_delays_at_8_times_in_turns_too(tolerance):
         rc.Radar(waveform),
         radar_motion=rc.Pose([-0.4, -0.6, 1.1]),
         field_of_view_deg=(90.0, 60.0),
-        resolution=48,
+        resolution=96,
         tolerance=tolerance,
     )
     # The path turns from 1.2 to 2.1 s; accelerations that jump would take up to 64 times.

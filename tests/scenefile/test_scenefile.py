@@ -457,7 +457,7 @@ FAULTS = {
     ),
     "choice": (
         '[run]\nsampling = "points"',
-        "run: sampling: expected 'adaptive', 'footprint' or 'point', got 'points'",
+        "run: sampling: expected 'adaptive', 'fast', 'footprint' or 'point', got 'points'",
     ),
     "attachment": (
         BALL + '[sensor]\nattached_to = "bal"',

@@ -1,4 +1,4 @@
-"""Adaptive sampling: closed forms, what is left out, budgets, and refusals (bounds: accuracy table of the model)."""
+"""Adaptive sampling with edge terms: closed forms, what is left out, budgets, and refusals."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ BAND = np.linspace(57e9, 64e9, 15)
 
 
 def simulator(bodies: list[rc.Body], **options: Any) -> rc.Simulator:
-    """One chirp over the band, isotropic antennas at one place, 1 W."""
+    """One chirp over the band, isotropic antennas at one place, 1 W; edge terms, and a floor far below the echoes."""
     waveform = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
     radar = rc.Radar(waveform, pattern=options.pop("pattern", None))
-    return rc.Simulator(
-        rc.Scene(bodies), radar, **{"sampling": "adaptive", "ray_budget": np.inf, "tolerance": 1e-9, **options}
-    )
+    defaults = {"end_points": True, "rcs_floor": 1e-5, "ray_budget": np.inf, "resolution": 64, "tolerance": 1e-9}
+    return rc.Simulator(rc.Scene(bodies), radar, **(defaults | options))
 
 
 def spectrum(sim: rc.Simulator) -> NDArray[np.complex128]:
@@ -79,7 +78,7 @@ def test_disc_has_its_closed_form_over_the_band() -> None:
 def test_square_has_its_closed_form(size: float, yaw_deg: float, expected: complex) -> None:
     waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
     plate = body(rc.shapes.plate(size, size), 1.0, yaw_deg=yaw_deg)
-    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), sampling="adaptive").paths()
+    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), end_points=True, rcs_floor=1e-5).paths()
     got = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
     assert abs(db(got / expected)) <= 0.1
     assert abs(np.angle(got / expected)) <= 0.01
@@ -107,9 +106,6 @@ def test_an_oblique_wall_does_not_echo_and_takes_few_paths() -> None:
         stats = whole(sim).frame().stats
         assert stats["rays_cast"] <= 60_000
         assert stats["paths"] <= 8_000
-    # Centres alone leave edges where cells of two sizes meet.
-    centres = simulator([wall], pattern=pattern, rcs_floor=1e-5, end_points=False)
-    assert db(rms(spectrum(centres) / mirror)) >= -55.0
 
 
 def test_edges_of_a_tilted_plate_echo_as_they_do_in_fine_samples() -> None:
@@ -152,7 +148,8 @@ def test_a_budget_is_kept_and_what_matters_most_comes_first() -> None:
     errors = []
     for ray_budget in (6_000, 20_000):
         sim = simulator([ball], rcs_floor=1e-8, ray_budget=ray_budget)
-        assert whole(sim).frame().stats["rays_cast"] <= ray_budget
+        with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
+            assert whole(sim).frame().stats["rays_cast"] <= ray_budget
         errors.append(rms(spectrum(sim) / exact - 1.0))
     assert errors[0] < 0.3
     assert errors[1] < 0.1
@@ -184,7 +181,6 @@ def test_results_depend_neither_on_threads_nor_on_what_is_known() -> None:
 
 def test_skips_of_cells_are_counted() -> None:
     stats = simulator([body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)], rcs_floor=1e-3).frame().stats
-    assert stats["cells_not_split"] > 2_000
     assert stats["paths_skipped"] > 2_000
     assert stats["paths"] < 2 * stats["paths_skipped"]
 
@@ -270,7 +266,11 @@ def test_a_tilted_rod_is_seen_all_along(roll_deg: float) -> None:
         ({"rcs_floor": float("nan")}, ValueError, "rcs_floor: expected a finite number"),
         ({"ray_budget": 100}, ValueError, "ray_budget: expected at least the 64 x 64 rays of the base grid, got 100"),
         ({"ray_budget": 1e5}, TypeError, "ray_budget: expected an integer, got 100000.0"),
-        ({"sampling": "fine"}, ValueError, "sampling: expected one of 'adaptive', 'footprint', 'point', got 'fine'"),
+        (
+            {"sampling": "fine"},
+            ValueError,
+            "sampling: expected one of 'adaptive', 'fast', 'footprint', 'point', got 'fine'",
+        ),
         ({"resolution": (1, 20_000)}, ValueError, "resolution: expected at most 16384 cells along either side"),
     ],
 )

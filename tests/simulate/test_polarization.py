@@ -47,7 +47,7 @@ def test_every_polarisation_sees_the_same_of_a_plate_at_normal_incidence(name: s
     for polarization in ("vertical", "horizontal", [0.0, 0.6, 0.8]):
         assert echo(material, polarization=polarization) == pytest.approx(scalar, rel=2e-4)
     for polarization in ("horizontal", [0.0, 1.0, 0.0]):
-        assert echo(material, polarization=polarization) == pytest.approx(vertical, rel=1e-9)
+        assert echo(material, polarization=polarization) == pytest.approx(vertical, rel=1e-5)
 
 
 @pytest.mark.parametrize("polarization", [None, "vertical", "horizontal", [0.0, 0.6, 0.8]])

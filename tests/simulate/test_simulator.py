@@ -434,7 +434,11 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
         ({"field_of_view_deg": (60, np.nan)}, ValueError, "field_of_view_deg: expected finite numbers, got nan"),
         ({"field_of_view_deg": 60}, ValueError, r"field_of_view_deg: expected shape \(2,\), got \(\)"),
         ({"field_of_view_deg": "wide"}, TypeError, r"field_of_view_deg: expected numbers of shape \(2,\)"),
-        ({"sampling": "fine"}, ValueError, "sampling: expected one of 'adaptive', 'footprint', 'point', got 'fine'"),
+        (
+            {"sampling": "fine"},
+            ValueError,
+            "sampling: expected one of 'adaptive', 'fast', 'footprint', 'point', got 'fine'",
+        ),
         ({"method": "fft"}, ValueError, "method: expected one of 'auto', 'direct', 'grid', got 'fft'"),
         ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number, got 0.0"),
         ({"tolerance": np.nan}, ValueError, "tolerance: expected a finite number, got nan"),

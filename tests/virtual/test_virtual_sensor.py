@@ -58,13 +58,13 @@ def served(*arguments):
 
 def test_client_tracks_a_moving_scene_for_a_minute(swing):
     simulation = rc.load_scene(swing)
-    with served(swing, "--speed", "max") as (port, _), open_sensor(port, queue_size=600) as sensor:
+    with served(swing, "--speed", "2") as (port, _), open_sensor(port, queue_size=1000) as sensor:
         seldom = replace(CLIENT, waveform=CLIENT.waveform.replace(frame_interval=0.1))
         radar = sensor.configure(seldom, if_gain_db=60)
         truth_of = simulation.simulator().with_radar(radar)
         wf = radar.waveform
         times, ranges, velocities, truths = [], [], [], []
-        for frame in sensor.frames(round(60.0 / wf.frame_interval)):
+        for frame in list(sensor.frames(round(60.0 / wf.frame_interval))):
             peak = rc.strongest_peak(frame.cube - frame.cube.mean(axis=-1, keepdims=True), wf)
             times.append(frame.time)
             ranges.append(peak.range)

@@ -48,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="simulate the experiment and compare it with the truth")
     demo.add_argument("-o", "--output", type=Path, default=Path("out/demo"), help="directory (default: %(default)s)")
     demo.add_argument("--duration", type=float, metavar="S", help="seconds (default: 5)")
-    demo.add_argument("--ray-budget", type=int, metavar="N", help="largest number of rays per cast (default: 40000)")
+    demo.add_argument("--ray-budget", type=int, metavar="N", help="largest number of rays per cast (default: 400000)")
     demo.add_argument(
         "--robots",
         action=argparse.BooleanOptionalAction,

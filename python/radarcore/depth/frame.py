@@ -47,7 +47,7 @@ def frame_from_depth(
     sampling: str = "footprint",
     time: float = 0.0,
     image_time: float | None = None,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-3,
     method: str = "auto",
     seed: int = 0,
     threads: int | None = None,

@@ -309,16 +309,20 @@ class RunTable(Table):
     stop: float = _key(1.0, "s", "no frame starts at or after it")
     rate: float = _key(40.0, "Hz", "frames per second")
     resolution: int | tuple[int, int] | None = _key(
-        None, "", "rays across and down, or rows and columns; default: 256, and 64 per 60 degrees for adaptive sampling"
+        None,
+        "",
+        "rays across and down, or rows and columns; default: 256, and 128 per 60 degrees for adaptive sampling",
     )
     field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
-    sampling: Literal["adaptive", "footprint", "point"] = _key("adaptive", "", "sampling of surfaces by rays")
-    rcs_floor: float = _key(1e-5, "m^2", "smallest cross-section of interest, for adaptive sampling")
-    ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
-        None, "", "largest number of rays of adaptive sampling, inf: no limit; default: 40 000, or four per cell"
+    sampling: Literal["adaptive", "fast", "footprint", "point"] = _key("adaptive", "", "sampling of surfaces by rays")
+    rcs_floor: float | None = _key(
+        None, "m^2", "smallest cross-section of interest, for adaptive sampling; default: 0.01, less for weak echoes"
     )
-    end_points: bool = _key(True, "", "adaptive sampling: cells with a fast phase are represented by their end points")
-    tolerance: float = _key(1e-4, "", "error of the synthesis relative to the amplitudes")
+    ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
+        None, "", "largest number of rays of adaptive sampling, inf: no limit; default: 400 000, or four per cell"
+    )
+    end_points: bool = _key(False, "", "adaptive sampling: cells with a fast phase are represented by their end points")
+    tolerance: float = _key(1e-3, "", "error of the synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
     max_bounces: int = _key(1, "", "largest number of reflections of a path")
     bounce_floor_db: float = _key(80.0, "dB", "loss of power by reflections at which a ray ends")

@@ -54,6 +54,14 @@ class Doubts:
                 "waveform: echoes from there appear at wrong ranges"
             )
 
+    def of_sampling(self, cells_not_split: int) -> None:
+        """Warn of cells that adaptive sampling should have refined, and could not."""
+        if cells_not_split > 0 and self._is_new("sampling"):
+            notice.warn(
+                f"adaptive sampling ended at its finest cells or its ray_budget: {cells_not_split} cells have a larger "
+                "residual error than rcs_floor asks for"
+            )
+
     def _is_new(self, kind: str) -> bool:
         if kind in self._told:
             return False

@@ -10,13 +10,16 @@ import numpy as np
 from radarcore import _core, check
 from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 
-SAMPLINGS = ("adaptive", "footprint", "point")
+SAMPLINGS = ("adaptive", "fast", "footprint", "point")
 """Ways to cast rays and to sample the surface around a hit."""
 
-_CELLS_PER_DEGREE = 64.0 / 60.0
+_RCS_FLOORS = {"adaptive": 1e-2, "fast": 1e-1}
+"""Smallest cross-section of interest by default [m^2]."""
+
+_CELLS_PER_DEGREE = 128.0 / 60.0
 """Cells of the base grid of adaptive sampling per degree, by default."""
 
-_RAY_BUDGET = 40_000
+_RAY_BUDGET = 400_000
 """Rays through cells of adaptive sampling by default."""
 
 _RAYS_PER_CELL = 4
@@ -42,11 +45,11 @@ class Settings:
     resolution: int | tuple[int, int] | None = None
     field_of_view_deg: tuple[float, float] = (60.0, 60.0)
     sampling: str = "adaptive"
-    tolerance: float = 1e-4
+    tolerance: float = 1e-3
     method: str = "auto"
-    rcs_floor: float = 1e-5
+    rcs_floor: float | None = None
     ray_budget: float | None = None
-    end_points: bool = True
+    end_points: bool = False
     gain_floor_db: float = 80.0
     max_bounces: int = 1
     bounce_floor_db: float = 80.0
@@ -61,7 +64,7 @@ class Settings:
             "sampling": check.choice("sampling", self.sampling, SAMPLINGS),
             "tolerance": check_tolerance(self.tolerance),
             "method": check.choice("method", self.method, METHODS),
-            "rcs_floor": check.positive("rcs_floor", self.rcs_floor, "m^2"),
+            "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
             "end_points": bool(self.end_points),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
             "max_bounces": check_max_bounces(self.max_bounces),
@@ -87,6 +90,11 @@ class Settings:
         return (rows, columns) if self.resolution is None else _resolution(self.resolution)
 
     @property
+    def is_adaptive(self) -> bool:
+        """True if rays go through cells that are refined, not through the pixels of an image."""
+        return self.sampling in _RCS_FLOORS
+
+    @property
     def most_rays(self) -> int | None:
         """Largest number of rays through cells; None: as many as `rcs_floor` asks for."""
         if self.ray_budget is None:
@@ -97,20 +105,21 @@ class Settings:
     def to_dict(self) -> dict[str, Any]:
         """Settings that change results, for recordings; infinite ones are None, as JSON has no infinity."""
         values = {field.name: getattr(self, field.name) for field in fields(Settings)}
-        values["resolution"] = self.num_cells if self.sampling == "adaptive" else self.num_pixels
+        values["resolution"] = self.num_cells if self.is_adaptive else self.num_pixels
         values["ray_budget"] = self.most_rays
-        left_out = _NOT_RECORDED if self.sampling == "adaptive" else _NOT_RECORDED + _OF_ADAPTIVE
+        left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
     def to_core(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
         """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
         half_sides = np.tan(0.5 * np.deg2rad(self.field_of_view_deg)).tolist()
-        rays = self.num_cells if self.sampling == "adaptive" else self.num_pixels
+        rays = self.num_cells if self.is_adaptive else self.num_pixels
         return _core.Settings(
-            sampling=self.sampling,
+            sampling="adaptive" if self.is_adaptive else self.sampling,
             rays=(*rays, *half_sides),
             image=(*self.num_pixels, *half_sides),
-            rcs_floor=self.rcs_floor,
+            rcs_floor=_RCS_FLOORS.get(self.sampling, 1.0) if self.rcs_floor is None else self.rcs_floor,
+            follows_echo=self.rcs_floor is None,
             ray_budget=self.most_rays,
             end_points=self.end_points,
             gain_floor=None if self.gain_floor_db == np.inf else _ratio(self.gain_floor_db),

@@ -45,12 +45,13 @@ class Simulator(Settings):
         Sensor to world; default: the world's own frame, looking along +x.
     resolution : int or (rows, columns), optional
         Pixels of images, and rays of frames; with adaptive sampling the cells of the base grid. Default: 256 x 256
-        pixels, and 64 cells per 60 degrees.
+        pixels, and 128 cells per 60 degrees.
     field_of_view_deg : (float, float)
         Horizontal and vertical angle that is simulated [degrees], each below 180.
-    sampling : "adaptive", "footprint" or "point"
+    sampling : "adaptive", "fast", "footprint" or "point"
         Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
-        are sampled by material points that move with them. Footprint: the pixels of an image, with a phase that varies
+        are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
+        time; single weak echoes may be lost. Footprint: the pixels of an image, with a phase that varies
         over the patch of each, which converges with the number of pixels. Point: one phasor per pixel as in Stetco et
         al., ICRA 2020, for comparison; it does not converge.
     tolerance : float
@@ -58,18 +59,19 @@ class Simulator(Settings):
         the samples are in double precision.
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
-    rcs_floor : float
-        Smallest cross-section of interest [m^2]: within the budget, cells of adaptive sampling are refined until the
-        residual error of each is 40 dB below the echo of such a target at the peak of the gain and the same distance,
-        or six times.
+    rcs_floor : float, optional
+        Smallest cross-section of interest [m^2]: cells of adaptive sampling are refined until the residual error of
+        each is 40 dB below the echo of such a target at the peak of the gain and the same distance, or six times.
+        Default: 0.01, 0.1 with fast sampling, and less where the strongest echo in view is weak: a tenth of it.
     ray_budget : int, optional
-        Largest number of rays of a cast through cells of adaptive sampling; the permitted residual error shrinks from
-        step to step until they are used up. Infinite: as many as `rcs_floor` asks for. Default: 40 000, or four per
-        cell of the base grid where that is more. Rays to the points of diffuse surfaces, at most 131 072 per body, are
-        not counted.
+        Largest number of rays of a cast through cells of adaptive sampling; where they do not suffice, the permitted
+        residual error grows everywhere, and one warning says so. Infinite: as many as `rcs_floor` asks for. Default:
+        400 000, or four per cell of the base grid where that is more. Rays to the points of diffuse surfaces, at most
+        131 072 per body, are not counted.
     end_points : bool
         With adaptive sampling: a cell over which the phase varies fast is represented by its end points, whose phase is
         exact over the whole band and which cancel those of its neighbours; otherwise by its centre, tapered as pixels.
+        Converges faster below an `rcs_floor` of 1e-3, and takes five times as long.
     gain_floor_db : float
         Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
         the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.
@@ -219,9 +221,11 @@ class Simulator(Settings):
             rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
             ideal = self._engine.frame(placed, rates) or self._placed_again(start, _NUM_TIMES)
             self._doubts.of_frame(ideal)
+            stats = stats_of(ideal)
+            self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
             cube = receive(ideal.cube, self.radar, start, seed=self.seed)
-            yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats_of(ideal))
+            yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats)
 
     def _placed_again(self, start: float, num_times: int) -> _core.IdealFrame:
         """Frame of a motion that needs more than `num_times` times."""

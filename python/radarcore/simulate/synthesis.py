@@ -33,7 +33,7 @@ class PlanPart:
     num_paths : int
         Over all channels.
     method : "direct", "recurrence", "lanes" or "grid"
-        Eq. (1) sample by sample; a direct sum by phasor recurrences; range grids of many chirps side by side; the
+        Eq. (1) sample by sample; a direct sum by phasor recurrences; range grids of 16 chirps side by side; the
         range-velocity grid.
     precision : "single" or "double"
     width : int
@@ -87,7 +87,7 @@ def beat_signal(
     *,
     delay_rate: ArrayLike | None = None,
     delay_acceleration: ArrayLike | None = None,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-3,
     method: str = "auto",
     threads: int | None = None,
 ) -> NDArray[np.complex64] | NDArray[np.complex128]:
@@ -143,7 +143,7 @@ def plan_beat_signal(
     *,
     delay_rate: ArrayLike | None = None,
     delay_acceleration: ArrayLike | None = None,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-3,
     method: str = "auto",
     threads: int | None = None,
 ) -> Plan:

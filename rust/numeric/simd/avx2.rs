@@ -63,7 +63,7 @@ macro_rules! avx2_vector {
     ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
      $fnmadd:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident, $compare:ident, $bits:ident, $loadu:ident,
      $storeu:ident, $blend:ident, $odd:literal, $pairs:ident, $blendv:ident, $mask:ident,
-     $extract:ident, $max128:ident, $largest:ident) => {
+     $extract:ident, $max128:ident, $largest:ident, $first:ident) => {
         impl Vector for Two<$register> {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
@@ -123,6 +123,16 @@ macro_rules! avx2_vector {
             #[inline(always)]
             fn sqrt(self) -> Self {
                 unsafe { Self($sqrt(self.0), $sqrt(self.1)) }
+            }
+            #[inline(always)]
+            fn equal(self, b: Self) -> u32 {
+                let low = unsafe { $bits($compare::<_CMP_EQ_OQ>(self.0, b.0)) } as u32;
+                let high = unsafe { $bits($compare::<_CMP_EQ_OQ>(self.1, b.1)) } as u32;
+                low | high << ($lanes / 2)
+            }
+            #[inline(always)]
+            fn first(self) -> $scalar {
+                unsafe { $first(self.0) }
             }
             #[inline(always)]
             fn largest(self) -> $scalar {
@@ -222,7 +232,8 @@ avx2_vector!(
     mask_ps,
     _mm256_extractf128_ps,
     _mm_max_ps,
-    largest_ps
+    largest_ps,
+    _mm256_cvtss_f32
 );
 avx2_vector!(
     __m256d,
@@ -249,5 +260,6 @@ avx2_vector!(
     mask_pd,
     _mm256_extractf128_pd,
     _mm_max_pd,
-    largest_pd
+    largest_pd,
+    _mm256_cvtsd_f64
 );

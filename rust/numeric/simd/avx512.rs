@@ -51,7 +51,7 @@ impl Isa for Avx512 {
 
 macro_rules! avx512_vector {
     ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $add:ident, $sub:ident, $mul:ident, $fmadd:ident,
-     $fnmadd:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident, $compare:ident, $mask:ty, $largest:ident, $loadu:ident,
+     $fnmadd:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident, $compare:ident, $mask:ty, $largest:ident, $first:ident, $loadu:ident,
      $storeu:ident, $blend:ident, $upper:literal, $odd:literal, $permute:ident, $low:expr, $high:expr) => {
         impl Vector for One<$register> {
             type Scalar = $scalar;
@@ -113,6 +113,14 @@ macro_rules! avx512_vector {
                 u32::from(unsafe { $compare::<_CMP_LE_OQ>(self.0, b.0) })
             }
             #[inline(always)]
+            fn equal(self, b: Self) -> u32 {
+                u32::from(unsafe { $compare::<_CMP_EQ_OQ>(self.0, b.0) })
+            }
+            #[inline(always)]
+            fn first(self) -> $scalar {
+                unsafe { $first(self.0) }
+            }
+            #[inline(always)]
             fn largest(self) -> $scalar {
                 unsafe { $largest(self.0) }
             }
@@ -149,6 +157,7 @@ avx512_vector!(
     _mm512_cmp_ps_mask,
     __mmask16,
     _mm512_reduce_max_ps,
+    _mm512_cvtss_f32,
     _mm512_loadu_ps,
     _mm512_storeu_ps,
     _mm512_mask_blend_ps,
@@ -175,6 +184,7 @@ avx512_vector!(
     _mm512_cmp_pd_mask,
     __mmask8,
     _mm512_reduce_max_pd,
+    _mm512_cvtsd_f64,
     _mm512_loadu_pd,
     _mm512_storeu_pd,
     _mm512_mask_blend_pd,

@@ -23,7 +23,7 @@ mod avx512;
 mod sse2;
 
 pub use level::Level;
-pub use vector::{Isa, Kernel, Precision, Real, Vector, add_patch, add_rows, interleave, prefetch};
+pub use vector::{Isa, Kernel, Precision, Real, Vector, add_patch, add_rows, add_window, interleave, prefetch};
 
 #[cfg(test)]
 mod tests;

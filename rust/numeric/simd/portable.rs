@@ -131,6 +131,18 @@ macro_rules! array_vector {
                 bits
             }
             #[inline(always)]
+            fn equal(self, b: Self) -> u32 {
+                let mut bits = 0;
+                for i in 0..$lanes {
+                    bits |= u32::from(self[i] == b[i]) << i;
+                }
+                bits
+            }
+            #[inline(always)]
+            fn first(self) -> $scalar {
+                self[0]
+            }
+            #[inline(always)]
             fn div(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] /= b[i];

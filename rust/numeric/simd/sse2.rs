@@ -34,7 +34,7 @@ pub struct Four<R>([R; 4]);
 // SSE2 is part of x86-64.
 macro_rules! sse2_vector {
     ($register:ty, $scalar:ty, $lanes:literal, $set1:ident, $alternate:expr, $add:ident, $sub:ident, $mul:ident,
-     $div:ident, $sqrt:ident, $min:ident, $max:ident, $at_most:ident, $bits:ident, $select:ident, $largest:ident,
+     $div:ident, $sqrt:ident, $min:ident, $max:ident, $at_most:ident, $equal:ident, $first:ident, $bits:ident, $select:ident, $largest:ident,
      $loadu:ident, $storeu:ident, $low:ident, $high:ident) => {
         impl Vector for Four<$register> {
             type Scalar = $scalar;
@@ -115,6 +115,18 @@ macro_rules! sse2_vector {
                 bits
             }
             #[inline(always)]
+            fn equal(self, b: Self) -> u32 {
+                let mut bits = 0;
+                for i in 0..4 {
+                    bits |= (unsafe { $bits($equal(self.0[i], b.0[i])) } as u32) << (i * $lanes / 4);
+                }
+                bits
+            }
+            #[inline(always)]
+            fn first(self) -> $scalar {
+                unsafe { $first(self.0[0]) }
+            }
+            #[inline(always)]
             fn div(mut self, b: Self) -> Self {
                 for i in 0..4 {
                     self.0[i] = unsafe { $div(self.0[i], b.0[i]) };
@@ -172,6 +184,8 @@ sse2_vector!(
     _mm_min_ps,
     _mm_max_ps,
     _mm_cmple_ps,
+    _mm_cmpeq_ps,
+    _mm_cvtss_f32,
     _mm_movemask_ps,
     select_sse2_ps,
     largest_ps,
@@ -194,6 +208,8 @@ sse2_vector!(
     _mm_min_pd,
     _mm_max_pd,
     _mm_cmple_pd,
+    _mm_cmpeq_pd,
+    _mm_cvtsd_f64,
     _mm_movemask_pd,
     select_sse2_pd,
     largest_pd,

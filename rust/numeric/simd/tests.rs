@@ -32,11 +32,16 @@ impl<T: Precision> Kernel for Operations<'_, T> {
             v.mul(v).sqrt(),
             v.select(0b1010_0110_1101_0011, c),
             <T::In<I>>::splat(v.largest()),
+            <T::In<I>>::splat(v.first()),
+            <T::In<I>>::splat(T::of(f64::from(v.equal(<T::In<I>>::splat(b))))),
         ];
         let mut out = vec![T::zero(); results.len() * lanes];
         for (result, chunk) in results.iter().zip(out.chunks_mut(lanes)) {
             result.store(chunk);
         }
+        let mut grid: Vec<T> = out[..4 * lanes].to_vec();
+        add_window(&mut grid, 2, lanes, &[v, c], &[low]);
+        out.extend(grid);
         out
     }
 }

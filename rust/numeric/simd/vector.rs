@@ -66,6 +66,10 @@ pub trait Vector: Copy {
     fn max(self, b: Self) -> Self;
     /// Bit mask of the lanes that are at most `b`; zero where one is NaN.
     fn at_most(self, b: Self) -> u32;
+    /// Bit mask of the lanes that are equal to `b`.
+    fn equal(self, b: Self) -> u32;
+    /// Number of the first lane.
+    fn first(self) -> Self::Scalar;
     /// Numbers of `self` where the bit is set, of `b` elsewhere.
     fn select(self, bits: u32, b: Self) -> Self;
     /// The largest number; none may be NaN.
@@ -141,6 +145,27 @@ pub fn add_patch<V: Vector, const W: usize, const N: usize>(
             unsafe {
                 let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
                 patch[j][i].add(V::load_unchecked(at)).store_unchecked(at);
+            }
+        }
+    }
+}
+
+/// Add to rows of a grid, lane by lane: `grid[start + j stride ..] += taps[j] * values` for `W` rows of `N` vectors.
+#[inline(always)]
+pub fn add_window<V: Vector, const W: usize, const N: usize>(
+    grid: &mut [V::Scalar],
+    start: usize,
+    stride: usize,
+    taps: &[V; W],
+    values: &[V; N],
+) {
+    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    for j in 0..W {
+        for i in 0..N {
+            // SAFETY: checked for all rows above.
+            unsafe {
+                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
+                taps[j].mul_add(values[i], V::load_unchecked(at)).store_unchecked(at);
             }
         }
     }

@@ -6,6 +6,7 @@ use crate::antennas::beam::Beam;
 use crate::antennas::gain_table::Table;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
+use crate::rays::packet_search::Traversals;
 use crate::rays::scene::tests::{furnished, square};
 use crate::rays::surface::{ShadingMode, Surface};
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{Cast, Traversals};
+use crate::rays::hits::Cast;
+use crate::rays::packet_search::Traversals;
 use crate::rays::surface::ShadingMode;
 use glam::DMat3;
 

@@ -1,293 +1,238 @@
-//! Cells of the quadtree, their echoes, and the pair errors of neighbours.
+//! Cells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
 
-use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::antennas::beam::Beam;
-use crate::error::{Error, Result, fits_memory};
-use crate::rays::batch::Found;
-use crate::rays::camera::{Cell, ImagePlane, morton};
-use crate::rays::hits::Counts;
+use crate::numeric::simd::Isa;
+use crate::rays::camera::ImagePlane;
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::scene::NO_BODY;
+use crate::rays::search::Scratch;
+use crate::scattering::patch::MIN_COSINE;
+use crate::scattering::reflection_table::Reflection;
+use crate::scattering::taper::{roll_off_f32, taper_f32};
 
-/// Largest number of times that a cell of the base grid is halved.
-pub const MAX_LEVEL: usize = 6;
-
-/// Residual error of a cell relative to the field of the smallest cross-section of interest, at which splitting stops.
-/// Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to 20 cm).
-pub(super) const SHARE: f64 = 1e-2;
-
-/// Parts of meshes that are smaller than a cell get as many cells across.
-pub(super) const CELLS_ACROSS: f64 = 2.0;
-
-/// Phase of a neighbour up to which it lies in the plane that a cell shows [rad].
-pub(super) const PLANE: f64 = 0.02;
-
-/// Phase that is not explained up to which two cells show one smooth surface [rad].
-pub(super) const SMOOTH: f64 = 0.5;
-
-/// Half of what the phase turns over a cell from which on it stands for its ends [rad].
-pub(super) const STEEP: f64 = 1.0;
-
-/// Factor by which the allowed residual error decreases from step to step, in the end by less if the next step would
-/// take more rays than there are: cells that are done but for some leave edges where they end, which are worse than all
-/// of them somewhat coarser.
-pub(super) const FIRST_STEP: f64 = 4.0;
-
-pub(super) const LAST_STEP: f64 = 1.4;
-
-/// The sides of a cell: axis, and 0 for the lower end of it.
-pub(super) const SIDES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
-
-/// Most pieces of a long part of a mesh, and most parts that are looked at in pieces.
-pub(super) const MOST_PIECES: f64 = 256.0;
-
-pub(super) const FEW_PARTS: usize = 1000;
-
-/// Rays of cells that lie in a square of so many cells along either side, as a power of two, are cast together.
-pub(super) const BUNDLE: u32 = 4;
-
-/// A number that is no node's.
-pub(super) const NONE: u32 = u32::MAX;
-
-/// Most cells of the base grid, along either side: rows and columns of the finest are numbered in 32 bits.
-pub(super) const MAX_SIDE: usize = 1 << 14;
-
-/// Settings of the refinement.
-#[derive(Clone, Copy, Debug)]
-pub struct Refinement<'a> {
-    /// The coarsest cells.
-    pub base: ImagePlane,
-    /// Smallest cross-section of interest [m^2].
-    pub rcs_floor: f64,
-    /// Most rays to cast; without one, as many as the floor asks for.
-    pub budget: Option<usize>,
-    /// True if cells whose phase varies fast are integrated by edge terms; see [`Leaf`].
-    pub end_points: bool,
-    /// Directions with enough gain; none: all.
-    pub beam: Option<&'a Beam>,
+/// Cells of a tile, in the order of its rays: packet by packet.
+pub(super) struct Cells {
+    /// Plane coordinates of the centres.
+    pub(super) u: [f64; MOST_RAYS],
+    pub(super) v: [f64; MOST_RAYS],
+    /// Distances to the curved surface [m], and the shortest.
+    pub(super) distance: [f64; MOST_RAYS],
+    pub(super) shortest: f64,
+    /// Unit normals on the incident side, axis by axis.
+    pub(super) normal: [[f64; MOST_RAYS]; 3],
+    /// Cosine of incidence.
+    pub(super) cosine: [f32; MOST_RAYS],
+    /// Half of what the phase turns over a cell, along u and v [rad].
+    pub(super) slope: [[f32; MOST_RAYS]; 2],
+    /// Least magnitude of the slopes while the body turns, and a bit per cell whose body turns.
+    pub(super) least_slope: [[f32; MOST_RAYS]; 2],
+    pub(super) turning: u64,
+    /// Phase beyond that of the shortest distance [rad].
+    pub(super) phase: [f32; MOST_RAYS],
+    /// Reflection coefficient.
+    pub(super) reflection: [[f32; MOST_RAYS]; 2],
+    /// Field per solid angle times distance squared, relative to a conductor where the gain is largest [m^2]; zero
+    /// without a hit.
+    pub(super) field: [f32; MOST_RAYS],
+    pub(super) body: [u32; MOST_RAYS],
+    pub(super) triangle: [u32; MOST_RAYS],
+    /// A bit per cell with a ray, and with a hit that returns power.
+    pub(super) valid: u64,
+    pub(super) hit: u64,
+    /// Largest weight factor `(1/8 pi) dA T T` of every cell [m^2]; see [`Self::weigh`].
+    pub(super) weight: [f32; MOST_RAYS],
 }
 
-/// Quadtree: cells of all levels, with the hits of their rays.
-pub struct Quadtree {
-    pub(super) planes: Vec<ImagePlane>,
-    /// Node of every cell of the base grid, row by row.
-    pub(super) roots: Vec<u32>,
-    /// First those of the base grid, then the four parts of one cell after those of another.
-    pub(super) nodes: Vec<Node>,
-    /// The first part of every node, or [`NONE`].
-    pub(super) parts: Vec<u32>,
-    /// The node of every four parts.
-    pub(super) wholes: Vec<u32>,
-    /// Links to the neighbours on the sides of every node, in the order of [`SIDES`]; up to date for those without
-    /// parts.
-    pub(super) links: Vec<[Link; 4]>,
-    /// Hits of rays whose cells were removed again.
-    pub(super) spare: HashMap<Place, Found>,
-    /// Cells whose rays were cast, these included.
-    pub(super) num_cast: usize,
-    /// Counts of rays and of tiles.
-    pub counts: Counts,
-    /// Number of cells that could be split further: the criterion does not ask for finer ones, or the budget is
-    /// exhausted.
-    pub num_coarse: usize,
-    /// Residual error allowed per cell: 1, or more where the budget is exhausted.
-    pub allowed: f64,
-    pub(super) beam: Option<Beam>,
-    pub(super) wavelength: f64,
-    pub(super) end_points: bool,
-}
-
-/// Partner that cancels the edge term of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Partner {
-    /// Nothing.
-    None,
-    /// Surface beyond the border of the image.
-    Border,
-    /// The end of the cell of a number.
-    Cell(usize),
-}
-
-/// Pair error: difference between two neighbours.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pair {
-    /// Field per solid angle over the allowed residual field.
-    pub(super) field: f32,
-    /// Part that may be other than one smooth surface.
-    pub(super) jump: f32,
-    /// Residual error; and residual error if both leave out a shared edge term.
-    pub(super) apart: f32,
-    pub(super) together: f32,
-    /// True if both are on one surface, where a shared edge term is equal for both.
-    pub(super) is_alike: bool,
-}
-
-/// Link to the neighbour on one side of a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Link {
-    /// The node of the same level, or the finest one round that; [`NONE`] beyond the border, or as long as it is not
-    /// known.
-    pub(super) other: u32,
-    /// Pair error of both. It depends on their hits alone and stays valid as long as they are neighbours.
-    pub(super) pair: Pair,
-}
-
-impl Link {
-    pub(super) const NONE: Self = Self {
-        other: NONE,
-        pair: Pair::NOTHING,
-    };
-}
-
-impl Pair {
-    /// At the border of what is seen: surfaces go on there, and what they would add cancels ends.
-    pub(super) const NOTHING: Self = Self {
-        field: 0.0,
-        jump: 0.0,
-        apart: 0.0,
-        together: 0.0,
-        is_alike: true,
+impl Cells {
+    pub(super) const EMPTY: Self = Self {
+        u: [0.0; MOST_RAYS],
+        v: [0.0; MOST_RAYS],
+        distance: [0.0; MOST_RAYS],
+        shortest: 0.0,
+        normal: [[0.0; MOST_RAYS]; 3],
+        cosine: [0.0; MOST_RAYS],
+        slope: [[0.0; MOST_RAYS]; 2],
+        least_slope: [[0.0; MOST_RAYS]; 2],
+        turning: 0,
+        phase: [0.0; MOST_RAYS],
+        reflection: [[0.0; MOST_RAYS]; 2],
+        field: [0.0; MOST_RAYS],
+        body: [NO_BODY; MOST_RAYS],
+        triangle: [0; MOST_RAYS],
+        valid: 0,
+        hit: 0,
+        weight: [0.0; MOST_RAYS],
     };
 
-    /// Worst pair errors of all pairs along a side.
-    pub(super) fn and(self, other: Self) -> Self {
-        Self {
-            field: self.field.max(other.field),
-            jump: self.jump.max(other.jump),
-            apart: self.apart.max(other.apart),
-            together: self.together.max(other.together),
-            is_alike: self.is_alike && other.is_alike,
+    /// Evaluate the hits of a tile; `gain`: relative two-way field gain in its middle.
+    #[inline(always)] // part of a kernel
+    pub(super) fn evaluate<I: Isa>(
+        &mut self,
+        scratch: &Scratch,
+        plane: &ImagePlane,
+        wavenumber: f64,
+        gain: f64,
+        (reflections, turns): (&[Reflection], &[f32]),
+    ) {
+        self.u = scratch.rays.u;
+        self.v = scratch.rays.v;
+        self.body = scratch
+            .best
+            .body
+            .as_flattened()
+            .try_into()
+            .unwrap_or([NO_BODY; MOST_RAYS]);
+        self.triangle = scratch
+            .best
+            .triangle
+            .as_flattened()
+            .try_into()
+            .unwrap_or([0; MOST_RAYS]);
+        self.distance = scratch.shade.distance;
+        self.normal = *scratch.shade.normal();
+        (self.valid, self.hit) = (0, 0);
+        for packet in 0..PACKETS {
+            self.valid |= u64::from(scratch.rays.valid[packet]) << (packet * PACKET);
+            self.hit |= u64::from(!I::equal(&scratch.best.body[packet], NO_BODY) & 0xffff) << (packet * PACKET);
         }
-    }
-}
+        self.hit &= self.valid;
 
-/// Edge terms of a cell; see [`Leaf`].
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ends {
-    pub(super) is_linear: bool,
-    pub(super) has: [bool; 2],
-}
-
-/// Place of a cell: level, row and column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Place {
-    pub(super) level: u8,
-    pub(super) row: u32,
-    pub(super) column: u32,
-}
-
-/// A cell.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
-    pub(super) place: Place,
-    pub(super) cell: Cell,
-    /// [sr]
-    pub(super) solid_angle: f64,
-    pub(super) found: Found,
-    pub(super) look: CellEcho,
-    /// Residual error relative to the allowed one, once known.
-    pub(super) open: f64,
-}
-
-/// A cell that was not split.
-///
-/// The phase of a linear cell varies linearly over it, as far as that matters. Where it turns by more than a radian or
-/// so to either side along an axis, the integral over the cell is that of its two ends, at every frequency: `sin(x)/x
-/// exp(-j phi) = (j/2x) (exp(-j(phi+x)) - exp(-j(phi-x)))`, and ends that two cells share cancel.
-#[derive(Clone, Copy, Debug)]
-pub struct Leaf {
-    /// Place in the quadtree.
-    pub cell: Cell,
-    /// Hit of the ray.
-    pub found: Found,
-    /// True if the phase is linear over the cell.
-    pub is_linear: bool,
-    /// The axes, u and v, of which it has ends.
-    pub has_ends: [bool; 2],
-    /// Points that no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both
-    /// axes have ends, or the centre.
-    pub kept: u8,
-}
-
-/// Echo of a cell: its part of the sum, and derivatives.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CellEcho {
-    /// Field reflected and received, relative to a conductor where the gain is largest.
-    pub(super) amplitude: f64,
-    /// Half of what the phase turns over the cell, along u and v [rad].
-    pub(super) slope: [f64; 2],
-    /// Axes with edge terms: the phase of every channel varies fast, with the same sign.
-    pub(super) steep: [bool; 2],
-    /// Allowed residual field per solid angle [sr].
-    pub(super) tolerance: f64,
-    /// Position of the hit [m], and its advance along the normal per length.
-    pub(super) point: DVec3,
-    pub(super) advance: f64,
-}
-
-impl Place {
-    /// The four parts, in Morton's order.
-    pub(super) fn parts(self) -> [Self; 4] {
-        [0, 1, 2, 3].map(|part| Self {
-            level: self.level + 1,
-            row: 2 * self.row + part / 2,
-            column: 2 * self.column + part % 2,
-        })
-    }
-
-    /// Near for cells that are near, of whatever level: Morton's order of their first finest cells.
-    pub(super) fn order(&self) -> u64 {
-        let finer = MAX_LEVEL as u8 - self.level;
-        morton(self.row << finer, self.column << finer)
-    }
-}
-
-impl CellEcho {
-    pub(super) const NOTHING: Self = Self {
-        amplitude: 0.0,
-        slope: [0.0; 2],
-        steep: [false; 2],
-        tolerance: f64::INFINITY,
-        point: DVec3::ZERO,
-        advance: 1.0,
-    };
-}
-
-impl Refinement<'_> {
-    /// Check the settings.
-    pub fn check(&self) -> Result<()> {
-        self.base.check()?;
-        let (rows, columns) = (self.base.rows, self.base.columns);
-        if rows.max(columns) > MAX_SIDE {
-            let expected = format!("at most {MAX_SIDE} cells along either side of the base grid");
-            return Err(Error::value("resolution", expected, format!("{rows} x {columns}")));
+        let mut inverse = [0.0_f64; MOST_RAYS];
+        let mut cosine = [0.0_f64; MOST_RAYS];
+        for i in 0..MOST_RAYS {
+            let (u, v) = (self.u[i], self.v[i]);
+            inverse[i] = 1.0 / (1.0 + u * u + v * v).sqrt();
+            cosine[i] = -(self.normal[0][i] + u * self.normal[1][i] + v * self.normal[2][i]) * inverse[i];
         }
-        fits_memory("cells", &[rows, columns], size_of::<Node>())?;
-        if !(self.rcs_floor > 0.0 && self.rcs_floor.is_finite()) {
-            return Err(Error::value("rcs_floor", "a positive number [m^2]", self.rcs_floor));
+        self.shortest = f64::INFINITY;
+        for i in 0..MOST_RAYS {
+            let is_lit = (self.hit >> i & 1 == 1) && cosine[i] >= MIN_COSINE && self.distance[i] > 0.0;
+            self.hit &= !(u64::from(!is_lit) << i);
+            let distance = if is_lit { self.distance[i] } else { f64::INFINITY };
+            self.shortest = if distance < self.shortest {
+                distance
+            } else {
+                self.shortest
+            };
         }
-        match self.budget {
-            Some(budget) if budget < rows * columns => {
-                let expected = format!("at least {}, the cells of the base grid", rows * columns);
-                Err(Error::value("ray_budget", expected, budget))
+        let shortest = if self.hit == 0 { 0.0 } else { self.shortest };
+        for i in 0..MOST_RAYS {
+            // Numbers of cells without a hit stay finite; their fields are zero.
+            let is_hit = self.hit >> i & 1 == 1;
+            let distance = if is_hit { self.distance[i] } else { shortest };
+            let (u, v, w) = (self.u[i], self.v[i], inverse[i]);
+            let c = if is_hit { cosine[i] } else { 1.0 };
+            let along = wavenumber * distance * w;
+            let one = if is_hit { 1.0 } else { 0.0 };
+            self.distance[i] = distance;
+            self.cosine[i] = c as f32;
+            self.slope[0][i] = (one * along * plane.du * (self.normal[1][i] / c + u * w)) as f32;
+            self.slope[1][i] = (one * along * plane.dv * (self.normal[2][i] / c + v * w)) as f32;
+            self.phase[i] = (2.0 * wavenumber * (distance - shortest)) as f32;
+            self.field[i] = (one * gain * distance * distance) as f32;
+            self.weight[i] = (one * distance * distance * plane.du * plane.dv * w * w * w / (c * 8.0 * PI)) as f32;
+        }
+        self.least_slope = self.slope;
+        for axis in 0..2 {
+            for slope in &mut self.least_slope[axis] {
+                *slope = slope.abs();
             }
-            _ => Ok(()),
+        }
+        self.turning = 0;
+        let mut rest = self.hit;
+        while rest != 0 {
+            let i = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let turn = turns[self.body[i] as usize];
+            if turn > 0.0 {
+                self.turning |= 1 << i;
+                for (axis, width) in [plane.du, plane.dv].into_iter().enumerate() {
+                    let change = turn * (wavenumber * self.distance[i] * width) as f32;
+                    self.least_slope[axis][i] = (self.least_slope[axis][i] - change).max(0.0);
+                }
+            }
+        }
+        self.reflect(reflections);
+    }
+
+    /// Reflection coefficients of the materials, and fields times their magnitudes.
+    #[inline(always)]
+    fn reflect(&mut self, reflections: &[Reflection]) {
+        let mut rest = self.hit;
+        while rest != 0 {
+            let i = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let reflection = &reflections[self.body[i] as usize];
+            let [re, im] = match reflection {
+                Reflection::Constant(reflection) => *reflection,
+                _ => reflection.at(self.cosine[i], || (self.normal_of(i), self.direction(i))),
+            };
+            (self.reflection[0][i], self.reflection[1][i]) = (re, im);
+            self.field[i] *= re.hypot(im);
         }
     }
 
-    /// Cells of the base grid, those near each other one after the other: in Morton's order.
-    pub(super) fn base_cells(&self) -> Vec<Place> {
-        let (rows, columns) = (self.base.rows as u32, self.base.columns as u32);
-        let place = |row, column| Place { level: 0, row, column };
-        let mut cells: Vec<Place> = (0..rows).flat_map(|i| (0..columns).map(move |j| place(i, j))).collect();
-        cells.sort_unstable_by_key(|cell| morton(cell.row, cell.column));
-        cells
+    /// Weights of the cells of the tile with the taper of their slopes; cells of weight zero make no point. Points of
+    /// bodies that turn get the mean over the phase of their cell when they are evaluated.
+    #[inline(always)]
+    pub(super) fn weigh(&mut self) {
+        for i in 0..MOST_RAYS {
+            let [u, v] = [self.least_slope[0][i], self.least_slope[1][i]];
+            let is_turning = self.turning >> i & 1 == 1;
+            let tapered = taper_f32(u) * taper_f32(v);
+            let rolled = roll_off_f32(u) * roll_off_f32(v);
+            self.weight[i] *= if is_turning { rolled } else { tapered };
+        }
     }
 
-    /// Field per solid angle that a target of the smallest cross-section of interest has at a distance [sr].
-    pub(super) fn field(&self, distance: f64, wavelength: f64) -> f64 {
-        wavelength * (self.rcs_floor / (4.0 * PI)).sqrt() / (distance * distance)
+    /// Number of the body that a cell shows, or [`NO_BODY`].
+    #[inline(always)]
+    pub(super) fn body_of(&self, cell: usize) -> u32 {
+        if self.hit >> cell & 1 == 1 {
+            self.body[cell]
+        } else {
+            NO_BODY
+        }
     }
+
+    /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
+    #[inline(always)]
+    pub(super) fn echo(&self) -> f64 {
+        let mut sum = [0.0_f32; 2];
+        for i in 0..MOST_RAYS {
+            let one = if self.hit >> i & 1 == 1 { 1.0 } else { 0.0 };
+            let field = one * self.weight[i] * self.cosine[i];
+            // Turns beyond what the tapers let pass add up to little.
+            let [sine, cosine] = sin_cos_turns(self.phase[i] * std::f32::consts::FRAC_1_PI * 0.5);
+            let (re, im) = (self.reflection[0][i], self.reflection[1][i]);
+            sum[0] += field * (re * cosine + im * sine);
+            sum[1] += field * (im * cosine - re * sine);
+        }
+        8.0 * PI * f64::from(sum[0].hypot(sum[1]))
+    }
+
+    /// Unit direction through the centre of a cell.
+    pub(super) fn direction(&self, cell: usize) -> DVec3 {
+        DVec3::new(1.0, self.u[cell], self.v[cell]).normalize()
+    }
+
+    /// Unit normal at the hit of a cell.
+    pub(super) fn normal_of(&self, cell: usize) -> DVec3 {
+        DVec3::new(self.normal[0][cell], self.normal[1][cell], self.normal[2][cell])
+    }
+}
+
+/// Sine and cosine of a phase in turns, to 1e-4.
+#[inline(always)]
+fn sin_cos_turns(turns: f32) -> [f32; 2] {
+    let wave = |turns: f32| {
+        // Parabola of half a turn, corrected by its square.
+        let x = 2.0 * (turns - turns.round());
+        let y = 4.0 * x * (1.0 - x.abs());
+        y * (0.775 + 0.225 * y.abs())
+    };
+    [wave(turns), wave(turns + 0.25)]
 }

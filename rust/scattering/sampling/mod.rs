@@ -1,17 +1,23 @@
-//! Adaptive sampling: a quadtree of cells of the image plane, refined where the residual error of a cell is large.
+//! Adaptive sampling: tiles of 8 x 8 cells of the image plane, refined where the residual error of a quarter is large.
 //!
 //! Every cell has a ray through its centre, and the hit represents the cell with a phase that varies linearly over it
-//! (docs/theory.md eq. (2) and its footprint). A cell is compared with its neighbours: where they differ by more than
-//! that allows, and the cell's part of the sum is large enough to matter, it is split in four. All cells of a round are
-//! one batch of rays.
+//! (docs/theory.md eq. (2) and its footprint). Adjacent cells of a tile are compared: where they differ by more than
+//! that allows, and the field of the cells is large enough to matter, the quarter of 4 x 4 cells becomes a tile of half
+//! the cell size. All other quarters keep their material points; points whose phases differ little are joined. A tile
+//! depends on the surfaces that its rays meet alone, so that tiles are independent tasks, and static ones are taken over
+//! from the frame before.
 
 mod cells;
-mod criterion;
-mod ends;
-mod pairs;
+mod join;
+mod place;
+mod points;
 mod refine;
+mod residual;
+mod small_parts;
+mod tile;
 
-pub use cells::{Leaf, Quadtree, Refinement};
+pub use refine::{Tiles, nearest_of};
+pub use tile::Nearest;
 
 #[cfg(test)]
 mod tests;

@@ -1,429 +1,404 @@
-//! Refinement: cells are split until their residual error is small enough.
+//! Refinement: level by level, quarters of tiles are split where they leave too much open.
 
-use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
+use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, Refinement, SIDES};
-use super::criterion::{Criterion, Target, bundles, cell};
+use super::place::{MAX_LEVEL, Place, base_tiles, planes};
+use super::points::{Channels, TilePoints};
+use super::small_parts::SmallParts;
+use super::tile::{Nearest, Scenery, Tile, Worker};
 use crate::antennas::array::Array;
+use crate::antennas::beam::Beam;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::error::{Error, Result, fits_memory};
-use crate::rays::batch::{Found, Known};
-use crate::rays::camera::Cell;
+use crate::error::{Result, fits_memory};
+use crate::geometry::pose::Pose;
+use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{Cast, Counts};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
+use crate::scattering::refinement::{Refinement, field_of};
+use crate::scattering::reflection_table::Reflection;
+use crate::scattering::tile_point::TilePoint;
 
-impl Quadtree {
-    /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.
-    pub fn grow(
-        snapshot: &PosedScene,
+/// Residual error of a quarter relative to the field of the smallest cross-section of interest, at which splitting
+/// stops. Thousands of cells together then have a residual error of a tenth to a third of it.
+const SHARE: f64 = 1e-2;
+
+/// Factor by which the allowed residual error grows where the rays exceed the budget.
+const STEP: f64 = 4.0;
+
+/// Cross-section of the strongest echo of a tile that the default floor is lowered to: small bodies alone in view.
+const OF_STRONGEST: f64 = 0.1;
+
+/// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
+const LEAST_FLOOR: f64 = 0.1;
+
+/// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
+const MOST_TURN: f32 = 0.05;
+
+/// Memory of a tile of which every cell is a point.
+const MOST_BYTES: usize = size_of::<Tile>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
+
+/// Refined tiles: material points of the specular part, and counts.
+pub struct Tiles {
+    /// Material points, base tile by base tile.
+    pub points: TilePoints,
+    /// Number of weights per point.
+    pub num_weights: usize,
+    levels: Vec<Level>,
+    base: ImagePlane,
+    beam: Option<Beam>,
+    turns: Vec<f32>,
+    poses: Vec<Pose>,
+    /// Cross-section that quarters were refined for [m^2].
+    pub rcs_floor: f64,
+    /// Number of cells with too large a residual error, which the finest level or the budget left.
+    pub num_coarse: usize,
+    /// Number of cells that hit a body.
+    pub num_hit: usize,
+    /// Number of cells with a material point.
+    pub num_lit: usize,
+    /// Nearest hits of all bodies with a hit, the first of equal ones, by body.
+    pub nearest: Vec<Nearest>,
+    /// Counts of rays and of base tiles.
+    pub counts: Counts,
+}
+
+/// Evaluated tiles of one level.
+#[derive(Default)]
+struct Level {
+    tiles: Vec<Arc<Tile>>,
+    /// Base tile of every tile, and a bit per quarter that was not split.
+    base: Vec<u32>,
+    kept: Vec<u8>,
+    /// Keys of the places, increasing, and numbers of the tiles.
+    keys: Vec<(u64, u32)>,
+}
+
+/// Tiles of another time that may be taken over.
+struct Known<'a> {
+    levels: &'a [Level],
+    /// Base tiles that no moved body touches, then or now.
+    is_static: Vec<bool>,
+}
+
+impl Tiles {
+    /// Cast and refine tiles. `previous`: tiles at another time, and boxes where bodies have moved since; static tiles
+    /// are taken over.
+    pub fn new(
+        scene: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
         refinement: &Refinement,
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
-        let criterion = Criterion {
-            snapshot,
-            materials,
-            array,
-            refinement,
-            wavelength: SPEED_OF_LIGHT / array.frequency,
+        refinement.check()?;
+        let wavelength = SPEED_OF_LIGHT / array.frequency;
+        let planes = planes(&refinement.base);
+        let small_parts = SmallParts::new(scene, refinement, &planes, wavelength);
+        let width = refinement.base.du.max(refinement.base.dv);
+        let turns = || {
+            let bodies = 0..scene.num_bodies();
+            bodies.map(|body| refinement.turns.get(body).copied().unwrap_or(0.0) as f32)
         };
-        let previous =
-            previous.filter(|(tree, _)| tree.planes[0] == refinement.base && tree.beam.as_ref() == refinement.beam);
-        let mut tree = Self {
-            planes: (0..=MAX_LEVEL)
-                .map(|level| refinement.base.divided(1 << level))
-                .collect(),
-            roots: vec![NONE; refinement.base.num_pixels()],
-            nodes: Vec::new(),
-            parts: Vec::new(),
-            wholes: Vec::new(),
-            links: Vec::new(),
-            spare: HashMap::new(),
-            num_cast: 0,
-            counts: Counts::default(),
-            num_coarse: 0,
-            allowed: 1.0,
-            beam: refinement.beam.cloned(),
-            wavelength: criterion.wavelength,
-            end_points: refinement.end_points,
-        };
-        let add = |tree: &mut Self, cells: Vec<Place>| tree.add(&criterion, cast, previous, &cells);
-
-        // The base grid.
-        let cells = refinement.base_cells();
-        for (node, cell) in cells.iter().enumerate() {
-            tree.roots[cell.row as usize * refinement.base.columns + cell.column as usize] = node as u32;
-        }
-        add(&mut tree, cells)?;
-
-        // Parts of meshes that it may have missed.
-        let targets = criterion.targets();
-        for level in 0..MAX_LEVEL {
-            let mut split = tree.cells_on(&targets, level);
-            split.truncate(refinement.budget.map_or(usize::MAX, |budget| tree.affordable(budget)));
-            let cells = tree.split(&mut split);
-            add(&mut tree, cells)?;
-        }
-
-        // Cells with too large a residual error, of a smaller and smaller target, as far as the budget goes.
-        let all: Vec<u32> = (0..tree.nodes.len() as u32).collect();
-        tree.link(&all);
-        tree.measure(&all);
-        tree.raise(&all);
-        tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
-        let (mut step, most) = (FIRST_STEP, refinement.budget.unwrap_or(usize::MAX));
-        while tree.allowed > 1.0 && step >= LAST_STEP {
-            let before = tree.allowed;
-            tree.allowed = (before / step).max(1.0);
-            let open: Vec<f64> = tree.nodes.iter().map(|node| node.open).collect();
-            if !tree.refine(most, add)? {
-                tree.go_back(&open);
-                tree.allowed = before;
-                step = step.sqrt();
-            }
-        }
-        tree.spare = HashMap::new();
-        tree.num_coarse = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node)).count();
-        Ok(tree)
-    }
-
-    /// Split cells until no residual error exceeds the allowed one, unless that takes more rays than some number.
-    pub(super) fn refine(
-        &mut self,
-        most: usize,
-        mut add: impl FnMut(&mut Self, Vec<Place>) -> Result<()>,
-    ) -> Result<bool> {
-        let mut split: Vec<u32> = (0..self.nodes.len() as u32).collect();
-        split.retain(|node| self.is_open(*node));
-        while !split.is_empty() {
-            let first = self.nodes.len();
-            let parts = split.iter().flat_map(|node| self.nodes[*node as usize].place.parts());
-            let number = parts.filter(|part| !self.spare.contains_key(part)).count();
-            if self.num_cast.saturating_add(number) > most {
-                return Ok(false);
-            }
-            let cells = self.split(&mut split);
-            add(self, cells)?;
-            let mut changed: Vec<u32> = (first as u32..self.nodes.len() as u32).collect();
-            self.beside_all(&split, &mut changed);
-            changed.sort_unstable();
-            changed.dedup();
-            self.link(&changed);
-            self.measure(&changed);
-            split = self.with_coarser(&changed);
-            self.raise(&split);
-            split.retain(|node| self.is_open(*node));
-        }
-        Ok(true)
-    }
-
-    /// Remove the last cells, and restore the residual errors of the others.
-    pub(super) fn go_back(&mut self, open: &[f64]) {
-        let number = open.len();
-        self.spare
-            .extend(self.nodes.drain(number..).map(|node| (node.place, node.found)));
-        self.wholes.truncate((number - self.roots.len()) / 4);
-        self.parts.truncate(number);
-        self.links.truncate(number);
-        let mut changed = Vec::new();
-        for (node, open) in open.iter().enumerate() {
-            self.nodes[node].open = *open;
-            if self.parts[node] != NONE && self.parts[node] as usize >= number {
-                self.parts[node] = NONE;
-            }
-            if self.links[node].iter().any(|link| link.other as usize >= number) {
-                changed.push(node as u32);
-            }
-        }
-        self.link(&changed);
-    }
-
-    /// Bring the links of some cells up to date.
-    pub(super) fn link(&mut self, nodes: &[u32]) {
-        let links: Vec<[Link; 4]> = nodes.par_iter().map(|node| self.links_of(*node as usize)).collect();
-        for (node, links) in nodes.iter().zip(links) {
-            self.links[*node as usize] = links;
-        }
-    }
-
-    /// The links of a cell, those anew that are not up to date.
-    pub(super) fn links_of(&self, index: usize) -> [Link; 4] {
-        let mut links = self.links[index];
-        if self.parts[index] != NONE {
-            return links;
-        }
-        let level = self.nodes[index].place.level;
-        for (link, (axis, side)) in links.iter_mut().zip(SIDES) {
-            let parts = self.parts.get(link.other as usize);
-            if parts.is_some_and(|parts| *parts == NONE || self.nodes[link.other as usize].place.level == level) {
-                continue;
-            }
-            *link = Link::NONE;
-            if let Some(other) = self.neighbour(index, axis, side) {
-                link.other = other as u32;
-                if self.nodes[index].found.is_seen && self.nodes[other].found.is_seen {
-                    link.pair = self.compare(index, other, axis);
-                }
-            }
-        }
-        links
-    }
-
-    /// Link to the neighbour on one side of a cell, if there is one.
-    pub(super) fn linked(&self, index: usize, axis: usize, side: usize) -> Option<usize> {
-        let other = self.links[index][2 * axis + side].other as usize;
-        let node = self.nodes.get(other)?;
-        node.found.is_seen.then_some(other)
-    }
-
-    /// Neighbours of cells that were split: they may have lost what cancels their ends.
-    pub(super) fn beside_all(&self, nodes: &[u32], cells: &mut Vec<u32>) {
-        for (node, (axis, side)) in nodes.iter().flat_map(|node| SIDES.map(|side| (*node as usize, side))) {
-            let Some(other) = self.neighbour(node, axis, side) else {
-                continue;
-            };
-            // All along the side of the larger of both.
-            cells.push(other as u32);
-            self.along(other, axis, 1 - side, cells);
-            if self.nodes[other].place.level < self.nodes[node].place.level
-                && let Some(whole) = self.neighbour(other, axis, 1 - side)
-            {
-                self.along(whole, axis, side, cells);
-            }
-        }
-    }
-
-    /// Update the residual errors of cells.
-    pub(super) fn measure(&mut self, nodes: &[u32]) {
-        let left_open = |node: &u32| {
-            let node = *node as usize;
-            if self.parts[node] == NONE {
-                self.left_open(node)
+        let join = turns().zip(0..).map(|(turn, body)| {
+            // Points of a body that deforms lie on triangles; joined points do not turn against each other.
+            let is_rigid = !scene.surface(body).is_deformed();
+            if is_rigid && turn <= MOST_TURN {
+                refinement.join as f32
             } else {
                 0.0
             }
-        };
-        let open: Vec<f64> = nodes.par_iter().map(left_open).collect();
-        for (node, open) in nodes.iter().zip(open) {
-            self.nodes[*node as usize].open = open;
-        }
-    }
-
-    /// Some cells and the coarser ones beside them, in their order.
-    pub(super) fn with_coarser(&self, nodes: &[u32]) -> Vec<u32> {
-        let mut cells = nodes.to_vec();
-        for node in nodes
-            .iter()
-            .map(|node| *node as usize)
-            .filter(|node| self.parts[*node] == NONE)
-        {
-            for Link { other, .. } in self.links[node] {
-                let level = self.nodes.get(other as usize).map(|other| other.place.level);
-                if level.is_some_and(|level| level < self.nodes[node].place.level) {
-                    cells.push(other);
-                }
-            }
-        }
-        cells.sort_unstable();
-        cells.dedup();
-        cells
-    }
-
-    /// Raise the residual errors of cells by those of finer neighbours: what a fine cell at the border sees is
-    /// not what the ray in the middle of a coarse one does.
-    pub(super) fn raise(&mut self, nodes: &[u32]) {
-        let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
-        for (node, raised) in nodes.iter().zip(raised) {
-            let open = &mut self.nodes[*node as usize].open;
-            *open = open.max(raised);
-        }
-    }
-
-    /// Residual error of a cell by the finer cells beside it.
-    pub(super) fn raised(&self, index: usize) -> f64 {
-        let mut most: f64 = 0.0;
-        if self.parts[index] != NONE {
-            return most;
-        }
-        let mut finer = Vec::new();
-        for (axis, side) in SIDES {
-            let Some(other) = self
-                .linked(index, axis, side)
-                .filter(|other| self.parts[*other] != NONE)
-            else {
-                continue;
-            };
-            let (_, is_shared) = self.beside(index, axis, side, other, &[]);
-            finer.clear();
-            self.along(other, axis, 1 - side, &mut finer);
-            for node in finer
-                .iter()
-                .map(|node| *node as usize)
-                .filter(|node| self.nodes[*node].open > 1.0)
-            {
-                let pair = self.links[node][2 * axis + 1 - side].pair;
-                let residual = if is_shared { pair.together } else { pair.apart };
-                most = most.max(f64::from(pair.field * residual.min(1.0)) * self.nodes[node].solid_angle);
-            }
-        }
-        if most > 1.0 { most } else { 0.0 }
-    }
-
-    /// True if the residual error of a cell is too large and the cell can be split.
-    pub(super) fn is_open(&self, node: u32) -> bool {
-        let node = node as usize;
-        self.nodes[node].open > self.allowed && self.could_be_split(node)
-    }
-
-    /// True if a cell has no parts and can be split.
-    pub(super) fn could_be_split(&self, node: usize) -> bool {
-        self.parts[node] == NONE && usize::from(self.nodes[node].place.level) < MAX_LEVEL
-    }
-
-    /// Cast the rays of new cells.
-    pub(super) fn add(
-        &mut self,
-        criterion: &Criterion,
-        cast: &Cast,
-        previous: Option<(&Self, &Tree)>,
-        cells: &[Place],
-    ) -> Result<()> {
-        if cells.is_empty() {
-            return Ok(());
-        }
-        let number = self.nodes.len() + cells.len();
-        if u32::try_from(number).is_err() {
-            return Err(Error::value(
-                "rcs_floor",
-                "one that takes fewer than 2^32 cells",
-                number,
-            ));
-        }
-        fits_memory("cells", &[number], 2 * size_of::<(Node, u32, [Link; 4])>())?;
-        let is_new = |place: &&Place| !self.spare.contains_key(*place);
-        let new: Vec<Place> = cells.iter().filter(is_new).copied().collect();
-        let points: Vec<[f64; 2]> = new
-            .iter()
-            .map(|place| {
-                let Cell { u, v, .. } = cell(&self.planes, place);
-                [u, v]
-            })
-            .collect();
-        let known = previous.map(|(tree, moved)| Known {
-            moved,
-            found: |ray: usize| {
-                let node = tree.find(&new[ray])?;
-                (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
-            },
         });
-        let (found, counts) = criterion
-            .snapshot
-            .cast_batch(&points, &bundles(&new), cast, known.as_ref());
-        self.counts = self.counts.plus(counts);
-        self.num_cast += new.len();
-        let mut found = found.into_iter();
-        let found: Vec<Found> = cells
-            .iter()
-            .map(|place| {
-                self.spare
-                    .get(place)
-                    .copied()
-                    .or_else(|| found.next())
-                    .unwrap_or(Found::NOTHING)
-            })
-            .collect();
-        let planes = &self.planes;
-        let node = |(place, found): (&Place, Found)| {
-            let cell = cell(planes, place);
-            Node {
-                place: *place,
-                cell,
-                solid_angle: cell.solid_angle(),
-                look: criterion.look(&cell, &found),
-                found,
-                open: 0.0,
-            }
+        let reflections = materials.iter();
+        let scenery = Scenery {
+            scene,
+            cast,
+            array,
+            planes,
+            reflections: reflections
+                .map(|material| Reflection::new(material, wavelength, array.polarization))
+                .collect(),
+            channels: Channels::new(array, materials, width, TAU / wavelength),
+            join: join.collect(),
+            turns: turns().map(followed_turn).collect(),
+            wavenumber: TAU / wavelength,
         };
-        self.parts.resize(number, NONE);
-        self.links.resize(number, [Link::NONE; 4]);
-        self.nodes.par_extend(cells.par_iter().zip_eq(found).map(node));
-        Ok(())
-    }
+        let previous = previous.filter(|(tiles, _)| {
+            let is_alike = tiles.base == refinement.base && tiles.beam.as_ref() == refinement.beam;
+            // Tiles that a moved body touches are cast anew in any case.
+            let mut bodies = scenery.turns.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
+            is_alike && bodies.all(|(((now, before), pose), body)| now == before || pose != scene.pose(body))
+        });
+        let known = previous.map(|(tiles, moved)| Known::new(&scenery, &tiles.levels, moved, refinement));
 
-    /// The places of the four parts of every cell, those near each other one after the other; they will be the next
-    /// nodes.
-    pub(super) fn split(&mut self, nodes: &mut [u32]) -> Vec<Place> {
-        nodes.sort_by_cached_key(|node| self.nodes[*node as usize].place.order());
-        let mut cells = Vec::with_capacity(4 * nodes.len());
-        let mut next = self.nodes.len() as u32;
-        for node in nodes {
-            self.wholes.push(*node);
-            self.parts[*node as usize] = next;
-            next += 4;
-            cells.extend(self.nodes[*node as usize].place.parts());
-        }
-        cells
-    }
-
-    /// The node of a cell, or of the finest one round it.
-    pub(super) fn find(&self, cell: &Place) -> Option<usize> {
-        let base = &self.planes[0];
-        let (row, column) = (cell.row >> cell.level, cell.column >> cell.level);
-        if row as usize >= base.rows || column as usize >= base.columns {
-            return None;
-        }
-        let mut node = self.roots[row as usize * base.columns + column as usize] as usize;
-        for level in (0..cell.level).rev() {
-            let parts = self.parts[node];
-            if parts == NONE {
-                break;
-            }
-            node = (parts + 2 * (cell.row >> level & 1) + (cell.column >> level & 1)) as usize;
-        }
-        Some(node)
-    }
-
-    /// Cells of a level, not split so far, on which targets want finer ones.
-    pub(super) fn cells_on(&self, targets: &[Target], level: usize) -> Vec<u32> {
-        let plane = &self.planes[level];
-        // Rows and columns that a range of the plane covers.
-        let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
-            let first = (axis - high / width).floor().max(0.0) as usize;
-            let last = (axis - low / width).floor().min(number as f64 - 1.0);
-            if last < 0.0 { 0..0 } else { first..last as usize + 1 }
+        let mut refine = Refine {
+            scenery: &scenery,
+            refinement,
+            small_parts: &small_parts,
+            known: known.as_slice(),
+            floor: None,
+            counts: Counts::default(),
         };
-        let mut nodes: Vec<u32> = Vec::new();
-        for target in targets {
-            if plane.du <= target.width[0] && plane.dv <= target.width[1] {
-                continue;
-            }
-            for row in range(target.v, plane.axis_row, plane.dv, plane.rows) {
-                for column in range(target.u, plane.axis_column, plane.du, plane.columns) {
-                    let cell = Place {
-                        level: level as u8,
-                        row: row as u32,
-                        column: column as u32,
-                    };
-                    let node = self
-                        .find(&cell)
-                        .filter(|node| self.nodes[*node].place == cell && self.parts[*node] == NONE);
-                    nodes.extend(node.map(|node| node as u32));
+        let (mut levels, mut is_whole) = refine.levels()?;
+        while !is_whole {
+            // Too many rays: again, for a larger cross-section, from the tiles that are there.
+            refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
+            let tried = std::mem::take(&mut levels);
+            let again = [Known {
+                levels: &tried,
+                is_static: vec![true; refinement.base.num_tiles()],
+            }];
+            let mut coarser = Refine {
+                known: &again,
+                ..refine
+            };
+            (levels, is_whole) = coarser.levels()?;
+            refine.counts = coarser.counts;
+        }
+        Ok(Self::gather(levels, &refine, known.as_slice()))
+    }
+
+    /// Points of all quarters that were not split, base tile by base tile and level by level.
+    fn gather(levels: Vec<Level>, refine: &Refine, known: &[Known]) -> Self {
+        let (refinement, num_weights) = (refine.refinement, refine.scenery.channels.number());
+        let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); refinement.base.num_tiles()];
+        for (number, level) in levels.iter().enumerate() {
+            for (index, base) in level.base.iter().enumerate() {
+                if !level.tiles[index].nearest.is_empty() {
+                    of_base[*base as usize].push((number as u32, index as u32));
                 }
             }
         }
-        nodes.sort_unstable();
-        nodes.dedup();
-        nodes
+        let mut points = TilePoints::default();
+        let (mut num_hit, mut num_lit) = (0, 0);
+        for (level, index) in of_base.into_iter().flatten() {
+            let level = &levels[level as usize];
+            let (tile, kept) = (&level.tiles[index as usize], level.kept[index as usize]);
+            for quarter in (0..PACKETS).filter(|quarter| kept >> quarter & 1 == 1) {
+                points.append(&tile.points, tile.quarter(quarter), num_weights);
+                num_hit += tile.hits[quarter];
+                num_lit += tile.hits[quarter] - tile.silent[quarter];
+            }
+        }
+        let mut counts = refine.counts;
+        counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.nearest.is_empty()).count();
+        if let [known] = known {
+            counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
+        }
+        Self {
+            points,
+            num_weights,
+            base: refinement.base,
+            beam: refinement.beam.cloned(),
+            turns: refine.scenery.turns.clone(),
+            poses: (0..refine.scenery.turns.len() as u32)
+                .map(|body| *refine.scenery.scene.pose(body))
+                .collect(),
+            rcs_floor: refine.floor.unwrap_or(refinement.rcs_floor),
+            num_coarse: refine.num_coarse(&levels),
+            num_hit,
+            num_lit,
+            nearest: nearest_of(levels.iter().flat_map(Level::nearest)),
+            counts,
+            levels,
+        }
+    }
+}
+
+/// Refinement in progress.
+#[derive(Clone, Copy)]
+struct Refine<'a> {
+    scenery: &'a Scenery<'a>,
+    refinement: &'a Refinement<'a>,
+    small_parts: &'a SmallParts,
+    known: &'a [Known<'a>],
+    /// Smallest cross-section of interest [m^2]; none: not yet chosen.
+    floor: Option<f64>,
+    counts: Counts,
+}
+
+impl Refine<'_> {
+    /// Tiles of all levels; false where the rays exceed the budget, and finer levels are missing.
+    fn levels(&mut self) -> Result<(Vec<Level>, bool)> {
+        let budget = self.refinement.budget.unwrap_or(usize::MAX);
+        let mut levels: Vec<Level> = Vec::new();
+        let mut next = base_tiles(&self.refinement.base);
+        let mut rays = 0;
+        while !next.is_empty() {
+            fits_memory("tiles", &[next.len()], MOST_BYTES)?;
+            let mut level = self.evaluate(&next);
+            rays += level.tiles.iter().map(|tile| tile.rays).sum::<usize>();
+            if self.floor.is_none() {
+                self.floor = Some(self.chosen_floor(&level));
+            }
+            if rays > budget && !levels.is_empty() {
+                levels.push(level);
+                return Ok((levels, false));
+            }
+            next = self.split(&mut level, levels.len());
+            levels.push(level);
+        }
+        Ok((levels, true))
     }
 
-    /// Number of cells that can be split within a budget.
-    pub(super) fn affordable(&self, budget: usize) -> usize {
-        budget.saturating_sub(self.num_cast) / 4
+    /// Tiles at places, cast or taken over.
+    fn evaluate(&mut self, places: &[(u32, Place)]) -> Level {
+        let tile = |worker: &mut Worker, (base, place): &(u32, Place)| {
+            let known = self.known.iter().find_map(|known| known.tile(*base, place));
+            let is_new = known.is_none();
+            let tile = known.unwrap_or_else(|| Arc::new(self.scenery.tile(worker, *place)));
+            (tile, is_new)
+        };
+        let tiles: Vec<(Arc<Tile>, bool)> = places.par_iter().map_init(Worker::new, tile).collect();
+        let cast = tiles.iter().filter(|(_, is_new)| *is_new);
+        self.counts.rays += cast.map(|(tile, _)| tile.rays).sum::<usize>();
+        let mut keys: Vec<(u64, u32)> = places.iter().map(|(_, place)| place.key()).zip(0..).collect();
+        keys.sort_unstable();
+        Level {
+            base: places.iter().map(|(base, _)| *base).collect(),
+            kept: vec![0b1111; tiles.len()],
+            tiles: tiles.into_iter().map(|(tile, _)| tile).collect(),
+            keys,
+        }
     }
+
+    /// Split the quarters of a level that leave too much open; places of the next level.
+    fn split(&self, level: &mut Level, number: usize) -> Vec<(u32, Place)> {
+        if number >= MAX_LEVEL {
+            return Vec::new();
+        }
+        let wanted: Vec<u8> = level
+            .tiles
+            .par_iter()
+            .map(|tile| self.wanted(level, tile, number))
+            .collect();
+        let mut next = Vec::new();
+        for (index, wanted) in wanted.into_iter().enumerate() {
+            level.kept[index] = !wanted & 0b1111;
+            let quarters = (0..PACKETS).filter(|quarter| wanted >> quarter & 1 == 1);
+            let place = level.tiles[index].place;
+            next.extend(quarters.map(|quarter| (level.base[index], place.quarter(quarter))));
+        }
+        next
+    }
+
+    /// Quarters of a tile that leave too much open, or show a small part of a mesh, a bit each.
+    fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u8 {
+        let allowed = self.allowed(number);
+        let open = tile.open_with(self.scenery.wavenumber, |place| {
+            level.find(&place).map(|at| &*level.tiles[at])
+        });
+        let wants = |quarter: usize| f64::from(open[quarter]) > allowed || self.small_parts.wants(&tile.place, quarter);
+        (0..PACKETS).map(|quarter| u8::from(wants(quarter)) << quarter).sum()
+    }
+
+    /// Field per solid angle that a quarter of a level may leave open, times distance squared [m^2].
+    fn allowed(&self, level: usize) -> f64 {
+        let plane = &self.scenery.planes[level];
+        let floor = self.floor.unwrap_or(self.refinement.rcs_floor);
+        SHARE * field_of(floor, TAU / self.scenery.wavenumber) / (plane.du * plane.dv)
+    }
+
+    /// Smallest cross-section of interest, from the tiles of the base level [m^2].
+    fn chosen_floor(&self, base: &Level) -> f64 {
+        let strongest = base.tiles.iter().map(|tile| tile.echo).fold(0.0, f64::max);
+        let floor = self.refinement.rcs_floor;
+        if !self.refinement.follows_echo {
+            return floor;
+        }
+        let wavelength = TAU / self.scenery.wavenumber;
+        let cross_section = 4.0 * PI * (strongest / wavelength).powi(2);
+        (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
+    }
+
+    /// Number of cells that leave more open than the settings ask for, where the finest level or the budget ended the
+    /// refinement.
+    fn num_coarse(&self, levels: &[Level]) -> usize {
+        let asked = Self { floor: None, ..*self };
+        let is_limited = self.floor.is_some_and(|floor| floor > self.refinement.rcs_floor);
+        let first = if is_limited { 0 } else { MAX_LEVEL };
+        let mut number = 0;
+        for (depth, level) in levels.iter().enumerate().skip(first) {
+            let allowed = asked.allowed(depth);
+            let open = level
+                .kept()
+                .filter(|(tile, quarter)| f64::from(tile.open[*quarter]) > allowed);
+            number += PACKET * open.count();
+        }
+        number
+    }
+}
+
+impl Level {
+    /// Number of the tile at a place.
+    fn find(&self, place: &Place) -> Option<usize> {
+        let key = place.key();
+        let at = self.keys.binary_search_by_key(&key, |(key, _)| *key).ok()?;
+        Some(self.keys[at].1 as usize)
+    }
+
+    /// Nearest hits of the bodies of all tiles.
+    fn nearest(&self) -> impl Iterator<Item = Nearest> {
+        self.tiles.iter().flat_map(|tile| &tile.nearest).copied()
+    }
+
+    /// Tiles and their quarters that were not split.
+    fn kept(&self) -> impl Iterator<Item = (&Tile, usize)> {
+        let tiles = self.tiles.iter().zip(&self.kept);
+        tiles.flat_map(|(tile, kept)| {
+            let quarters = (0..PACKETS).filter(move |quarter| kept >> quarter & 1 == 1);
+            quarters.map(move |quarter| (&**tile, quarter))
+        })
+    }
+}
+
+impl<'a> Known<'a> {
+    /// Tiles at another time; `moved`: boxes where bodies have moved since.
+    fn new(scenery: &Scenery, levels: &'a [Level], moved: &Tree, refinement: &Refinement) -> Self {
+        let tiles = base_tiles(&refinement.base);
+        let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
+            scenery.is_static(worker, *place, moved)
+        });
+        Self {
+            levels,
+            is_static: is_static.collect(),
+        }
+    }
+
+    /// Static tile at a place.
+    fn tile(&self, base: u32, place: &Place) -> Option<Arc<Tile>> {
+        let level = self.levels.get(place.level).filter(|_| self.is_static[base as usize])?;
+        level.find(place).map(|at| level.tiles[at].clone())
+    }
+}
+
+/// Angle by which the phases of a body's cells are followed [rad], 0 for none: in powers of two, so that it is equal for
+/// most frames, and static tiles can be taken over.
+fn followed_turn(turn: f32) -> f32 {
+    if turn <= MOST_TURN {
+        0.0
+    } else {
+        MOST_TURN * (turn / MOST_TURN).log2().ceil().exp2()
+    }
+}
+
+/// Nearest hit of every body, the first of equal ones, by body.
+pub fn nearest_of(hits: impl Iterator<Item = Nearest>) -> Vec<Nearest> {
+    let mut nearest: Vec<Nearest> = Vec::new();
+    for hit in hits {
+        match nearest.iter_mut().find(|known| known.body == hit.body) {
+            Some(known) if hit.distance < known.distance => *known = hit,
+            Some(_) => {}
+            None => nearest.push(hit),
+        }
+    }
+    nearest.sort_unstable_by_key(|hit| hit.body);
+    nearest
 }

@@ -2,11 +2,12 @@
 
 use num_complex::{Complex32, Complex64};
 
-use crate::numeric::simd::Level;
+use crate::error::Error;
+use crate::numeric::simd::{Level, Real};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::low_rank::residual_phase::Sample;
-use crate::synthesis::plan::Method;
+use crate::synthesis::plan::{Method, Plan};
 use crate::synthesis::statistics::PathStatistics;
 
 /// Options of a sum over paths.
@@ -47,6 +48,21 @@ pub enum Samples {
     Double(Vec<Complex64>),
 }
 
+/// Report of a sum over paths.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Plan of the last run.
+    pub plan: Plan,
+    /// Number of velocity rows that were transformed.
+    pub rows: usize,
+    /// Number of velocity rows that were skipped, as no path touched them.
+    pub rows_skipped: usize,
+    /// Number of runs: more than one if paths add up in phase, or are unlike the samples of the plan.
+    pub runs: usize,
+    /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
+    pub gain: f64,
+}
+
 /// Job of a sum over paths, with the statistics of the paths.
 pub(super) struct Job<'a> {
     pub(super) waveform: &'a Waveform,
@@ -67,4 +83,50 @@ pub(super) struct Job<'a> {
     pub(super) is_lost: bool,
     /// Power of two that amplitudes are multiplied by, which keeps numbers in the range of single precision.
     pub(super) scale: f64,
+}
+
+/// Power of two near the inverse of the largest amplitude.
+pub(super) fn scale(largest: f64) -> f64 {
+    if largest > 0.0 {
+        // The scale and its inverse are both finite.
+        (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
+    }
+}
+
+/// Largest rms over the samples of a channel, relative to l2(amplitudes).
+pub(super) fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
+    let per_channel = waveform.chirp_times.len() * waveform.num_samples;
+    let mean: Vec<f64> = match samples {
+        Samples::Single(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| {
+                channel
+                    .iter()
+                    .map(|s| s.re.wide().powi(2) + s.im.wide().powi(2))
+                    .sum::<f64>()
+            })
+            .collect(),
+        Samples::Double(samples) => samples
+            .chunks(per_channel)
+            .map(|channel| channel.iter().map(num_complex::Complex::norm_sqr).sum::<f64>())
+            .collect(),
+    };
+    mean.iter()
+        .zip(power)
+        .map(|(sum, power)| {
+            if *power > 0.0 {
+                (sum / per_channel as f64 / power).sqrt()
+            } else {
+                0.0
+            }
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Error of samples that are no numbers, for the largest amplitude.
+pub(super) fn too_large(largest: f64) -> Error {
+    let expected = "sums that samples can hold, below 3e38 in single precision";
+    Error::value("amplitude", expected, format!("{largest:.1e} as the largest"))
 }

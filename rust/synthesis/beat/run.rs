@@ -10,7 +10,7 @@ use crate::synthesis::direct;
 use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::nufft::{self, Widths};
 use crate::synthesis::plan::{Part, Plan, Step};
-use crate::synthesis::recurrence::{self, LaneGrid};
+use crate::synthesis::recurrence;
 
 /// Outcome of a run: rows and measured errors.
 #[derive(Default)]
@@ -58,7 +58,7 @@ impl Job<'_> {
                     add(self.part(part, selection(part), &mut sum));
                 } else {
                     let mut single = vec![Complex32::ZERO; size];
-                    add(self.single(part, selection(part), &mut single));
+                    add(self.part(part, selection(part), &mut single));
                     for (a, b) in sum.iter_mut().zip(&single) {
                         *a += Complex64::new(f64::from(b.re), f64::from(b.im));
                     }
@@ -72,7 +72,7 @@ impl Job<'_> {
         } else {
             let mut sum = vec![Complex32::ZERO; size];
             for part in &plan.parts {
-                add(self.single(part, selection(part), &mut sum));
+                add(self.part(part, selection(part), &mut sum));
             }
             if self.scale != 1.0 {
                 // In double precision: the scale may be out of the range of single precision where the samples are not.
@@ -102,21 +102,9 @@ impl Job<'_> {
                 });
                 Outcome::default()
             }
-            Step::Lanes { .. } => unreachable!("chirp lanes are in single precision, see `single`"),
+            Step::Lanes { .. } => unreachable!("sums in lanes have no job"),
             Step::Grid { width, block_plans, .. } => self.grid(selection, *width, block_plans, out),
         }
-    }
-
-    /// Add the paths of one part in single precision.
-    fn single(&self, part: &Part, selection: Selection, out: &mut [Complex32]) -> Outcome {
-        if let Step::Lanes { width, follows_sweep } = part.step {
-            let grid = LaneGrid::new(self.waveform, width, follows_sweep);
-            self.lanes(selection, out, |job, samples| {
-                grid.add(self.options.level, job, samples);
-            });
-            return Outcome::default();
-        }
-        self.part(part, selection, out)
     }
 
     /// Run `add` for every channel and group of chirps.

@@ -2,9 +2,9 @@
 
 use num_complex::Complex64;
 
-use super::job::{Job, Options, Samples};
+use super::job::{Job, Options, Report, Samples, gain, scale, too_large};
+use super::lanes::LaneSum;
 use crate::error::{Error, Result, fits_memory};
-use crate::numeric::simd::Real;
 use crate::synthesis::block::{Block, Class, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries};
@@ -25,21 +25,6 @@ pub fn is_worth_threads(work: [usize; 4]) -> bool {
     product.is_none_or(|n| n >= SMALL_SUM)
 }
 
-/// Report of a sum over paths.
-#[derive(Clone, Debug, Default)]
-pub struct Report {
-    /// Plan of the last run.
-    pub plan: Plan,
-    /// Number of velocity rows that were transformed.
-    pub rows: usize,
-    /// Number of velocity rows that were skipped, as no path touched them.
-    pub rows_skipped: usize,
-    /// Number of runs: more than one if paths add up in phase, or are unlike the samples of the plan.
-    pub runs: usize,
-    /// Largest rms of the samples of a channel, relative to its l2(amplitudes).
-    pub gain: f64,
-}
-
 /// Complex beat samples `(channel, chirp, sample)` [sqrt(W)], row-major, docs/theory.md eq. (1): the sum over all paths
 /// of `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
 pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<(Samples, Report)> {
@@ -50,7 +35,14 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
     let shape = [series.num_channels, waveform.chirp_times.len(), num_samples];
     fits_memory("samples", &shape, 2 * size_of::<Complex64>())?;
     let is_single = options.tolerance >= SINGLE_TOLERANCE;
+    let lanes = LaneSum::of(waveform, series, options);
+    if let Some(lanes) = &lanes
+        && let Some(done) = lanes.samples(waveform, options)?
+    {
+        return Ok(done);
+    }
     let mut job = Job::new(waveform, series, options)?;
+    job.check_lanes(lanes.as_ref())?;
     let mut known_gain: f64 = 1.0;
     let mut runs = 0;
     loop {
@@ -60,12 +52,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
         runs += 1;
         let gain = gain(&samples, &job.statistics.power, waveform);
         if !gain.is_finite() {
-            let got = format!("{:.1e} as the largest", job.statistics.largest);
-            return Err(Error::value(
-                "amplitude",
-                "sums that samples can hold, below 3e38 in single precision",
-                got,
-            ));
+            return Err(too_large(job.statistics.largest));
         }
         let interpolation = outcome.interpolation(&job.statistics.power) * plan::fluctuation(waveform);
         let error = plan.error_with(interpolation);
@@ -93,7 +80,15 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
 pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<Plan> {
     waveform.check()?;
     series.check_shapes()?;
-    Job::new(waveform, series, options)?.plan(1.0)
+    let lanes = LaneSum::of(waveform, series, options);
+    if let Some(lanes) = &lanes
+        && let Some((_, plan)) = lanes.plan(&lanes.errors(), options.tolerance)
+    {
+        return Ok(plan);
+    }
+    let job = Job::new(waveform, series, options)?;
+    job.check_lanes(lanes.as_ref())?;
+    job.plan(1.0)
 }
 
 /// Largest safety factor in single precision.
@@ -244,22 +239,28 @@ impl<'a> Job<'a> {
 
     /// Error that names a reachable tolerance.
     fn refusal(&self, gain: f64) -> Error {
-        // 1, 2, 5, 10, ...: numbers that are exact in print.
-        let decades = (1..=12)
-            .rev()
-            .flat_map(|digit| [1.0, 2.0, 5.0].map(|first| (first, digit)));
-        let reachable = decades
-            .map(|(first, digit)| first * 10f64.powi(-digit))
-            .filter(|tolerance| *tolerance > self.options.tolerance && *tolerance < 0.15)
-            .find(|tolerance| {
-                let Some(plan) = self.try_plan(*tolerance, gain, self.options.method) else {
-                    return false;
-                };
-                // An unknown gain takes a run to measure.
-                let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
-                self.try_plan(*tolerance, gain.max(1.0), self.options.method).is_some()
-            });
-        self.refused(reachable)
+        let is_reachable = |tolerance: f64| {
+            let Some(plan) = self.try_plan(tolerance, gain, self.options.method) else {
+                return false;
+            };
+            // An unknown gain takes a run to measure.
+            let gain = if gain > 1.0 { gain } else { self.gain_of(&plan) };
+            self.try_plan(tolerance, gain.max(1.0), self.options.method).is_some()
+        };
+        self.refused(reachable(|tolerance| {
+            tolerance > self.options.tolerance && is_reachable(tolerance)
+        }))
+    }
+
+    /// Refuse paths that cannot be summed in lanes, where nothing else is allowed.
+    fn check_lanes(&self, lanes: Option<&LaneSum>) -> Result<()> {
+        if self.options.method != Method::Lanes || self.series.num_paths == 0 {
+            return Ok(());
+        }
+        let least = lanes.map_or(f64::NAN, LaneSum::least_tolerance);
+        Err(self.refused(reachable(|tolerance| {
+            tolerance >= RESERVE * least && tolerance > self.options.tolerance
+        })))
     }
 
     fn refused(&self, reachable: Option<f64>) -> Error {
@@ -276,14 +277,16 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Power of two near the inverse of the largest amplitude.
-fn scale(largest: f64) -> f64 {
-    if largest > 0.0 {
-        // The scale and its inverse are both finite.
-        (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
-    } else {
-        1.0
-    }
+/// Smallest round tolerance that can be reached.
+fn reachable(is_reachable: impl Fn(f64) -> bool) -> Option<f64> {
+    // 1, 2, 5, 10, ...: numbers that are exact in print.
+    let decades = (1..=12)
+        .rev()
+        .flat_map(|digit| [1.0, 2.0, 5.0].map(|first| (first, digit)));
+    decades
+        .map(|(first, digit)| first * 10f64.powi(-digit))
+        .filter(|tolerance| *tolerance < 0.15)
+        .find(|tolerance| is_reachable(*tolerance))
 }
 
 /// Refuse delays whose phases lose all digits, and powers that are not finite.
@@ -334,41 +337,11 @@ fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
     }
 }
 
-/// Largest rms over the samples of a channel, relative to l2(amplitudes).
-fn gain(samples: &Samples, power: &[f64], waveform: &Waveform) -> f64 {
-    let per_channel = waveform.chirp_times.len() * waveform.num_samples;
-    let mean: Vec<f64> = match samples {
-        Samples::Single(samples) => samples
-            .chunks(per_channel)
-            .map(|channel| {
-                channel
-                    .iter()
-                    .map(|s| s.re.wide().powi(2) + s.im.wide().powi(2))
-                    .sum::<f64>()
-            })
-            .collect(),
-        Samples::Double(samples) => samples
-            .chunks(per_channel)
-            .map(|channel| channel.iter().map(num_complex::Complex::norm_sqr).sum::<f64>())
-            .collect(),
-    };
-    mean.iter()
-        .zip(power)
-        .map(|(sum, power)| {
-            if *power > 0.0 {
-                (sum / per_channel as f64 / power).sqrt()
-            } else {
-                0.0
-            }
-        })
-        .fold(0.0, f64::max)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::numeric::random::mix;
-    use crate::numeric::simd::Level;
+    use crate::numeric::simd::{Level, Real};
     use crate::synthesis::delay::Basis;
 
     const C: f64 = 299_792_458.0;
@@ -499,7 +472,11 @@ mod tests {
             num_channels: 1,
             num_paths: n,
         };
-        let (_, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
+        let options = Options {
+            method: Method::Grid,
+            ..Options::default()
+        };
+        let (_, report) = beat_signal(&wf, &series, &options).unwrap();
         assert!(report.gain > 1.5 && report.gain < RESERVE, "{}", report.gain);
         assert_eq!(report.runs, 1, "{}", report.plan);
     }

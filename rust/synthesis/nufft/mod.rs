@@ -15,6 +15,6 @@ mod spread;
 mod transform;
 
 pub use job::{Job, MAX_CHANNELS, MAX_PARTS};
-pub use layout::{Layout, good_size};
+pub use layout::Layout;
 pub use spread::Widths;
 pub use transform::add_channels;

@@ -3,11 +3,10 @@
 use std::cell::{OnceCell, RefCell};
 use std::f64::consts::TAU;
 
-use super::goal::{Goal, Kernel, MARGIN, Request, SINGLE_EQUAL_SUM};
+use super::goal::{Goal, MARGIN, Request, SINGLE_EQUAL_SUM};
 use super::parts::{Method, Part, Plan, Step};
 use crate::synthesis::block::{Block, CHUNK, Class};
 use crate::synthesis::interval::Interval;
-use crate::synthesis::recurrence;
 use crate::synthesis::statistics::PathStatistics;
 
 /// Errors of the recurrence sums, relative to l2(amplitudes).
@@ -119,16 +118,6 @@ impl Goal<'_> {
         if is_cheap {
             return best;
         }
-        let mut offer = |part: Option<Part>| {
-            if let Some(part) = part
-                && best.as_ref().is_none_or(|best| part.cost < best.cost)
-            {
-                best = Some(part);
-            }
-        };
-        if allowed(Method::Lanes) && self.class == Class::Moving {
-            offer(self.lanes());
-        }
         if allowed(Method::Grid) {
             let limit = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
             if let Some(part) = self.grid(delay_ranges, limit)
@@ -196,65 +185,5 @@ impl Goal<'_> {
         let within = (bend * (2.0_f64.min(samples) / samples).powi(2)).powi(4) / 24.0;
         let double = fifth.hypot(fourth).hypot(0.38 * third).hypot(within);
         [double.hypot(0.33 * TAU * top * order(4)), double]
-    }
-
-    /// Part by the chirp grid with the narrowest kernel that reaches the tolerance.
-    fn lanes(&self) -> Option<Part> {
-        let waveform = self.request.waveform;
-        let num_chirps = waveform.chirp_times.len();
-        let frame = Block::new(waveform, self.request.series, 0..num_chirps);
-        // Bounds on rate and acceleration: |T_k'| <= k^2, |T_k''| <= k^2 (k^2 - 1) / 3.
-        let (mut rate, mut acceleration) = (0.0, 0.0);
-        for (k, range) in self.group.delay.iter().enumerate().skip(1) {
-            let square = (k * k) as f64;
-            rate += square * range.magnitude() / frame.half;
-            acceleration += square * (square - 1.0) / 3.0 * range.magnitude() / frame.half.powi(2);
-        }
-        let (slope, sweep) = (waveform.slope.abs(), waveform.half_sweep());
-        let top = waveform.start_frequency.abs() + slope * (waveform.sample_time(waveform.num_samples - 1)).abs();
-        let bend = TAU * (slope * rate + 0.5 * top * acceleration) * sweep * sweep;
-        let skew = TAU * (0.5 * slope * acceleration) * sweep.powi(3);
-        // Amplitudes are those in the middle of the chirp.
-        let change: f64 = (1..self.group.power.len())
-            .map(|k| (k * k) as f64 * share(&self.group.power[k], &self.own) * sweep / frame.half)
-            .sum();
-        let fixed = (0.3 * skew).hypot(change);
-        let follows_sweep = (0.3 * bend).hypot(fixed) > 0.4 * self.tolerance;
-        let rest = fixed.hypot(if follows_sweep { 0.035 * bend * bend } else { 0.3 * bend });
-        let errors = |kernel: &Kernel| kernel.error.hypot(rest);
-        // The chirp grid adds its partial sums to the samples after this many paths.
-        let is_allowed = |kernel: &Kernel| kernel.is_single && recurrence::WIDTHS.contains(&kernel.width);
-        let kernel = self
-            .all_kernels(1.0, recurrence::FLUSH as f64)
-            .find(|kernel| is_allowed(kernel) && errors(kernel) <= MARGIN * self.tolerance)?;
-        let lanes = 16;
-        let groups = num_chirps.div_ceil(lanes);
-        let group_time = 2.0 * frame.half * lanes as f64 / num_chirps.max(lanes) as f64;
-        let cells = rate * group_time * slope / waveform.sample_rate * 2.0 * waveform.num_samples as f64;
-        let w = kernel.width as f64;
-        let series = self.request.series;
-        let rows = 2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0)
-            + if series.num_amplitude_terms() > 1 {
-                4.0 * series.num_amplitude_terms() as f64
-            } else {
-                0.0
-            };
-        let second = if follows_sweep { 15.0 } else { 0.0 };
-        let per_path = 50.0 + 2.0 * (w - 4.0) + second + rows + 10.0 * cells;
-        let per_group = 16.0 * waveform.num_samples as f64 * 8.0;
-        Some(Part {
-            class: self.class,
-            num_paths: self.group.num_paths,
-            step: Step::Lanes {
-                width: kernel.width,
-                follows_sweep,
-            },
-            error: errors(&kernel) * self.share,
-            interpolation: 0.0,
-            cost: 1e-9
-                * groups as f64
-                * (self.group.num_paths as f64 * per_path + self.request.series.num_channels as f64 * per_group),
-            memory: 0,
-        })
     }
 }

@@ -157,15 +157,14 @@ impl Goal<'_> {
         best
     }
 
-    /// All kernels, the fastest first, with errors for at most `most` numbers added one after the other; `stress`
-    /// multiplies the error of the kernel itself.
-    pub(super) fn all_kernels(&self, stress: f64, most: f64) -> impl Iterator<Item = Kernel> + use<> {
+    /// All kernels, the fastest first; `stress` multiplies the error of the kernel itself.
+    fn all_kernels(&self, stress: f64) -> impl Iterator<Item = Kernel> + use<> {
         let num_points = self.effective_paths;
         let widths = SINGLE_WIDTHS
             .map(|width| (true, width))
             .into_iter()
             .chain(DOUBLE_WIDTHS.map(|width| (false, width)));
-        let single = self.single_rounding(most);
+        let single = self.single_rounding();
         widths.map(move |(is_single, width)| Kernel {
             is_single,
             width,
@@ -177,15 +176,15 @@ impl Goal<'_> {
         })
     }
 
-    /// Rounding of sums in single precision, with at most `most` numbers added one after the other.
-    fn single_rounding(&self, most: f64) -> f64 {
+    /// Rounding of sums in single precision.
+    fn single_rounding(&self) -> f64 {
         let (waveform, series) = (self.request.waveform, self.request.series);
         // Cells between the nearest and the farthest path.
         let span = 2.0 * self.group.delay[0].half() * (waveform.slope / waveform.sample_rate).abs();
         let cells = 1.0 + span.min(1.0) * (OVERSAMPLING * waveform.num_samples) as f64;
-        let paths = (self.group.num_paths as f64 / series.num_channels as f64).min(most);
+        let paths = self.group.num_paths as f64 / series.num_channels as f64;
         // The paths of a cell that add up in phase are gain^2.
-        let equal = self.request.gain.powi(2).min(most);
+        let equal = self.request.gain.powi(2);
         SINGLE_ROUNDING
             .hypot(SINGLE_SUM * (paths / cells).sqrt())
             .hypot(SINGLE_EQUAL_SUM * equal)
@@ -195,7 +194,7 @@ impl Goal<'_> {
     /// same precision.
     fn kernels(&self, num_chirps: usize, allows_single: bool) -> Vec<Kernel> {
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
-        let fitting = self.all_kernels(stress, f64::INFINITY);
+        let fitting = self.all_kernels(stress);
         let mut kernels: Vec<Kernel> = fitting
             .filter(|kernel| kernel.error <= 0.8 * self.tolerance && (allows_single || !kernel.is_single))
             .take(2)

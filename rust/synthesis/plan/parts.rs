@@ -15,12 +15,12 @@ pub enum Step {
         /// True for sums in single precision.
         is_single: bool,
     },
-    /// Chirp grid: range grids of many chirps in the lanes of vectors, in single precision, for any motion.
+    /// Sum in lanes: range grids of 16 chirps at once, in single precision, see [`crate::synthesis::lanes`].
     Lanes {
         /// Width of the kernel [cells].
         width: usize,
         /// Follow the curvature of phases within a chirp to first order.
-        follows_sweep: bool,
+        has_second: bool,
     },
     /// NUFFT: one range-velocity grid per block of chirps and term.
     Grid {
@@ -97,7 +97,7 @@ pub enum Method {
     Direct,
     /// Only the recurrence sum.
     Recurrence,
-    /// Only the chirp grid.
+    /// Only sums in lanes.
     Lanes,
     /// Only the NUFFT.
     Grid,
@@ -157,7 +157,7 @@ impl fmt::Display for Part {
         match &self.step {
             Step::Direct => write!(f, "direct sum, double precision"),
             Step::Recurrence { is_single } => write!(f, "recurrence sum, {} precision", precision(*is_single)),
-            Step::Lanes { width, .. } => write!(f, "chirp lanes, single precision, kernel of {width} cells"),
+            Step::Lanes { width, .. } => write!(f, "lanes, single precision, kernel of {width} cells"),
             Step::Grid {
                 is_single,
                 width,

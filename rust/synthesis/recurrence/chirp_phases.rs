@@ -43,9 +43,6 @@ impl Job<'_> {
     }
 }
 
-/// Paths per partial sum of [`LaneGrid`]: long sums in single precision lose digits.
-pub const FLUSH: usize = 4 * CHUNK;
-
 /// Largest number of lanes of a group, the lanes of the widest vector.
 pub(crate) const MAX_LANES: usize = 16;
 
@@ -279,19 +276,6 @@ impl<'a> Amplitudes<'a> {
             }
         }
         terms
-    }
-
-    /// Real and imaginary parts in the middle of the chirps.
-    #[inline(always)]
-    pub(crate) fn in_the_middle<T: Precision, I: Isa>(&self, path: usize) -> [T::In<I>; 2] {
-        let mut re = splat::<I>(self.scale * self.chunk.re[0][path]);
-        let mut im = splat::<I>(-self.scale * self.chunk.im[0][path]);
-        for k in 1..self.num_terms {
-            let basis = load::<I>(&self.group.taylor[k][0]);
-            re = mul_add(splat::<I>(self.scale * self.chunk.re[k][path]), basis, re);
-            im = mul_add(splat::<I>(-self.scale * self.chunk.im[k][path]), basis, im);
-        }
-        [T::narrow::<I>(re), T::narrow::<I>(im)]
     }
 }
 

@@ -4,9 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::cells::{
-    BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, Refinement, SHARE, STEEP,
-};
+use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, SHARE, STEEP, field};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::geometry::aabb::Bounds;
@@ -15,6 +13,7 @@ use crate::rays::camera::{Cell, ImagePlane};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
+use crate::scattering::refinement::Refinement;
 
 /// Part of a mesh on the image plane: a rectangle that needs cells of a size.
 pub(super) struct Target {
@@ -59,7 +58,7 @@ impl Criterion<'_> {
             amplitude: response.reflection.norm() * self.array.relative_gain(cell.u, cell.v),
             slope,
             steep: least.map(|least| self.refinement.end_points && least > STEEP),
-            tolerance: SHARE * self.refinement.field(found.distance, self.wavelength),
+            tolerance: SHARE * field(self.refinement, found.distance, self.wavelength),
             point: found.distance * direction,
             advance: -cosine,
         }
@@ -104,7 +103,7 @@ impl Criterion<'_> {
             .iter()
             .map(|corner| corner.length())
             .fold(f64::INFINITY, f64::min);
-        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= self.refinement.field(distance, self.wavelength);
+        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= field(self.refinement, distance, self.wavelength);
         let width = [u, v].map(|[low, high]| (high - low) / CELLS_ACROSS);
         is_bright.then_some(Target { u, v, width })
     }

@@ -1,0 +1,332 @@
+//! Groups of paths that are summed together, and the evaluation of their delays and amplitudes.
+
+use num_complex::Complex64;
+
+use super::model::{Cancel, Model, Source};
+use super::rays::{Image, Rays};
+use crate::bounces::{self, Bounces};
+use crate::constants::SPEED_OF_LIGHT;
+use crate::error::{Error, Result};
+use crate::paths::placement::{NodePlaces, Placement};
+use crate::paths::scatterers::Scatterers;
+use crate::paths::series::{Paths, Selection};
+use crate::scattering::material_points::NO_CELL;
+
+/// Paths of a frame, or of a part of one.
+pub struct Groups {
+    pub(super) all: Vec<Group>,
+
+    /// Numbers of the bodies that deform.
+    pub(super) deforming: Vec<u32>,
+    /// Number of point targets.
+    pub(super) num_points: usize,
+    /// Number of material points, over all groups.
+    num_scatterers: usize,
+    /// Cells that have a material point.
+    num_cells: usize,
+    /// Distance of the farthest cell of paths that fall with the frequency [m]: edge terms of cells may lie beyond the
+    /// surface.
+    farthest: f64,
+    /// Number of paths of several reflections, and counts of their rays.
+    num_bounces: usize,
+    bounces: bounces::Counts,
+}
+
+/// Paths that are summed together.
+pub(super) struct Group {
+    pub(super) paths: GroupPaths,
+    /// True if delays and amplitudes do not change within the frame.
+    pub(super) is_still: bool,
+    /// Amplitudes fall with this power of the frequency; they are given for the centre of the band.
+    pub(super) order: u8,
+}
+
+pub(super) enum GroupPaths {
+    /// Material points, followed by the point targets where these belong to the group.
+    Scatterers(Scatterers, bool),
+    /// Paths of several reflections.
+    Bounces(Bounces),
+}
+
+/// Paths at one time, `(channel, path)`.
+pub struct PathArrays {
+    /// Two-way delay [s].
+    pub delay: Vec<f64>,
+    /// Rate of the delay [s/s].
+    pub delay_rate: Vec<f64>,
+    /// Amplitude without the phase of propagation [sqrt(W)].
+    pub amplitude: Vec<Complex64>,
+    /// Number of the body in the scene, of every path; for several reflections the last body.
+    pub body: Vec<u32>,
+    /// Power of the frequency by which amplitudes fall, of every path.
+    pub order: Vec<u8>,
+}
+
+impl Groups {
+    /// Group the scatterers of all hits and the paths of several reflections into static and moving ones, and by the
+    /// power of the frequency.
+    pub fn new(
+        model: &Model,
+        placement: &Placement,
+        rays: &Rays,
+        tubes: &mut Option<Image>,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let scatterers = rays.scatterers(model)?;
+        cancel.check()?;
+        let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
+        let (mut are_still, points_are_still) = (placement.are_still(), placement.points_are_still());
+        let (deforming, num_points) = match &model.source {
+            Source::Scene(scene) => (scene.deforming.clone(), scene.rcs.len()),
+            Source::Depth(_) => (Vec::new(), 0),
+        };
+        for body in &deforming {
+            are_still[*body] = false;
+        }
+        if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
+            are_still.fill(false);
+        }
+
+        let mut groups = Vec::new();
+        let smooth = scatterers.cells().iter().zip(scatterers.orders());
+        let farthest = smooth
+            .filter(|(_, order)| **order > 0)
+            .map(|(cell, _)| rays.distance(*cell));
+        let farthest = farthest.fold(0.0, f64::max);
+        let (num_scatterers, num_bounces) = (scatterers.len(), bounces.len());
+        let num_cells = num_cells(scatterers.cells());
+        let last_order = scatterers.orders().iter().copied().max().unwrap_or(0);
+        for is_still in [true, false] {
+            for order in 0..=last_order {
+                let has_points = num_points > 0 && points_are_still == is_still && order == 0;
+                let chosen = scatterers.select(|body, of| are_still[body as usize] == is_still && of == order);
+                groups.push(Group {
+                    paths: GroupPaths::Scatterers(chosen, has_points),
+                    is_still,
+                    order,
+                });
+            }
+        }
+        let parts = bounces.split(|body| are_still[body as usize]);
+        for (bounces, is_still) in parts.into_iter().zip([true, false]) {
+            groups.push(Group {
+                paths: GroupPaths::Bounces(bounces),
+                is_still,
+                order: 0,
+            });
+        }
+        groups.retain(|group| group.len(num_points) > 0);
+        Ok(Self {
+            all: groups,
+            deforming: deforming.into_iter().map(|body| body as u32).collect(),
+            num_points,
+            num_scatterers,
+            num_cells,
+            farthest,
+            num_bounces,
+            bounces: bounce_counts,
+        })
+    }
+
+    /// Number of paths.
+    pub fn num_paths(&self) -> usize {
+        self.num_scatterers + self.num_points + self.num_bounces
+    }
+
+    /// Cells that have a material point.
+    pub fn num_cells(&self) -> usize {
+        self.num_cells
+    }
+
+    /// Number of paths of several reflections, and counts of their rays.
+    pub fn bounces(&self) -> (usize, bounces::Counts) {
+        (self.num_bounces, self.bounces)
+    }
+
+    /// Distance of the farthest cell of paths that fall with the frequency [m], see [`Outcome::farthest`].
+    pub fn farthest(&self) -> f64 {
+        self.farthest
+    }
+
+    /// Evaluate all paths at one time: `at` and `rates` have one time each.
+    pub fn arrays(&self, model: &Model, at: &Placement, rates: &Placement) -> Result<PathArrays> {
+        let num_channels = model.array.num_channels();
+        let Source::Scene(scene) = &model.source else {
+            return Err(Error::value("source", "a scene", "an image"));
+        };
+        let mut per_channel: Vec<Vec<(f64, f64, Complex64)>> = vec![Vec::new(); num_channels];
+        let (mut body, mut order) = (Vec::new(), Vec::new());
+        for group in &self.all {
+            let deforming = group.deforming(&self.deforming);
+            let [kinematics, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
+            let rcs: &[f64] = if group.has_points() { &scene.rcs } else { &[] };
+            let number = group.len(self.num_points);
+            let selection = Selection {
+                first: 0,
+                last: number,
+                step: 1,
+            };
+            let (paths, delay_rates) = kinematics.with(rcs, |kinematics| {
+                changes.with(rcs, |changes| match &group.paths {
+                    GroupPaths::Scatterers(scatterers, _) => (
+                        scatterers.paths(kinematics, kinematics, selection),
+                        scatterers.delay_rates(kinematics, changes),
+                    ),
+                    GroupPaths::Bounces(bounces) => (
+                        bounces.paths(kinematics, kinematics, selection),
+                        bounces.delay_rates(kinematics, changes),
+                    ),
+                })
+            });
+            let paths = finite(paths?, model)?;
+            for (channel, rows) in per_channel.iter_mut().enumerate() {
+                for path in channel * number..(channel + 1) * number {
+                    rows.push((paths.delay[path], delay_rates[path], paths.amplitude[path]));
+                }
+            }
+            match &group.paths {
+                GroupPaths::Scatterers(scatterers, has_points) => {
+                    body.extend(
+                        scatterers
+                            .bodies()
+                            .iter()
+                            .map(|body| scene.body_numbers[*body as usize] as u32),
+                    );
+                    if *has_points {
+                        body.extend(scene.point_numbers.iter().map(|number| *number as u32));
+                    }
+                }
+                GroupPaths::Bounces(bounces) => {
+                    body.extend(
+                        bounces
+                            .last_bodies()
+                            .map(|body| scene.body_numbers[body as usize] as u32),
+                    );
+                }
+            }
+            order.extend(std::iter::repeat_n(group.order, number));
+        }
+        let all = || per_channel.iter().flatten();
+        Ok(PathArrays {
+            delay: all().map(|path| path.0).collect(),
+            delay_rate: all().map(|path| path.1).collect(),
+            amplitude: all().map(|path| path.2).collect(),
+            body,
+            order,
+        })
+    }
+}
+
+impl Group {
+    /// Number of paths, with `num_points` point targets.
+    pub(super) fn len(&self, num_points: usize) -> usize {
+        match &self.paths {
+            GroupPaths::Scatterers(scatterers, has_points) => {
+                scatterers.len() + if *has_points { num_points } else { 0 }
+            }
+            GroupPaths::Bounces(bounces) => bounces.len(),
+        }
+    }
+
+    fn has_points(&self) -> bool {
+        matches!(self.paths, GroupPaths::Scatterers(_, true))
+    }
+
+    /// Indices, among `all` bodies that deform, of the bodies on the paths.
+    fn deforming(&self, all: &[u32]) -> Vec<usize> {
+        let met = match &self.paths {
+            GroupPaths::Scatterers(scatterers, _) => scatterers.deforming(),
+            GroupPaths::Bounces(bounces) => bounces.deforming(),
+        };
+        let place = |body: u32| all.iter().position(|other| *other == body);
+        met.iter().filter_map(|(body, _)| place(*body)).collect()
+    }
+}
+
+/// Evaluation of delays and amplitudes of a group at times of the frame.
+pub(super) struct Evaluate<'a> {
+    pub(super) model: &'a Model,
+    pub(super) placement: &'a Placement,
+    pub(super) group: &'a Group,
+    pub(super) deforming: &'a [u32],
+}
+
+impl<'a> Evaluate<'a> {
+    /// Places of everything at the times of delays and of amplitudes, `x` from -1 to 1 over the frame.
+    pub(super) fn at(&self, delays_at: &[f64], amplitudes_at: &[f64]) -> EvaluateAt<'a> {
+        let deforming = self.group.deforming(self.deforming);
+        EvaluateAt {
+            model: self.model,
+            group: self.group,
+            delays_at: delays_at.to_vec(),
+            delays: self.placement.at(delays_at, &deforming),
+            amplitudes: self.placement.at(amplitudes_at, &deforming),
+        }
+    }
+}
+
+/// Evaluation at given times.
+pub(super) struct EvaluateAt<'a> {
+    model: &'a Model,
+    group: &'a Group,
+    delays_at: Vec<f64>,
+    delays: NodePlaces,
+    amplitudes: NodePlaces,
+}
+
+impl EvaluateAt<'_> {
+    /// Evaluate delays and amplitudes of the selected paths, each at their own times.
+    pub(super) fn take(&self, selection: Selection) -> Result<Paths> {
+        let rcs: &[f64] = match &self.model.source {
+            Source::Scene(scene) if self.group.has_points() => &scene.rcs,
+            _ => &[],
+        };
+        let paths = self.delays.with(rcs, |delays| {
+            self.amplitudes.with(rcs, |amplitudes| match &self.group.paths {
+                GroupPaths::Scatterers(scatterers, _) => scatterers.paths(delays, amplitudes, selection),
+                GroupPaths::Bounces(bounces) => bounces.paths(delays, amplitudes, selection),
+            })
+        });
+        let mut paths = finite(paths?, self.model)?;
+        if let (Source::Depth(image), GroupPaths::Scatterers(scatterers, _)) = (&self.model.source, &self.group.paths)
+            && let Some(rates) = &image.range_rate
+        {
+            // The surface of a pixel moves on at the range rate of the pixel.
+            let cells = &scatterers.cells()[selection.first..selection.last];
+            let num_channels = scatterers.num_channels();
+            for (row, delays) in paths.delay.chunks_mut(selection.len().max(1)).enumerate() {
+                let x = self.delays_at[row / num_channels];
+                let elapsed = image.age + 0.5 * self.model.waveform.duration() * (1.0 + x);
+                for (delay, cell) in delays.iter_mut().zip(cells.iter().step_by(selection.step)) {
+                    *delay += 2.0 / SPEED_OF_LIGHT * rates[*cell as usize] * elapsed;
+                }
+            }
+        }
+        Ok(paths)
+    }
+}
+
+/// Check that no path has length zero.
+fn finite(paths: Paths, model: &Model) -> Result<Paths> {
+    let sum: Complex64 = paths.amplitude.iter().sum();
+    if sum.is_finite() {
+        return Ok(paths);
+    }
+    let name = match model.source {
+        Source::Scene(_) => "scene",
+        Source::Depth(_) => "distance",
+    };
+    Err(Error::value(
+        name,
+        "nothing at the place of an antenna",
+        "a path of length zero",
+    ))
+}
+
+/// Cells that have a material point.
+fn num_cells(cells: &[u32]) -> usize {
+    let mut cells: Vec<u32> = cells.iter().copied().filter(|cell| *cell != NO_CELL).collect();
+    cells.sort_unstable();
+    cells.dedup();
+    cells.len()
+}

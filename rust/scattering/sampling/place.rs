@@ -1,0 +1,59 @@
+//! Places of tiles on the image planes of all levels.
+
+use crate::rays::camera::{ImagePlane, TILE, Tile};
+
+/// Largest number of times that a cell of the base grid is halved.
+pub(super) const MAX_LEVEL: usize = 6;
+
+/// Image planes of all levels.
+pub(super) fn planes(base: &ImagePlane) -> Vec<ImagePlane> {
+    (0..=MAX_LEVEL).map(|level| base.divided(1 << level)).collect()
+}
+
+/// Places of the tiles of the base level and their numbers, row by row.
+pub(super) fn base_tiles(base: &ImagePlane) -> Vec<(u32, Place)> {
+    let columns = base.columns.div_ceil(TILE);
+    let place = |index: usize| Place {
+        level: 0,
+        row: index / columns,
+        column: index % columns,
+    };
+    (0..base.num_tiles())
+        .map(|index| (index as u32, place(index)))
+        .collect()
+}
+
+/// Place of a tile: level, and row and column among the tiles of the level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) level: usize,
+    pub(super) row: usize,
+    pub(super) column: usize,
+}
+
+impl Place {
+    /// Tile of half the cell size that covers a quarter.
+    pub(super) fn quarter(&self, number: usize) -> Self {
+        Self {
+            level: self.level + 1,
+            row: 2 * self.row + number / 2,
+            column: 2 * self.column + number % 2,
+        }
+    }
+
+    /// Number that tells the places of a level apart.
+    pub(super) fn key(&self) -> u64 {
+        (self.row as u64) << 32 | self.column as u64
+    }
+
+    /// Pixels of the tile on the image plane of its level; none beyond the plane.
+    pub(super) fn pixels(&self, plane: &ImagePlane) -> Option<Tile> {
+        let (row, column) = (TILE * self.row, TILE * self.column);
+        (row < plane.rows && column < plane.columns).then(|| Tile {
+            row,
+            column,
+            rows: TILE.min(plane.rows - row),
+            columns: TILE.min(plane.columns - column),
+        })
+    }
+}

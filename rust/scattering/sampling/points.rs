@@ -1,0 +1,206 @@
+//! Material points of the cells of a tile.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use super::cells::Cells;
+use super::join::joined;
+use crate::antennas::array::Array;
+use crate::rays::camera::Cell;
+use crate::rays::packet::PACKET;
+use crate::scattering::material::Material;
+use crate::scattering::patch::Patch;
+use crate::scattering::physical_optics::{Weigh, specular};
+use crate::scattering::taper::taper;
+use crate::scattering::tile_point::TilePoint;
+
+/// Material points in order, and their weights: one per point, or one per point and channel.
+#[derive(Clone, Debug, Default)]
+pub struct TilePoints {
+    /// The points.
+    pub points: Vec<TilePoint>,
+    /// Weights `(point, channel)`, or `(point,)`: specular weights of [`crate::paths::scatterers::Weight`].
+    pub weights: Vec<Complex64>,
+}
+
+/// Largest distance of an antenna from the middle of the array [m] with weights of the middle: angles of incidence and
+/// polarisation differ by a few degrees at arm's length.
+const SMALL_ARRAY: f64 = 0.025;
+
+/// Largest phase of a cell by which the middle of a pair of antennas may shift its slope for the weights of all
+/// channels to be those of the middle of the array [rad].
+const ONE_WEIGHT: f64 = 0.25;
+
+/// Rule for the weights of the points of all channels.
+#[derive(Clone, Copy)]
+pub enum Channels<'a> {
+    /// The array is small: one weight for all channels.
+    Common,
+    /// One weight per channel.
+    Each(&'a Array, &'a [Material]),
+}
+
+impl<'a> Channels<'a> {
+    /// Rule for an array, a width of the cells of the base grid and the materials of all bodies.
+    pub fn new(array: &'a Array, materials: &'a [Material], width: f64, wavenumber: f64) -> Self {
+        let middles = (0..array.num_channels()).map(|channel| {
+            let [tx, rx] = [channel / array.rx.len(), channel % array.rx.len()];
+            0.5 * (array.tx[tx] + array.rx[rx]).length()
+        });
+        let antennas = array.tx.iter().chain(&array.rx);
+        let is_small = antennas.map(|antenna| antenna.length()).fold(0.0, f64::max) <= SMALL_ARRAY;
+        if is_small && wavenumber * width * middles.fold(0.0, f64::max) <= ONE_WEIGHT {
+            Self::Common
+        } else {
+            Self::Each(array, materials)
+        }
+    }
+
+    /// Number of weights per point.
+    pub fn number(&self) -> usize {
+        match self {
+            Self::Common => 1,
+            Self::Each(array, _) => array.num_channels(),
+        }
+    }
+}
+
+impl TilePoints {
+    /// Append some points of others, with a number of weights per point.
+    pub(super) fn append(&mut self, others: &Self, range: Range<usize>, num_weights: usize) {
+        let weights = range.start * num_weights..range.end * num_weights;
+        self.points.extend_from_slice(&others.points[range]);
+        self.weights.extend_from_slice(&others.weights[weights]);
+    }
+
+    /// Append the points of a quarter. `join`: largest phase from the mean of joined cells [rad], per body; `width`: size
+    /// of the cells in u and v.
+    #[inline(always)] // part of a kernel
+    pub(super) fn add(
+        &mut self,
+        cells: &Cells,
+        quarter: usize,
+        wavenumber: f64,
+        join: &[f32],
+        width: [f64; 2],
+        channels: &Channels,
+    ) {
+        let first = quarter * PACKET;
+        match channels {
+            Channels::Common => self.add_quarter(cells, first, wavenumber, join, width),
+            Channels::Each(array, materials) => {
+                for cell in (first..first + PACKET).filter(|cell| cells.hit >> cell & 1 == 1) {
+                    self.add_by_channel(cells, cell, width, array, materials);
+                }
+            }
+        }
+    }
+
+    /// Append the points of a quarter, joined where phases allow: all cells, or squares of 2 x 2.
+    #[inline(always)]
+    fn add_quarter(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[f32], width: [f64; 2]) {
+        let mut lit = 0_u32;
+        for i in 0..PACKET {
+            lit |= u32::from(cells.weight[first + i] > 0.0) << i;
+        }
+        lit &= (cells.hit >> first) as u32 & 0xffff;
+        if lit == 0 {
+            return;
+        }
+        if let Some((point, weight)) = joined(cells, first, lit, wavenumber, join) {
+            self.points.push(point);
+            self.weights.push(weight);
+            return;
+        }
+        for square in [0x0033, 0x00cc, 0x3300, 0xcc00] {
+            let mut rest = lit & square;
+            if rest.count_ones() > 1
+                && let Some((point, weight)) = joined(cells, first, rest, wavenumber, join)
+            {
+                self.points.push(point);
+                self.weights.push(weight);
+                continue;
+            }
+            while rest != 0 {
+                let cell = first + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                self.points.push(point_of(cells, cell, width));
+                self.weights.push(weight_of(cells, cell));
+            }
+        }
+    }
+
+    /// Append the point of a cell with the weight of every channel, whose taper is that of the slopes seen by its
+    /// antennas; none if all are zero.
+    #[inline(never)]
+    fn add_by_channel(
+        &mut self,
+        cells: &Cells,
+        cell: usize,
+        [du, dv]: [f64; 2],
+        array: &Array,
+        materials: &[Material],
+    ) {
+        let body = cells.body[cell];
+        let patch = Patch {
+            index: cell,
+            body,
+            cell: Cell {
+                u: cells.u[cell],
+                v: cells.v[cell],
+                du,
+                dv,
+            },
+            distance: cells.distance[cell],
+            normal: cells.normal_of(cell),
+        };
+        let Some(area) = patch.area() else { return };
+        let weigh = Weigh {
+            array,
+            sampling: crate::scattering::physical_optics::Sampling::Footprint,
+        };
+        let [along_u, along_v] = patch.cell.edges(patch.distance, patch.normal);
+        let start = self.weights.len();
+        for channel in 0..array.num_channels() {
+            let [t, r] = array.directions(channel, patch.point());
+            let response = weigh.response(&materials[body as usize], patch.normal, t, r);
+            let bisector = crate::paths::scatterers::bisector(array.frequency, t, r);
+            let tapers = taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
+            self.weights.push(specular(&response, area) * tapers);
+        }
+        if self.weights[start..].iter().all(|weight| *weight == Complex64::ZERO) {
+            self.weights.truncate(start);
+        } else {
+            let edges = [DVec3::ZERO; 2];
+            let point = point_of(cells, cell, [du, dv]);
+            self.points.push(TilePoint { edges, ..point });
+        }
+    }
+}
+
+/// Material point of one cell of a size.
+#[inline(always)]
+pub(super) fn point_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> TilePoint {
+    let mut edges = [DVec3::ZERO; 2];
+    if cells.turning >> cell & 1 == 1 {
+        let (u, v) = (cells.u[cell], cells.v[cell]);
+        edges = Cell { u, v, du, dv }.edges(cells.distance[cell], cells.normal_of(cell));
+    }
+    TilePoint {
+        edges,
+        position: cells.distance[cell] * cells.direction(cell),
+        normal: cells.normal_of(cell),
+        body: cells.body[cell],
+        triangle: cells.triangle[cell],
+    }
+}
+
+/// Weight of the point of one cell, `(j / 8 pi) Gamma dA T T`.
+#[inline(always)]
+pub(super) fn weight_of(cells: &Cells, cell: usize) -> Complex64 {
+    let weight = f64::from(cells.weight[cell]);
+    let [re, im] = [0, 1].map(|part| f64::from(cells.reflection[part][cell]));
+    Complex64::new(-im * weight, re * weight)
+}
