@@ -89,8 +89,9 @@
 //!
 //! // Paths: delay and amplitude of each at one time, as nothing moves.
 //! let kinematics = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
-//! let num_paths = scatterers.len();
-//! let paths = scatterers.paths(&kinematics, &kinematics, Selection { first: 0, last: num_paths, step: 1 })?;
+//! let all = Members::all(&scatterers, 0);
+//! let num_paths = all.len();
+//! let paths = scatterers.paths(&kinematics, &kinematics, &all, Selection { first: 0, last: num_paths, step: 1 })?;
 //!
 //! // Synthesis: samples of 16 chirps.
 //! let waveform = Waveform {
@@ -146,7 +147,7 @@ pub use geometry::aabb::Bounds;
 pub use geometry::pose::Pose;
 pub use numeric::simd::Level;
 pub use paths::kinematics::Kinematics;
-pub use paths::scatterers::Scatterers;
+pub use paths::scatterers::{Members, Scatterers};
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
 pub use rays::hits::{Cast, Hits};

@@ -7,21 +7,21 @@ use super::rays::{Image, Rays};
 use crate::bounces::{self, Bounces};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
+use crate::paths::kinematics::Kinematics;
 use crate::paths::placement::{NodePlaces, Placement};
-use crate::paths::scatterers::Scatterers;
+use crate::paths::scatterers::{Members, Scatterers};
 use crate::paths::series::{Paths, Selection};
 use crate::scattering::material_points::NO_CELL;
 
 /// Paths of a frame, or of a part of one.
 pub struct Groups {
     pub(super) all: Vec<Group>,
-
+    /// Material points of all groups.
+    pub(super) scatterers: Scatterers,
     /// Numbers of the bodies that deform.
     pub(super) deforming: Vec<u32>,
     /// Number of point targets.
-    pub(super) num_points: usize,
-    /// Number of material points, over all groups.
-    num_scatterers: usize,
+    num_points: usize,
     /// Cells that have a material point.
     num_cells: usize,
     /// Distance of the farthest cell of paths that fall with the frequency [m]: edge terms of cells may lie beyond the
@@ -43,7 +43,7 @@ pub(super) struct Group {
 
 pub(super) enum GroupPaths {
     /// Material points, followed by the point targets where these belong to the group.
-    Scatterers(Scatterers, bool),
+    Scatterers(Members),
     /// Paths of several reflections.
     Bounces(Bounces),
 }
@@ -72,9 +72,6 @@ impl Groups {
         tubes: &mut Option<Image>,
         cancel: &Cancel,
     ) -> Result<Self> {
-        let scatterers = rays.scatterers(model)?;
-        cancel.check()?;
-        let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
         let (mut are_still, points_are_still) = (placement.are_still(), placement.points_are_still());
         let (deforming, num_points) = match &model.source {
             Source::Scene(scene) => (scene.deforming.clone(), scene.rcs.len()),
@@ -86,22 +83,31 @@ impl Groups {
         if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
             are_still.fill(false);
         }
+        let rank = |body: u32| u8::from(!are_still[body as usize]);
+        let mut scatterers = rays.scatterers(model, rank)?;
+        cancel.check()?;
+        let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
 
         let mut groups = Vec::new();
-        let smooth = scatterers.cells().iter().zip(scatterers.orders());
-        let farthest = smooth
-            .filter(|(_, order)| **order > 0)
-            .map(|(cell, _)| rays.distance(*cell));
+        let smooth = (0..scatterers.len()).filter(|i| scatterers.order_of(*i) > 0);
+        let farthest = smooth.map(|i| rays.distance(scatterers.cells()[i]));
         let farthest = farthest.fold(0.0, f64::max);
-        let (num_scatterers, num_bounces) = (scatterers.len(), bounces.len());
+        let num_bounces = bounces.len();
         let num_cells = num_cells(scatterers.cells());
-        let last_order = scatterers.orders().iter().copied().max().unwrap_or(0);
+        // Still ones first, and within both by the power of the frequency.
+        let last_order = (0..scatterers.len()).map(|i| scatterers.order_of(i)).max().unwrap_or(0);
+        let number = |is_still: bool, order: u8| if is_still { order } else { 1 + last_order + order };
+        scatterers.order_by(|body, order| number(are_still[body as usize], order));
+        let mut first = 0;
         for is_still in [true, false] {
             for order in 0..=last_order {
-                let has_points = num_points > 0 && points_are_still == is_still && order == 0;
-                let chosen = scatterers.select(|body, of| are_still[body as usize] == is_still && of == order);
+                let has_points = points_are_still == is_still && order == 0;
+                let members = scatterers.members(first, if has_points { num_points } else { 0 }, |body, of| {
+                    number(are_still[body as usize], of) == number(is_still, order)
+                });
+                first = members.surfaces.end;
                 groups.push(Group {
-                    paths: GroupPaths::Scatterers(chosen, has_points),
+                    paths: GroupPaths::Scatterers(members),
                     is_still,
                     order,
                 });
@@ -115,12 +121,12 @@ impl Groups {
                 order: 0,
             });
         }
-        groups.retain(|group| group.len(num_points) > 0);
+        groups.retain(|group| group.len() > 0);
         Ok(Self {
             all: groups,
+            scatterers,
             deforming: deforming.into_iter().map(|body| body as u32).collect(),
             num_points,
-            num_scatterers,
             num_cells,
             farthest,
             num_bounces,
@@ -130,7 +136,7 @@ impl Groups {
 
     /// Number of paths.
     pub fn num_paths(&self) -> usize {
-        self.num_scatterers + self.num_points + self.num_bounces
+        self.scatterers.len() + self.num_points + self.num_bounces
     }
 
     /// Cells that have a material point.
@@ -148,6 +154,16 @@ impl Groups {
         self.farthest
     }
 
+    /// Indices, among all bodies that deform, of the bodies on the paths of a group.
+    fn deforming(&self, group: &Group) -> Vec<usize> {
+        let met = match &group.paths {
+            GroupPaths::Scatterers(_) => self.scatterers.deforming(),
+            GroupPaths::Bounces(bounces) => bounces.deforming(),
+        };
+        let place = |body: u32| self.deforming.iter().position(|other| *other == body);
+        met.iter().filter_map(|(body, _)| place(*body)).collect()
+    }
+
     /// Evaluate all paths at one time: `at` and `rates` have one time each.
     pub fn arrays(&self, model: &Model, at: &Placement, rates: &Placement) -> Result<PathArrays> {
         let num_channels = model.array.num_channels();
@@ -157,10 +173,10 @@ impl Groups {
         let mut per_channel: Vec<Vec<(f64, f64, Complex64)>> = vec![Vec::new(); num_channels];
         let (mut body, mut order) = (Vec::new(), Vec::new());
         for group in &self.all {
-            let deforming = group.deforming(&self.deforming);
+            let deforming = self.deforming(group);
             let [kinematics, changes] = [at, rates].map(|placement| placement.at(&[0.0], &deforming));
             let rcs: &[f64] = if group.has_points() { &scene.rcs } else { &[] };
-            let number = group.len(self.num_points);
+            let number = group.len();
             let selection = Selection {
                 first: 0,
                 last: number,
@@ -168,9 +184,9 @@ impl Groups {
             };
             let (paths, delay_rates) = kinematics.with(rcs, |kinematics| {
                 changes.with(rcs, |changes| match &group.paths {
-                    GroupPaths::Scatterers(scatterers, _) => (
-                        scatterers.paths(kinematics, kinematics, selection),
-                        scatterers.delay_rates(kinematics, changes),
+                    GroupPaths::Scatterers(members) => (
+                        self.scatterers.paths(kinematics, kinematics, members, selection),
+                        self.scatterers.delay_rates(kinematics, changes, members),
                     ),
                     GroupPaths::Bounces(bounces) => (
                         bounces.paths(kinematics, kinematics, selection),
@@ -185,16 +201,11 @@ impl Groups {
                 }
             }
             match &group.paths {
-                GroupPaths::Scatterers(scatterers, has_points) => {
-                    body.extend(
-                        scatterers
-                            .bodies()
-                            .iter()
-                            .map(|body| scene.body_numbers[*body as usize] as u32),
-                    );
-                    if *has_points {
-                        body.extend(scene.point_numbers.iter().map(|number| *number as u32));
-                    }
+                GroupPaths::Scatterers(members) => {
+                    let bodies = self.scatterers.bodies()[members.surfaces.clone()].iter();
+                    body.extend(bodies.map(|body| scene.body_numbers[*body as usize] as u32));
+                    let points = scene.point_numbers.iter().take(members.num_points);
+                    body.extend(points.map(|number| *number as u32));
                 }
                 GroupPaths::Bounces(bounces) => {
                     body.extend(
@@ -218,28 +229,16 @@ impl Groups {
 }
 
 impl Group {
-    /// Number of paths, with `num_points` point targets.
-    pub(super) fn len(&self, num_points: usize) -> usize {
+    /// Number of paths.
+    pub(super) fn len(&self) -> usize {
         match &self.paths {
-            GroupPaths::Scatterers(scatterers, has_points) => {
-                scatterers.len() + if *has_points { num_points } else { 0 }
-            }
+            GroupPaths::Scatterers(members) => members.len(),
             GroupPaths::Bounces(bounces) => bounces.len(),
         }
     }
 
     fn has_points(&self) -> bool {
-        matches!(self.paths, GroupPaths::Scatterers(_, true))
-    }
-
-    /// Indices, among `all` bodies that deform, of the bodies on the paths.
-    fn deforming(&self, all: &[u32]) -> Vec<usize> {
-        let met = match &self.paths {
-            GroupPaths::Scatterers(scatterers, _) => scatterers.deforming(),
-            GroupPaths::Bounces(bounces) => bounces.deforming(),
-        };
-        let place = |body: u32| all.iter().position(|other| *other == body);
-        met.iter().filter_map(|(body, _)| place(*body)).collect()
+        matches!(&self.paths, GroupPaths::Scatterers(members) if members.num_points > 0)
     }
 }
 
@@ -247,16 +246,17 @@ impl Group {
 pub(super) struct Evaluate<'a> {
     pub(super) model: &'a Model,
     pub(super) placement: &'a Placement,
+    pub(super) groups: &'a Groups,
     pub(super) group: &'a Group,
-    pub(super) deforming: &'a [u32],
 }
 
 impl<'a> Evaluate<'a> {
     /// Places of everything at the times of delays and of amplitudes, `x` from -1 to 1 over the frame.
     pub(super) fn at(&self, delays_at: &[f64], amplitudes_at: &[f64]) -> EvaluateAt<'a> {
-        let deforming = self.group.deforming(self.deforming);
+        let deforming = self.groups.deforming(self.group);
         EvaluateAt {
             model: self.model,
+            scatterers: &self.groups.scatterers,
             group: self.group,
             delays_at: delays_at.to_vec(),
             delays: self.placement.at(delays_at, &deforming),
@@ -268,6 +268,7 @@ impl<'a> Evaluate<'a> {
 /// Evaluation at given times.
 pub(super) struct EvaluateAt<'a> {
     model: &'a Model,
+    scatterers: &'a Scatterers,
     group: &'a Group,
     delays_at: Vec<f64>,
     delays: NodePlaces,
@@ -277,23 +278,17 @@ pub(super) struct EvaluateAt<'a> {
 impl EvaluateAt<'_> {
     /// Evaluate delays and amplitudes of the selected paths, each at their own times.
     pub(super) fn take(&self, selection: Selection) -> Result<Paths> {
-        let rcs: &[f64] = match &self.model.source {
-            Source::Scene(scene) if self.group.has_points() => &scene.rcs,
-            _ => &[],
-        };
-        let paths = self.delays.with(rcs, |delays| {
-            self.amplitudes.with(rcs, |amplitudes| match &self.group.paths {
-                GroupPaths::Scatterers(scatterers, _) => scatterers.paths(delays, amplitudes, selection),
-                GroupPaths::Bounces(bounces) => bounces.paths(delays, amplitudes, selection),
-            })
+        let paths = self.with(|delays, amplitudes| match &self.group.paths {
+            GroupPaths::Scatterers(members) => self.scatterers.paths(delays, amplitudes, members, selection),
+            GroupPaths::Bounces(bounces) => bounces.paths(delays, amplitudes, selection),
         });
         let mut paths = finite(paths?, self.model)?;
-        if let (Source::Depth(image), GroupPaths::Scatterers(scatterers, _)) = (&self.model.source, &self.group.paths)
+        if let (Source::Depth(image), GroupPaths::Scatterers(members)) = (&self.model.source, &self.group.paths)
             && let Some(rates) = &image.range_rate
         {
             // The surface of a pixel moves on at the range rate of the pixel.
-            let cells = &scatterers.cells()[selection.first..selection.last];
-            let num_channels = scatterers.num_channels();
+            let cells = &self.scatterers.cells()[members.surfaces.clone()][selection.first..selection.last];
+            let num_channels = self.scatterers.num_channels();
             for (row, delays) in paths.delay.chunks_mut(selection.len().max(1)).enumerate() {
                 let x = self.delays_at[row / num_channels];
                 let elapsed = image.age + 0.5 * self.model.waveform.duration() * (1.0 + x);
@@ -303,6 +298,29 @@ impl EvaluateAt<'_> {
             }
         }
         Ok(paths)
+    }
+
+    /// Run a function with the places at the times of delays and of amplitudes.
+    fn with<T>(&self, run: impl FnOnce(&Kinematics, &Kinematics) -> T) -> T {
+        let rcs: &[f64] = match &self.model.source {
+            Source::Scene(scene) if self.group.has_points() => &scene.rcs,
+            _ => &[],
+        };
+        self.delays.with(rcs, |delays| {
+            self.amplitudes.with(rcs, |amplitudes| run(delays, amplitudes))
+        })
+    }
+
+    /// Run a function with the material points of the group and the places at the times of delays and of amplitudes; none
+    /// for paths whose delays are not those of points.
+    pub(super) fn with_points<T>(&self, run: impl FnOnce(&Scatterers, &Members, [&Kinematics; 2]) -> T) -> Option<T> {
+        let has_rates = matches!(&self.model.source, Source::Depth(image) if image.range_rate.is_some());
+        match &self.group.paths {
+            GroupPaths::Scatterers(members) if !has_rates => {
+                Some(self.with(|delays, amplitudes| run(self.scatterers, members, [delays, amplitudes])))
+            }
+            _ => None,
+        }
     }
 }
 

@@ -5,16 +5,21 @@ use super::model::{Cancel, Model};
 use super::outcome::Outcome;
 use super::parts::Part;
 use super::stages::{StageTimes, timed};
+use super::sum::count_of_times;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::parallel;
+use crate::numeric::simd::{Isa, Kernel};
+use crate::paths::evaluate::Rows;
+use crate::paths::kinematics::Kinematics;
 use crate::paths::node_times::NodeTimes;
 use crate::paths::placement::Placement;
+use crate::paths::scatterers::{Members, Scatterers};
 use crate::paths::series::Selection;
 use crate::synthesis::beat::{LaneLayer, LaneSum, Options, Samples, SomePaths, Work, batch};
-use crate::synthesis::block::{Block, CHUNK};
+use crate::synthesis::block::{Block, CHUNK, Lane, SingleLane, expand, expand_single};
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::lanes::{Batch, Builder, Errors, Tables};
+use crate::synthesis::lanes::{Batch, Builder, Coefficients, Errors, Tables};
 use crate::synthesis::plan::Plan;
 
 /// Paths that are evaluated together: their delays and amplitudes stay in the L2 cache.
@@ -42,13 +47,13 @@ pub(super) fn sum(
     part: &Part,
     cancel: &Cancel,
 ) -> Result<Option<(Samples, Outcome)>> {
-    let (num_paths, num_points) = (groups.num_paths(), groups.num_points);
+    let num_paths = groups.num_paths();
     let options = model.options(num_paths, part.waveform.chirp_times.len());
     let still = groups.all.iter().filter(|group| group.is_still);
     let work = Work {
         channels: model.array.num_channels(),
         paths: num_paths,
-        still: still.map(|group| group.len(num_points)).sum(),
+        still: still.map(Group::len).sum(),
         terms: MANY_TIMES,
     };
     let Some(whole) = frame(part, [MANY_TIMES; 2]) else {
@@ -118,7 +123,6 @@ fn outcome(sum: &LaneSum, most: [usize; 2], plan: &Plan, times: StageTimes) -> O
         .take(1)
         .flat_map(|layer| layer.batches.iter().flatten());
     let longest = first.map(|batch| batch.errors.longest).fold(0.0, f64::max);
-    let count = |number: usize| format!("{number} time{}", if number == 1 { "" } else { "s" });
     Outcome {
         nodes: Some(NodeTimes {
             delays,
@@ -130,8 +134,8 @@ fn outcome(sum: &LaneSum, most: [usize; 2], plan: &Plan, times: StageTimes) -> O
         farthest: 0.5 * SPEED_OF_LIGHT * longest,
         plan: format!(
             "delays at {}, amplitudes at {}; {plan}",
-            count(delays),
-            count(amplitudes)
+            count_of_times(delays),
+            count_of_times(amplitudes)
         ),
         times,
         ..Outcome::default()
@@ -170,8 +174,8 @@ impl Evaluation<'_> {
         let evaluate = Evaluate {
             model: self.model,
             placement: self.placement,
+            groups: self.groups,
             group,
-            deforming: &self.groups.deforming,
         };
         let [delays_at, amplitudes_at] = times.map(|number| self.part.node_times(number));
         evaluate.at(&delays_at, &amplitudes_at)
@@ -180,7 +184,7 @@ impl Evaluation<'_> {
     /// Times of every group: few where some of its paths at many times show that these suffice.
     fn plans(&self, whole: &Block) -> Result<Vec<GroupPlan>> {
         let num_channels = self.model.array.num_channels();
-        let builder = Builder::new(self.tables, self.options.tolerance, SCALE, [false; 2]);
+        let builder = Builder::new(self.tables, self.options.tolerance, [false; 2]);
         let plan = |group: &Group| {
             if group.is_still {
                 return Ok(GroupPlan {
@@ -188,7 +192,7 @@ impl Evaluation<'_> {
                     left_out: vec![[0.0; 2]; num_channels],
                 });
             }
-            let last = group.len(self.groups.num_points);
+            let last = group.len();
             let probes = Selection {
                 first: 0,
                 last,
@@ -226,7 +230,7 @@ impl Evaluation<'_> {
         let frames: Vec<Option<Block>> = plans.iter().map(|plan| frame(self.part, plan.times)).collect();
         let mut tasks = Vec::new();
         for (number, (group, at)) in self.groups.all.iter().zip(&places).enumerate() {
-            let num_paths = group.len(self.groups.num_points);
+            let num_paths = group.len();
             for first in (0..num_paths).step_by(BLOCK) {
                 let last = num_paths.min(first + BLOCK);
                 let selection = Selection { first, last, step: 1 };
@@ -234,7 +238,7 @@ impl Evaluation<'_> {
             }
         }
         let goes_on = |plan: &GroupPlan| plan.times.map(|number| number == MANY_TIMES);
-        let builder = |plan| Builder::new(self.tables, self.options.tolerance, SCALE, goes_on(plan));
+        let builder = |plan| Builder::new(self.tables, self.options.tolerance, goes_on(plan));
         let builders: Vec<Builder> = plans.iter().map(builder).collect();
         let built = parallel::map(self.options.is_parallel, tasks, |task| {
             self.cancel.check()?;
@@ -278,6 +282,19 @@ impl Evaluation<'_> {
     /// Records of some paths, by channel.
     fn batches(&self, at: &EvaluateAt, selection: Selection, builder: &Builder, frame: &Block) -> Result<Vec<Batch>> {
         let num_channels = self.model.array.num_channels();
+        let of_points = at.with_points(|scatterers, members, places| {
+            self.options.level.run(BuildRecords {
+                scatterers,
+                members,
+                places,
+                selection,
+                builder,
+                frame,
+            })
+        });
+        if let Some(batches) = of_points {
+            return Ok(batches);
+        }
         let paths = at.take(selection)?;
         let plane = num_channels * selection.len();
         let delay: Vec<&[f64]> = paths.delay.chunks(plane).collect();
@@ -294,9 +311,75 @@ impl Evaluation<'_> {
                 series: &series,
                 channel,
                 chunks: 0..selection.len().div_ceil(CHUNK),
+                scale: SCALE,
             };
             batch(builder, frame, some, self.options)
         };
         Ok((0..num_channels).map(of_channel).collect())
+    }
+}
+
+/// Records of some material points and point targets, chunk by chunk, of all channels.
+struct BuildRecords<'a> {
+    scatterers: &'a Scatterers,
+    members: &'a Members,
+    /// Places at the times of delays and of amplitudes.
+    places: [&'a Kinematics<'a>; 2],
+    selection: Selection,
+    builder: &'a Builder<'a>,
+    frame: &'a Block,
+}
+
+impl Kernel for BuildRecords<'_> {
+    type Output = Vec<Batch>;
+
+    #[inline(always)] // see `Kernel`
+    fn run<I: Isa>(self) -> Vec<Batch> {
+        let num_channels = self.scatterers.num_channels();
+        let [delays, amplitudes] = self.places;
+        let num_nodes = [delays.num_nodes, amplitudes.num_nodes];
+        let is_still = num_nodes == [1; 2];
+        let mut batches = vec![Batch::default(); num_channels];
+        for batch in &mut batches {
+            if is_still {
+                batch.still.reserve(self.selection.len());
+            } else {
+                batch.moving.reserve(self.selection.len());
+            }
+        }
+        let mut rows = Rows::<CHUNK>::new(num_channels, num_nodes);
+        let mut delay: Vec<Lane> = vec![[0.0; CHUNK]; num_nodes[0]];
+        let mut re: Vec<SingleLane> = vec![[0.0; CHUNK]; num_nodes[1]];
+        let mut im = re.clone();
+        let mut numbers = Vec::with_capacity(CHUNK);
+        for first in (0..self.selection.len()).step_by(CHUNK) {
+            numbers.clear();
+            for place in first..self.selection.len().min(first + CHUNK) {
+                let member = self.selection.first + place * self.selection.step;
+                numbers.push(self.members.number(self.scatterers, member));
+            }
+            self.scatterers
+                .rows::<I, CHUNK>(delays, amplitudes, &numbers, SCALE, &mut rows);
+            for (channel, batch) in batches.iter_mut().enumerate() {
+                let [at_delays, at_amplitudes] = [channel * num_nodes[0], channel * num_nodes[1]];
+                let own = at_amplitudes..at_amplitudes + num_nodes[1];
+                expand::<I>(
+                    &self.frame.delay,
+                    &rows.delay[at_delays..at_delays + num_nodes[0]],
+                    &mut delay,
+                );
+                expand_single::<I>(&self.frame.amplitude, &rows.re[own.clone()], &mut re);
+                expand_single::<I>(&self.frame.amplitude, &rows.im[own], &mut im);
+                let paths = Coefficients {
+                    len: numbers.len(),
+                    delay: &delay,
+                    re: &re,
+                    im: &im,
+                };
+                self.builder
+                    .add::<I>(&paths, if is_still { 0 } else { u128::MAX }, batch);
+            }
+        }
+        batches
     }
 }

@@ -154,15 +154,18 @@ impl Rays {
         }
     }
 
-    /// Material points of all hits that return power.
-    pub fn scatterers(&self, model: &Model) -> Result<Scatterers> {
+    /// Material points of all hits that return power; those of tiles are ordered by `rank` of the body.
+    pub fn scatterers(&self, model: &Model, rank: impl Fn(u32) -> u8) -> Result<Scatterers> {
         let (array, seed) = (model.array.clone(), model.settings.seed);
         let sampling = match model.settings.rays {
             RaySampling::Adaptive { .. } => Sampling::Footprint,
             RaySampling::Pixels(_, sampling) => sampling,
         };
         match (self, &model.source) {
-            (Self::Cells(scene, samples), _) => Ok(Scatterers::of_samples(scene, samples, &model.materials, array)),
+            (Self::Cells(scene, samples), _) => {
+                let materials = &model.materials;
+                Ok(Scatterers::of_samples(scene, samples, materials, array, rank))
+            }
             (Self::Pixels(image), _) => Ok(Scatterers::new(
                 &image.scene,
                 &image.hits,

@@ -48,10 +48,10 @@ impl Groups {
             let paths = Evaluate {
                 model,
                 placement,
+                groups: self,
                 group,
-                deforming: &self.deforming,
             };
-            let num_paths = group.len(self.num_points);
+            let num_paths = group.len();
             let nodes = if group.is_still {
                 NodeTimes::ONCE
             } else {
@@ -117,7 +117,8 @@ impl Groups {
     }
 }
 
-fn count_of_times(number: usize) -> String {
+/// Number of times in words.
+pub(super) fn count_of_times(number: usize) -> String {
     format!("{number} time{}", if number == 1 { "" } else { "s" })
 }
 

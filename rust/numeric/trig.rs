@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI, TAU};
 use crate::numeric::simd::{Real, Vector};
 
 /// Constant whose addition and subtraction rounds to the nearest integer; unlike `round`, it vectorises everywhere.
-pub const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
+pub const ROUND: f64 = <f64 as Real>::ROUND;
 
 /// Taylor series on an eighth of a turn to either side, |x| <= pi/4: the remainder after seven terms is below 1e-17;
 /// after four, below 3e-9.
@@ -79,11 +79,12 @@ const EXP: [f64; 14] = [
     1.0 / 6_227_020_800.0,
 ];
 
-/// Largest number of f64 lanes of a vector.
-const MOST_LANES: usize = 8;
+/// Largest number of lanes of a vector.
+const MOST_LANES: usize = 16;
 
 /// ln 2 in two parts, of which the first has zeros at its end.
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
+const LN_2_SINGLE: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
 
 /// Phase in turns reduced to -1/2 to 1/2.
 #[inline(always)]
@@ -117,67 +118,83 @@ pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; 
     (cos, sin)
 }
 
-/// Magnitude of `atan2(y, x)`: angles from 0 to pi, to 3e-16; 0 where both are zero.
+/// Magnitude of `atan2(y, x)`: angles from 0 to pi, to 3e-16 in f64 and 4e-7 in f32; 0 where both are zero.
 #[inline(always)]
-pub fn angle<V: Vector<Scalar = f64>>(y: V, x: V) -> V {
-    let splat = V::splat;
+pub fn angle<V: Vector>(y: V, x: V) -> V {
+    let splat = splat::<V>;
     let (across, along) = (y.max(splat(0.0).sub(y)), x.max(splat(0.0).sub(x)));
-    let ratio = across.min(along).div(across.max(along).max(splat(f64::MIN_POSITIVE)));
+    let least = splat(V::Scalar::LEAST_EXPONENT.exp2());
+    let ratio = across.min(along).div(across.max(along).max(least));
     // atan(t) = pi/4 + atan((t - 1) / (t + 1))
     let is_large = splat(TAN_EIGHTH).at_most(ratio);
     let turned = ratio.sub(splat(1.0)).div(ratio.add(splat(1.0)));
     let t = turned.select(is_large, ratio);
-    let square = t.mul(t);
-    let mut sum = splat(ATAN[ATAN.len() - 1]);
-    for k in (0..ATAN.len() - 1).rev() {
-        sum = sum.mul_add(square, splat(ATAN[k]));
-    }
+    let sum = polynomial::<V>(&ATAN, 7, t.mul(t));
     let angle = t.mul_add(sum, splat(FRAC_PI_4).select(is_large, splat(0.0)));
     let angle = angle.select(across.at_most(along), splat(FRAC_PI_2).sub(angle));
     angle.select(splat(0.0).at_most(x), splat(PI).sub(angle))
 }
 
-/// Exponential exp(x) of numbers that are not positive, to 5e-16; zero below -700.
+/// Exponential exp(x) of numbers that are not positive, to 5e-16 in f64 and 2e-7 in f32; zero where it is about to leave
+/// the range of normal numbers.
 #[inline(always)]
-pub fn exp_of_negative<V: Vector<Scalar = f64>>(x: V) -> V {
-    const TWO_52: f64 = 4_503_599_627_370_496.0;
-    let splat = V::splat;
-    let number = x.max(splat(-700.0));
-    let power = number.mul_add(splat(LOG2_E), splat(ROUND)).sub(splat(ROUND));
-    let r = power.neg_mul_add(splat(LN_2[1]), power.neg_mul_add(splat(LN_2[0]), number));
-    let mut sum = splat(EXP[EXP.len() - 1]);
-    for k in (0..EXP.len() - 1).rev() {
-        sum = sum.mul_add(r, splat(EXP[k]));
-    }
-    let mut scales = [0.0; MOST_LANES];
-    power.add(splat(1023.0 + TWO_52)).store(&mut scales);
+pub fn exp_of_negative<V: Vector>(x: V) -> V {
+    let splat = splat::<V>;
+    let least = splat((V::Scalar::LEAST_EXPONENT + 1.0) / LOG2_E);
+    let number = x.max(least);
+    let magic = V::splat(V::Scalar::ROUND);
+    let power = number.mul_add(splat(LOG2_E), magic).sub(magic);
+    let [high, low] = if is_single::<V>() { LN_2_SINGLE } else { LN_2 };
+    let r = power.neg_mul_add(splat(low), power.neg_mul_add(splat(high), number));
+    let sum = polynomial::<V>(&EXP, 8, r);
+    let mut scales = [V::Scalar::of(0.0); MOST_LANES];
+    power.store(&mut scales);
     for lane in 0..V::LANES {
-        scales[lane] = f64::from_bits(scales[lane].to_bits() << 52);
+        scales[lane] = scales[lane].power_of_two();
     }
     let exp = sum.mul(V::load(&scales));
-    exp.select(splat(-700.0).at_most(x), splat(0.0))
+    exp.select(least.at_most(x), splat(0.0))
 }
 
-/// Sinc sin(x) / x of angles in turns, below 2^50 turns: to 5e-16.
+/// Sinc sin(x) / x of angles in turns, below 2^50 turns (2^20 in f32): to 5e-16 in f64 and 3e-7 in f32.
 #[inline(always)]
-pub fn sinc_turns<V: Vector<Scalar = f64>>(turns: V) -> V {
-    let splat = V::splat;
+pub fn sinc_turns<V: Vector>(turns: V) -> V {
+    let splat = splat::<V>;
+    let magic = V::splat(V::Scalar::ROUND);
     // Sine of the angle reduced by half turns, with the sign of these.
-    let halves = turns.add(turns).add(splat(ROUND)).sub(splat(ROUND));
-    let wholes = halves.mul(splat(0.5)).add(splat(ROUND)).sub(splat(ROUND));
+    let halves = turns.add(turns).add(magic).sub(magic);
+    let wholes = halves.mul(splat(0.5)).add(magic).sub(magic);
     let is_odd = wholes.neg_mul_add(splat(2.0), halves);
     let sign = is_odd.mul(is_odd).neg_mul_add(splat(2.0), splat(1.0));
     let x = halves.neg_mul_add(splat(0.5), turns).mul(splat(TAU));
-    let square = x.mul(x);
-    let mut sum = splat(SINC[SINC.len() - 1]);
-    for k in (0..SINC.len() - 1).rev() {
-        sum = sum.mul_add(square, splat(SINC[k]));
-    }
+    let sum = polynomial::<V>(&SINC, 7, x.mul(x));
     let sine = sign.mul(x).mul(sum);
     // Near zero the series itself is the result.
     let is_first = halves.mul(halves).at_most(splat(0.0));
     let angle = splat(1.0).select(is_first, turns.mul(splat(TAU)));
     sum.select(is_first, sine.div(angle))
+}
+
+/// Broadcast of the nearest number.
+#[inline(always)]
+fn splat<V: Vector>(x: f64) -> V {
+    V::splat(V::Scalar::of(x))
+}
+
+#[inline(always)]
+const fn is_single<V: Vector>() -> bool {
+    size_of::<V::Scalar>() == 4
+}
+
+/// Polynomial with coefficients by degree, of which the first few are enough in single precision.
+#[inline(always)]
+fn polynomial<V: Vector>(coefficients: &[f64], enough: usize, x: V) -> V {
+    let number = if is_single::<V>() { enough } else { coefficients.len() };
+    let mut sum = splat::<V>(coefficients[number - 1]);
+    for k in (0..number - 1).rev() {
+        sum = sum.mul_add(x, splat::<V>(coefficients[k]));
+    }
+    sum
 }
 
 /// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored
@@ -279,6 +296,41 @@ mod tests {
             }
             .store(&mut values);
             values
+        }
+    }
+
+    /// Kernel of all functions of sixteen numbers in single precision: angles of (x, 1), exponentials of -|x|, sincs.
+    struct Single<'a>(&'a [f32; 16]);
+
+    impl Kernel for Single<'_> {
+        type Output = [[f32; 16]; 3];
+        #[inline(always)]
+        fn run<I: Isa>(self) -> [[f32; 16]; 3] {
+            let mut values = [[0.0; 16]; 3];
+            let x = I::F32::load(self.0);
+            let zero = I::F32::splat(0.0);
+            angle(x, I::F32::splat(1.0)).store(&mut values[0]);
+            exp_of_negative(zero.sub(x.max(zero.sub(x)))).store(&mut values[1]);
+            sinc_turns(x).store(&mut values[2]);
+            values
+        }
+    }
+
+    #[test]
+    fn functions_in_single_precision_are_those_in_double_precision_to_rounding() {
+        for level in Level::available() {
+            for trial in -300..300_i16 {
+                let x: [f32; 16] = std::array::from_fn(|lane| f32::from(trial) * 0.337 + lane as f32 * 0.02);
+                let values = level.run(Single(&x));
+                for lane in 0..16 {
+                    let [angle, exp, sinc_] = values.map(|values| f64::from(values[lane]));
+                    let x = f64::from(x[lane]);
+                    assert!((angle - x.abs().atan()).abs() < 5e-7, "{x} {angle}");
+                    let expected = (-x.abs()).exp();
+                    assert!((exp - expected).abs() <= 3e-7 * expected + 1e-37, "{x} {exp}");
+                    assert!((sinc_ - sinc(TAU * x)).abs() < 5e-7, "{x} {sinc_}");
+                }
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! Material points and point targets that return power, and their paths one by one.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -16,22 +17,22 @@ use crate::paths::kinematics::Kinematics;
 pub struct Scatterers {
     pub(crate) array: Array,
     /// Number of the cell that the point was sampled by: of the pixel, row by row, or in the order of the leaves of a
-    /// quadtree.
+    /// quadtree. Empty: no point has one.
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
-    /// Power of the frequency by which the field falls.
+    /// Power of the frequency by which the field falls; empty: zero.
     pub(crate) order: Vec<u8>,
-    /// Vertices of the triangle that carries the point, where the body deforms.
+    /// Vertices of the triangle that carries the point, where the body deforms; empty: no body does.
     pub(crate) facet: Vec<Option<[u32; 3]>>,
     /// Position in coordinates of the body [m], or of the triangle.
     pub(crate) position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the triangle.
     pub(crate) normal: Vec<DVec3>,
-    /// Edges of the patch that the specular part is a mean over.
+    /// Edges of the patch that the specular part is a mean over; empty: points.
     pub(crate) patch: Vec<Edges>,
     /// Bodies that deform and their numbers of vertices.
     pub(crate) deforming: Vec<(u32, usize)>,
-    /// Weights `(scatterer, channel)`.
+    /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels.
     pub(crate) weights: Vec<Weight>,
 }
 
@@ -48,7 +49,51 @@ pub struct Weight {
 /// triangle. The phase varies linearly over the patch in any orientation; zero edges stand for a point.
 pub type Edges = [DVec3; 2];
 
+/// Some neighbouring material points, followed by point targets.
+#[derive(Clone, Debug)]
+pub struct Members {
+    /// Numbers of the material points.
+    pub surfaces: Range<usize>,
+    /// Number of point targets.
+    pub num_points: usize,
+}
+
+impl Members {
+    /// All material points, and a number of point targets.
+    pub fn all(scatterers: &Scatterers, num_points: usize) -> Self {
+        Self {
+            surfaces: 0..scatterers.len(),
+            num_points,
+        }
+    }
+
+    /// Number of paths.
+    pub fn len(&self) -> usize {
+        self.surfaces.len() + self.num_points
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of a path among those of [`Scatterers::path`].
+    #[inline]
+    pub fn number(&self, scatterers: &Scatterers, member: usize) -> usize {
+        match member.checked_sub(self.surfaces.len()) {
+            Some(point) => scatterers.len() + point,
+            None => self.surfaces.start + member,
+        }
+    }
+}
+
 impl Weight {
+    /// Weight of nothing.
+    pub(crate) const NONE: Self = Self {
+        specular: Complex64::ZERO,
+        diffuse: Complex64::ZERO,
+    };
+
     pub(crate) fn is_silent(&self) -> bool {
         self.specular == Complex64::ZERO && self.diffuse == Complex64::ZERO
     }
@@ -65,30 +110,68 @@ impl Scatterers {
         self
     }
 
-    /// Select material points by body and by the power of the frequency, ordered by body.
-    pub fn select(&self, is_wanted: impl Fn(u32, u8) -> bool) -> Self {
-        let channels = self.array.num_channels();
-        let rows = 0..self.len();
-        let mut rows: Vec<usize> = rows.filter(|i| is_wanted(self.body[*i], self.order[*i])).collect();
+    /// Append the material points of others; those of no cell have the number `u32::MAX` of one.
+    pub(crate) fn append(&mut self, mut others: Self) {
+        if self.is_empty() {
+            *self = others;
+            return;
+        }
+        for of in [&mut *self, &mut others] {
+            let number = of.len();
+            let num_weights = of.num_weights();
+            if num_weights == 1 {
+                let each = of.weights.iter();
+                of.weights = each
+                    .flat_map(|weight| std::iter::repeat_n(*weight, of.array.num_channels()))
+                    .collect();
+            }
+            of.cell.resize(number, u32::MAX);
+            of.order.resize(number, 0);
+            of.facet.resize(number, None);
+            of.patch.resize(number, Edges::default());
+        }
+        self.body.append(&mut others.body);
+        self.position.append(&mut others.position);
+        self.normal.append(&mut others.normal);
+        self.weights.append(&mut others.weights);
+        self.cell.append(&mut others.cell);
+        self.order.append(&mut others.order);
+        self.facet.append(&mut others.facet);
+        self.patch.append(&mut others.patch);
+    }
+
+    /// Order the material points by a key of body and power of the frequency, and bodies within it.
+    pub fn order_by(&mut self, key: impl Fn(u32, u8) -> u8) {
+        let number = self.num_weights();
+        let keys: Vec<(u8, u32)> = (0..self.len())
+            .map(|i| (key(self.body[i], self.order_of(i)), self.body[i]))
+            .collect();
+        if keys.is_sorted() {
+            return;
+        }
         // Points of one body are evaluated together.
-        rows.sort_by_key(|i| self.body[*i]);
-        let weights = rows
-            .iter()
-            .flat_map(|i| &self.weights[channels * i..channels * (i + 1)]);
-        let chosen = Self {
-            array: self.array.clone(),
-            cell: rows.iter().map(|i| self.cell[*i]).collect(),
-            body: rows.iter().map(|i| self.body[*i]).collect(),
-            order: rows.iter().map(|i| self.order[*i]).collect(),
-            facet: rows.iter().map(|i| self.facet[*i]).collect(),
-            position: rows.iter().map(|i| self.position[*i]).collect(),
-            normal: rows.iter().map(|i| self.normal[*i]).collect(),
-            patch: rows.iter().map(|i| self.patch[*i]).collect(),
-            deforming: Vec::new(),
-            weights: weights.copied().collect(),
-        };
-        let number = |body| self.deforming.iter().find(|d| d.0 == body).map_or(0, |d| d.1);
-        chosen.with_vertices(number)
+        let mut rows: Vec<usize> = (0..self.len()).collect();
+        rows.sort_by_key(|row| keys[*row]);
+        permute(&mut self.cell, &rows);
+        permute(&mut self.body, &rows);
+        permute(&mut self.order, &rows);
+        permute(&mut self.facet, &rows);
+        permute(&mut self.position, &rows);
+        permute(&mut self.normal, &rows);
+        permute(&mut self.patch, &rows);
+        let weights = rows.iter().flat_map(|row| &self.weights[number * row..][..number]);
+        self.weights = weights.copied().collect();
+    }
+
+    /// Members from `first` on for which a condition on body and power of the frequency holds, where the material
+    /// points are [in an order](Self::order_by) by which they are neighbours.
+    pub fn members(&self, first: usize, num_points: usize, belongs: impl Fn(u32, u8) -> bool) -> Members {
+        let rest = first..self.len();
+        let number = rest.take_while(|i| belongs(self.body[*i], self.order_of(*i))).count();
+        Members {
+            surfaces: first..first + number,
+            num_points,
+        }
     }
 
     /// Number of material points.
@@ -106,14 +189,25 @@ impl Scatterers {
         &self.body
     }
 
-    /// Power of the frequency by which the field of every material point falls.
-    pub fn orders(&self) -> &[u8] {
-        &self.order
+    /// Power of the frequency by which the field of a material point falls.
+    pub fn order_of(&self, number: usize) -> u8 {
+        self.order.get(number).copied().unwrap_or(0)
     }
 
-    /// Cell of every material point; see [`Scatterers`].
+    /// Cell of every material point, see [`Scatterers`]; empty if no point has one.
     pub fn cells(&self) -> &[u32] {
         &self.cell
+    }
+
+    /// Weight of a material point for a channel.
+    #[inline]
+    pub(crate) fn weight(&self, number: usize, channel: usize) -> &Weight {
+        let num_weights = self.num_weights();
+        &self.weights[number * num_weights + channel.min(num_weights - 1)]
+    }
+
+    fn num_weights(&self) -> usize {
+        self.weights.len() / self.len().max(1)
     }
 
     /// Bodies that deform and have material points here, in increasing order, and their numbers of vertices.
@@ -126,7 +220,7 @@ impl Scatterers {
         self.array.num_channels()
     }
 
-    /// Delay and amplitude of one path of one channel at one time.
+    /// Delay and amplitude of one path of one channel at one time; point targets follow the material points.
     pub fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let Some(&body) = self.body.get(path) else {
             let point = path - self.len();
@@ -137,7 +231,7 @@ impl Scatterers {
         };
         let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
-        let mut edges = self.patch[path];
+        let mut edges = self.patch.get(path).copied().unwrap_or_default();
         if let Some(facet) = self.facet_of(kinematics, node, path) {
             (position, normal) = (facet.point(position), facet.normal(normal));
             edges = edges.map(|edge| facet.vector(edge));
@@ -152,7 +246,7 @@ impl Scatterers {
 
     /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
     fn facet_of(&self, kinematics: &Kinematics, node: usize, path: usize) -> Option<MovingTriangle> {
-        let corners = self.facet[path]?;
+        let corners = (*self.facet.get(path)?)?;
         let body = self.body[path];
         let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
         let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
@@ -161,14 +255,15 @@ impl Scatterers {
         ))
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
-    /// derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor too.
-    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
-        let num_paths = self.len() + kinematics.points.len();
+    /// Rate of every delay of the members [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the
+    /// time derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor
+    /// too.
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics, members: &Members) -> Vec<f64> {
+        let num_paths = members.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
-                let (channel, path) = (i / num_paths, i % num_paths);
+                let (channel, path) = (i / num_paths, members.number(self, i % num_paths));
                 let (position, velocity) = match self.body.get(path) {
                     Some(&body) => {
                         let (pose, rate) = (&kinematics.poses[body as usize], &rates.poses[body as usize]);
@@ -198,7 +293,7 @@ impl Scatterers {
         r: &Sight,
     ) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
-        let weight = &self.weights[path * self.num_channels() + channel];
+        let weight = self.weight(path, channel);
         let mut specular = weight.specular * (cos_t + cos_r);
         if edges != [DVec3::ZERO; 2] {
             let bisector = bisector(self.array.frequency, t.direction, r.direction);
@@ -216,6 +311,13 @@ impl Scatterers {
 
     fn spreading(&self, t: &Sight, r: &Sight) -> f64 {
         (self.array.power * t.gain * r.gain).sqrt() / (t.distance * r.distance)
+    }
+}
+
+/// Bring elements into an order, unless there are none.
+fn permute<T: Copy>(elements: &mut Vec<T>, rows: &[usize]) {
+    if !elements.is_empty() {
+        *elements = rows.iter().map(|row| elements[*row]).collect();
     }
 }
 

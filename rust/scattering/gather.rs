@@ -6,14 +6,13 @@
 //! deforms, and `paths` evaluates its delay and amplitude at any time of the frame.
 
 use glam::DVec3;
-use num_complex::Complex64;
 use rayon::prelude::*;
 
 use crate::antennas::array::Array;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
-use crate::paths::scatterers::{Scatterers, Weight};
+use crate::paths::scatterers::{Edges, Scatterers, Weight};
 use crate::rays::hits::Hits;
 use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::SmoothHits;
@@ -47,23 +46,18 @@ impl Scatterers {
         .with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
-    /// Material points of adaptive samples: specular ones of the tiles, and diffuse ones.
-    pub fn of_samples(snapshot: &PosedScene, samples: &Samples, materials: &[Material], array: Array) -> Self {
+    /// Material points of adaptive samples: specular ones, and diffuse ones. Those of tiles are ordered by `rank` of the
+    /// body, and by body.
+    pub fn of_samples(
+        snapshot: &PosedScene,
+        samples: &Samples,
+        materials: &[Material],
+        array: Array,
+        rank: impl Fn(u32) -> u8,
+    ) -> Self {
         let weigh = Weigh {
             array: &array,
             sampling: Sampling::Footprint,
-        };
-        let num_channels = array.num_channels();
-        let of_tiles = |tiles: &Tiles, index: usize, points: &mut Points| {
-            let point = &tiles.points.points[index];
-            let weights = &tiles.points.weights[tiles.num_weights * index..][..tiles.num_weights];
-            let weights = weights.iter().cycle().take(num_channels);
-            points.weights.extend(weights.map(|weight| Weight {
-                specular: *weight,
-                diffuse: Complex64::ZERO,
-            }));
-            let frame = MaterialFrame::of_mesh(snapshot, point.body, point.triangle, 0);
-            points.push_specular(point, &frame);
         };
         let of_leaf = |leaf: &Leaf, index: usize, points: &mut Points| {
             let patch = Patch {
@@ -77,9 +71,7 @@ impl Scatterers {
             weigh.leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
         };
         let mut points = match &samples.specular {
-            Specular::Tiles(tiles) => gather(tiles.points.points.len(), |index, points| {
-                of_tiles(tiles, index, points);
-            }),
+            Specular::Tiles(_) => Points::default(),
             Specular::Quadtree(_, leaves) => {
                 gather(leaves.len(), |index, points| of_leaf(&leaves[index], index, points))
             }
@@ -92,9 +84,11 @@ impl Scatterers {
                 }
             }));
         }
-        points
-            .with_array(array)
-            .with_vertices(|body| snapshot.surface(body).vertices().len())
+        let mut scatterers = points.with_array(array);
+        if let Specular::Tiles(tiles) = &samples.specular {
+            scatterers.append(of_tiles(snapshot, tiles, scatterers.array.clone(), rank));
+        }
+        scatterers.with_vertices(|body| snapshot.surface(body).vertices().len())
     }
 
     /// Material points of all surface elements that return power; `seed` for the diffuse phases.
@@ -133,6 +127,89 @@ impl Scatterers {
             points.share_speckle(array.num_channels());
         }
         points.with_array(array)
+    }
+}
+
+/// Material points of tiles, ordered by `rank` of the body and by body.
+fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) -> u8) -> Scatterers {
+    const BLOCK: usize = 512;
+    let mut bodies: Vec<u32> = (0..scene.num_bodies() as u32).collect();
+    bodies.sort_by_key(|body| (rank(*body), *body));
+    let mut ends = vec![0; bodies.len()];
+    let all = || tiles.pieces.iter().zip(0_u32..);
+    let (mut is_turning, mut is_deformed) = (false, false);
+    for point in all().flat_map(|(piece, _)| piece.points()) {
+        ends[point.body as usize] += 1;
+        is_turning |= point.edges != [DVec3::ZERO; 2];
+    }
+    let mut number = 0;
+    for body in &bodies {
+        is_deformed |= scene.surface(*body).is_deformed();
+        (ends[*body as usize], number) = (number, number + ends[*body as usize]);
+    }
+    // Piece and number of every point in the new order.
+    let mut origin = vec![(0, 0); number];
+    for (piece, index) in all() {
+        for (point, number) in piece.points().iter().zip(0_u32..) {
+            let place = &mut ends[point.body as usize];
+            origin[*place] = (index, number);
+            *place += 1;
+        }
+    }
+
+    let num_weights = tiles.num_weights;
+    let mut scatterers = Points::default().with_array(array);
+    scatterers.body = vec![0; number];
+    scatterers.position = vec![DVec3::ZERO; number];
+    scatterers.normal = vec![DVec3::ZERO; number];
+    scatterers.weights = vec![Weight::NONE; number * num_weights];
+    if is_turning {
+        scatterers.patch = vec![Edges::default(); number];
+    }
+    if is_deformed {
+        scatterers.facet = vec![None; number];
+    }
+    let blocks: Vec<_> = origin
+        .chunks(BLOCK)
+        .zip(scatterers.body.chunks_mut(BLOCK))
+        .zip(scatterers.position.chunks_mut(BLOCK))
+        .zip(scatterers.normal.chunks_mut(BLOCK))
+        .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
+        .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
+        .zip(blocks_or_none(&mut scatterers.facet, number, BLOCK))
+        .collect();
+    blocks.into_par_iter().for_each(|block| {
+        let ((((((origin, body), position), normal), weights), patch), facet) = block;
+        for (i, (piece, number)) in origin.iter().enumerate() {
+            let piece = &tiles.pieces[*piece as usize];
+            let point = &piece.points()[*number as usize];
+            for (to, from) in weights[i * num_weights..]
+                .iter_mut()
+                .zip(piece.weights(*number as usize, num_weights))
+            {
+                to.specular = *from;
+            }
+            let frame = MaterialFrame::of_mesh(scene, point.body, point.triangle, 0);
+            body[i] = point.body;
+            position[i] = frame.position(point.position);
+            normal[i] = frame.normal(point.normal);
+            if !patch.is_empty() && point.edges != [DVec3::ZERO; 2] {
+                patch[i] = frame.edges(point.edges);
+            }
+            if !facet.is_empty() {
+                facet[i] = frame.moved.as_ref().map(|moved| moved.vertices);
+            }
+        }
+    });
+    scatterers
+}
+
+/// Blocks of elements, or as many empty ones for none.
+fn blocks_or_none<T>(elements: &mut [T], number: usize, size: usize) -> Vec<&mut [T]> {
+    if elements.is_empty() {
+        (0..number.div_ceil(size)).map(|_| &mut [][..]).collect()
+    } else {
+        elements.chunks_mut(size).collect()
     }
 }
 

@@ -66,21 +66,6 @@ impl Points {
         self.cube.push(sample.cube);
     }
 
-    /// Append a point whose specular weights were appended before.
-    pub(crate) fn push_specular(&mut self, point: &TilePoint, frame: &MaterialFrame) {
-        self.cell.push(NO_CELL);
-        self.body.push(point.body);
-        self.order.push(0);
-        self.facet.push(frame.moved.as_ref().map(|moved| moved.vertices));
-        self.position.push(frame.position(point.position));
-        self.normal.push(frame.normal(point.normal));
-        let is_turning = point.edges != [DVec3::ZERO; 2];
-        let edges = is_turning.then(|| frame.edges(point.edges));
-        self.patch.push(edges.unwrap_or_default());
-        self.area.push(0.0);
-        self.cube.push(0);
-    }
-
     pub(crate) fn with_array(self, array: Array) -> Scatterers {
         Scatterers {
             cell: self.cell,

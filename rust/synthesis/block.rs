@@ -9,7 +9,7 @@ use std::ops::Range;
 use num_complex::Complex64;
 
 use crate::numeric::chebyshev::chebyshev_matrix;
-use crate::numeric::simd::Isa;
+use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::wide::{self, Wide};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries, basis_values};
@@ -19,6 +19,9 @@ pub const CHUNK: usize = 128;
 
 /// One number per path of a chunk.
 pub type Lane = [f64; CHUNK];
+
+/// One number per path of a chunk, in single precision.
+pub type SingleLane = [f32; CHUNK];
 
 /// Consecutive chirps, and the interval of time about its centre in which their samples lie.
 #[derive(Clone, Debug)]
@@ -369,9 +372,9 @@ impl Chunk {
     }
 }
 
-/// Coefficients of all degrees.
+/// Coefficients of all degrees from rows: values at the first node, and differences to them at the others.
 #[inline(always)]
-fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
+pub fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
     // Four vectors at once, as every sum waits for the one before.
     for k in 0..coefficients.len() {
         for at in (0..CHUNK).step_by(32) {
@@ -380,6 +383,22 @@ fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane])
                 sum = wide::add(sum, wide::load::<I, 4>(&rows[0][at..]));
             }
             wide::store(sum, &mut coefficients[k][at..]);
+        }
+    }
+}
+
+/// Coefficients as [`expand`], in single precision.
+#[inline(always)]
+pub fn expand_single<I: Isa>(matrix: &[Vec<f64>], rows: &[SingleLane], coefficients: &mut [SingleLane]) {
+    for k in 0..coefficients.len() {
+        for at in (0..CHUNK).step_by(I::F32::LANES) {
+            let zero = I::F32::splat(0.0);
+            let mut sum = if k == 0 { I::F32::load(&rows[0][at..]) } else { zero };
+            for j in 1..rows.len() {
+                let factor = I::F32::splat(matrix[k][j] as f32);
+                sum = I::F32::load(&rows[j][at..]).mul_add(factor, sum);
+            }
+            sum.store(&mut coefficients[k][at..]);
         }
     }
 }

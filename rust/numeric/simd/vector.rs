@@ -8,6 +8,12 @@ pub trait Real: Float + FromPrimitive + radarcore_fft::Precision + Default {
     fn of(x: f64) -> Self;
     /// Conversion to f64.
     fn wide(self) -> f64;
+    /// Constant whose addition and subtraction rounds to the nearest integer.
+    const ROUND: Self;
+    /// Least integer whose power of two is a normal number.
+    const LEAST_EXPONENT: f64;
+    /// Two to the power of an integer whose power is a normal number.
+    fn power_of_two(self) -> Self;
 }
 
 impl Real for f32 {
@@ -19,6 +25,13 @@ impl Real for f32 {
     fn wide(self) -> f64 {
         f64::from(self)
     }
+    const ROUND: Self = 12_582_912.0; // 1.5 * 2^23
+    const LEAST_EXPONENT: f64 = -126.0;
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        // The lowest bits of numbers from 2^23 on count units.
+        Self::from_bits((self + 8_388_735.0).to_bits() << 23) // 2^23 + 127
+    }
 }
 
 impl Real for f64 {
@@ -29,6 +42,12 @@ impl Real for f64 {
     #[inline(always)]
     fn wide(self) -> f64 {
         self
+    }
+    const ROUND: Self = 6_755_399_441_055_744.0; // 1.5 * 2^52
+    const LEAST_EXPONENT: f64 = -1022.0;
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        Self::from_bits((self + 4_503_599_627_371_519.0).to_bits() << 52) // 2^52 + 1023
     }
 }
 

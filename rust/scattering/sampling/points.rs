@@ -1,7 +1,5 @@
 //! Material points of the cells of a tile.
 
-use std::ops::Range;
-
 use glam::DVec3;
 use num_complex::Complex64;
 
@@ -68,13 +66,6 @@ impl<'a> Channels<'a> {
 }
 
 impl TilePoints {
-    /// Append some points of others, with a number of weights per point.
-    pub(super) fn append(&mut self, others: &Self, range: Range<usize>, num_weights: usize) {
-        let weights = range.start * num_weights..range.end * num_weights;
-        self.points.extend_from_slice(&others.points[range]);
-        self.weights.extend_from_slice(&others.weights[weights]);
-    }
-
     /// Append the points of a quarter. `join`: largest phase from the mean of joined cells [rad], per body; `width`: size
     /// of the cells in u and v.
     #[inline(always)] // part of a kernel

@@ -1,13 +1,14 @@
 //! Refinement: level by level, quarters of tiles are split where they leave too much open.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 use std::sync::Arc;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::place::{MAX_LEVEL, Place, base_tiles, planes};
-use super::points::{Channels, TilePoints};
+use super::points::Channels;
 use super::small_parts::SmallParts;
 use super::tile::{Nearest, Scenery, Tile, Worker};
 use crate::antennas::array::Array;
@@ -46,8 +47,8 @@ const MOST_BYTES: usize = size_of::<Tile>() + MOST_RAYS * size_of::<(TilePoint, 
 
 /// Refined tiles: material points of the specular part, and counts.
 pub struct Tiles {
-    /// Material points, base tile by base tile.
-    pub points: TilePoints,
+    /// Pieces with material points, base tile by base tile.
+    pub pieces: Vec<Piece>,
     /// Number of weights per point.
     pub num_weights: usize,
     levels: Vec<Level>,
@@ -67,6 +68,25 @@ pub struct Tiles {
     pub nearest: Vec<Nearest>,
     /// Counts of rays and of base tiles.
     pub counts: Counts,
+}
+
+/// Material points of a quarter of a tile.
+pub struct Piece {
+    tile: Arc<Tile>,
+    range: Range<usize>,
+}
+
+impl Piece {
+    /// The points.
+    pub fn points(&self) -> &[TilePoint] {
+        &self.tile.points.points[self.range.clone()]
+    }
+
+    /// Weights of a point, one or one per channel.
+    pub fn weights(&self, point: usize, num_weights: usize) -> &[Complex64] {
+        let first = (self.range.start + point) * num_weights;
+        &self.tile.points.weights[first..first + num_weights]
+    }
 }
 
 /// Evaluated tiles of one level.
@@ -165,7 +185,20 @@ impl Tiles {
         Ok(Self::gather(levels, &refine, known.as_slice()))
     }
 
-    /// Points of all quarters that were not split, base tile by base tile and level by level.
+    /// All material points, piece by piece.
+    #[cfg(test)]
+    pub(super) fn points(&self) -> super::points::TilePoints {
+        let mut all = super::points::TilePoints::default();
+        for piece in &self.pieces {
+            for (number, point) in piece.points().iter().enumerate() {
+                all.points.push(*point);
+                all.weights.extend(piece.weights(number, self.num_weights));
+            }
+        }
+        all
+    }
+
+    /// Pieces of all quarters that were not split, base tile by base tile and level by level.
     fn gather(levels: Vec<Level>, refine: &Refine, known: &[Known]) -> Self {
         let (refinement, num_weights) = (refine.refinement, refine.scenery.channels.number());
         let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); refinement.base.num_tiles()];
@@ -176,13 +209,17 @@ impl Tiles {
                 }
             }
         }
-        let mut points = TilePoints::default();
+        let mut pieces = Vec::new();
         let (mut num_hit, mut num_lit) = (0, 0);
         for (level, index) in of_base.into_iter().flatten() {
             let level = &levels[level as usize];
             let (tile, kept) = (&level.tiles[index as usize], level.kept[index as usize]);
             for quarter in (0..PACKETS).filter(|quarter| kept >> quarter & 1 == 1) {
-                points.append(&tile.points, tile.quarter(quarter), num_weights);
+                let range = tile.quarter(quarter);
+                if !range.is_empty() {
+                    let tile = tile.clone();
+                    pieces.push(Piece { tile, range });
+                }
                 num_hit += tile.hits[quarter];
                 num_lit += tile.hits[quarter] - tile.silent[quarter];
             }
@@ -193,7 +230,7 @@ impl Tiles {
             counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
         }
         Self {
-            points,
+            pieces,
             num_weights,
             base: refinement.base,
             beam: refinement.beam.cloned(),

@@ -150,7 +150,7 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
         let tiles = tiles(&scene, &refinement(base, rcs_floor));
         let plane = base.divided(1 << level);
         let expected = of_pixels(&scene, &plane);
-        let got = transfer(&tiles.points, WAVENUMBER);
+        let got = transfer(&tiles.points(), WAVENUMBER);
         assert!(
             (got - expected).norm() < 1e-6 * expected.norm(),
             "{level}: {got} {expected}"
@@ -171,7 +171,7 @@ fn plates_at_borders_of_tiles_keep_their_echo() {
         let found = tiles(&scene, &refinement(base, 1e-2));
         // Physical optics of a plate seen at small angles to its normal.
         let [y, z] = [place.translation.y, place.translation.z].map(|offset| sinc(WAVENUMBER * 0.1 * offset / 10.0));
-        let level = decibels(transfer(&found.points, WAVENUMBER).norm() / (facing(0.01, 10.0).norm() * y * z));
+        let level = decibels(transfer(&found.points(), WAVENUMBER).norm() / (facing(0.01, 10.0).norm() * y * z));
         assert!(level.abs() < 0.8, "{step}: {level} dB");
     }
 }
@@ -209,7 +209,7 @@ fn fences_and_rods_thinner_than_cells_keep_their_echo() {
                 sum
             })
             .sum();
-        let level = decibels(transfer(&found.points, WAVENUMBER).norm() / expected.norm());
+        let level = decibels(transfer(&found.points(), WAVENUMBER).norm() / expected.norm());
         assert!(level.abs() < 1.0, "{name}: {level} dB");
     }
 }
@@ -223,15 +223,15 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
         let apart = tiles(&scene, &settings);
         settings.join = 1.5;
         let joined = tiles(&scene, &settings);
-        assert!(joined.points.points.len() < 9 * apart.points.points.len() / 10);
+        assert!(joined.points().points.len() < 9 * apart.points().points.len() / 10);
         // Reflection at the nearest point of a sphere seen from a distance d of its centre.
         let distance = DVec3::new(1.0, 0.03, 0.02).length();
         let expected = radius / (2.0 * WAVENUMBER) / (2.0 * (distance - radius) * distance);
-        let level = decibels(transfer(&apart.points, WAVENUMBER).norm() / expected);
+        let level = decibels(transfer(&apart.points(), WAVENUMBER).norm() / expected);
         assert!(level.abs() < bound, "{radius}: {level} dB");
         for (detuned, change) in [(0.0, 5e-3), (-0.05, 5e-2), (0.05, 5e-2)] {
             let wavenumber = WAVENUMBER * (1.0 + detuned);
-            let [a, b] = [&apart, &joined].map(|tiles| transfer(&tiles.points, wavenumber));
+            let [a, b] = [&apart, &joined].map(|tiles| transfer(&tiles.points(), wavenumber));
             assert!((a - b).norm() < change * a.norm(), "{radius} {detuned}: {a} {b}");
         }
     }
@@ -239,7 +239,8 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
 
 fn same(a: &Tiles, b: &Tiles) -> bool {
     let key = |tiles: &Tiles| -> Vec<([u64; 3], u32, [u64; 2])> {
-        let points = tiles.points.points.iter().zip(&tiles.points.weights);
+        let all = tiles.points();
+        let points = all.points.iter().zip(&all.weights);
         points
             .map(|(point, weight)| {
                 let position = point.position.to_array().map(f64::to_bits);
@@ -287,7 +288,7 @@ fn budget_is_kept_by_a_larger_residual_error_everywhere() {
     let limited = tiles(&scene, &settings);
     assert!(free.counts.rays > budget && free.num_coarse == 0);
     assert!(limited.rcs_floor > 1e-5 && limited.num_coarse > 0);
-    let [free, limited] = [free, limited].map(|tiles| transfer(&tiles.points, WAVENUMBER));
+    let [free, limited] = [free, limited].map(|tiles| transfer(&tiles.points(), WAVENUMBER));
     assert!((free - limited).norm() < 0.2 * free.norm());
 }
 
@@ -319,6 +320,6 @@ fn wide_arrays_have_a_weight_per_channel() {
         let materials: [Material; 1] = [CONDUCTOR];
         let found = Tiles::new(&scene, &Cast::default(), &materials, &antennas(offset), &settings, None).unwrap();
         assert_eq!(found.num_weights, number);
-        assert_eq!(found.points.weights.len(), number * found.points.points.len());
+        assert_eq!(found.points().weights.len(), number * found.points().points.len());
     }
 }

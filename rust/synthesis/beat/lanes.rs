@@ -129,7 +129,7 @@ impl LaneSum {
         let scale = scale(largest);
         let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
         let tables = Tables::new(waveform, &frame, middle_delay(series.delay[0]));
-        let builder = Builder::new(&tables, options.tolerance, scale, [false; 2]);
+        let builder = Builder::new(&tables, options.tolerance, [false; 2]);
         let num_chunks = series.num_paths.div_ceil(CHUNK);
         let tasks = (0..series.num_channels).flat_map(|channel| {
             let firsts = (0..num_chunks).step_by(PART);
@@ -140,6 +140,7 @@ impl LaneSum {
                 series,
                 channel,
                 chunks,
+                scale,
             };
             batch(&builder, &frame, paths, options)
         };
@@ -244,13 +245,6 @@ impl LaneSum {
         Some((steps, plan))
     }
 
-    /// Smallest tolerance that can be reached; NaN if a number is not finite.
-    pub(super) fn least_tolerance(&self) -> f64 {
-        let errors = self.errors();
-        let bounds = Steps::all().map(|steps| self.bound(&errors, steps));
-        (bounds.fold(f64::INFINITY, f64::min) / MARGIN).max(LEAST_TOLERANCE)
-    }
-
     /// Largest bound of the error of all channels; NaN if a number is not finite.
     fn bound(&self, errors: &[Errors], steps: Steps) -> f64 {
         let bound = |errors: &Errors| errors.bound(&self.tables, steps.width, steps.has_second);
@@ -305,6 +299,8 @@ pub struct SomePaths<'a> {
     pub channel: usize,
     /// Numbers of the chunks.
     pub chunks: Range<usize>,
+    /// Power of two that amplitudes are multiplied by.
+    pub scale: f64,
 }
 
 /// Records of some paths; `frame` is the block of all chirps for the series.
@@ -334,6 +330,7 @@ impl Kernel for Build<'_> {
             series,
             channel,
             chunks,
+            scale,
         } = self.paths;
         let num_paths = (CHUNK * chunks.len()).min(series.num_paths);
         let mut batch = Batch::default();
@@ -343,14 +340,21 @@ impl Kernel for Build<'_> {
             batch.still.reserve(num_paths);
         }
         let mut chunk = Chunk::new(series);
+        let [mut re, mut im] = [(); 2].map(|()| vec![[0.0; CHUNK]; chunk.re.len()]);
         for index in chunks {
             chunk.load::<I>(series, channel, index * CHUNK, self.frame, Selection::ALL);
             let moving = if self.split_still { chunk.moving() } else { u128::MAX };
+            for k in 0..re.len() {
+                for i in 0..CHUNK {
+                    re[k][i] = (chunk.re[k][i] * scale) as f32;
+                    im[k][i] = (chunk.im[k][i] * scale) as f32;
+                }
+            }
             let paths = Coefficients {
                 len: chunk.len,
                 delay: &chunk.delay,
-                re: &chunk.re,
-                im: &chunk.im,
+                re: &re,
+                im: &im,
             };
             self.builder.add::<I>(&paths, moving, &mut batch);
         }

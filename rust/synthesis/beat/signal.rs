@@ -42,7 +42,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
         return Ok(done);
     }
     let mut job = Job::new(waveform, series, options)?;
-    job.check_lanes(lanes.as_ref())?;
+    job.check_lanes()?;
     let mut known_gain: f64 = 1.0;
     let mut runs = 0;
     loop {
@@ -87,7 +87,7 @@ pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Resu
         return Ok(plan);
     }
     let job = Job::new(waveform, series, options)?;
-    job.check_lanes(lanes.as_ref())?;
+    job.check_lanes()?;
     job.plan(1.0)
 }
 
@@ -253,13 +253,22 @@ impl<'a> Job<'a> {
     }
 
     /// Refuse paths that cannot be summed in lanes, where nothing else is allowed.
-    fn check_lanes(&self, lanes: Option<&LaneSum>) -> Result<()> {
+    fn check_lanes(&self) -> Result<()> {
         if self.options.method != Method::Lanes || self.series.num_paths == 0 {
             return Ok(());
         }
-        let least = lanes.map_or(f64::NAN, LaneSum::least_tolerance);
+        // Only a sum shows by how much paths add up in phase, and their errors with them.
+        let is_reachable = |tolerance: f64| {
+            let options = Options {
+                tolerance,
+                ..*self.options
+            };
+            let sum = LaneSum::of(self.waveform, self.series, &options);
+            let samples = sum.and_then(|sum| sum.samples(self.waveform, &options).ok());
+            samples.flatten().is_some()
+        };
         Err(self.refused(reachable(|tolerance| {
-            tolerance >= RESERVE * least && tolerance > self.options.tolerance
+            tolerance > self.options.tolerance && is_reachable(tolerance)
         })))
     }
 

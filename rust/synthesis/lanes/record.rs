@@ -6,8 +6,8 @@ use super::errors::Errors;
 use super::tables::{LANES, NUM_AMPLITUDES, NUM_TURNS, Tables};
 use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::angle;
-use crate::numeric::wide::{self, Wide, add, mul, narrow, neg_mul_add, sub};
-use crate::synthesis::block::Lane;
+use crate::numeric::wide::{self, mul, narrow, neg_mul_add, sub};
+use crate::synthesis::block::{Lane, SingleLane};
 
 /// Coefficients of the phase that every path has; further ones only where they count.
 pub const FEWEST_TURNS: usize = 3;
@@ -29,7 +29,7 @@ const P: usize = 2;
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Record {
-    /// Constant part of the phase at the middle samples, -1/2 to 1/2 [turns].
+    /// Constant part of the phase at the middle samples, -1 to 1 [turns].
     pub phase: f32,
     /// Constant part of the place on the grid after `cell`, -1/2 to 1/2 [cells].
     pub offset: f32,
@@ -70,7 +70,7 @@ pub struct Batch {
 }
 
 /// Coefficients of up to 128 paths of a channel over the frame of the tables, by degree: delays [s], real and imaginary
-/// parts of amplitudes. Lanes after the last path have no amplitude.
+/// parts of amplitudes times a power of two. Lanes after the last path have no amplitude.
 #[derive(Clone, Copy)]
 pub struct Coefficients<'a> {
     /// Number of paths.
@@ -78,9 +78,9 @@ pub struct Coefficients<'a> {
     /// Coefficients of the delays.
     pub delay: &'a [Lane],
     /// Real parts of those of the amplitudes.
-    pub re: &'a [Lane],
+    pub re: &'a [SingleLane],
     /// Imaginary parts.
-    pub im: &'a [Lane],
+    pub im: &'a [SingleLane],
 }
 
 /// Builder of the records of a frame.
@@ -91,8 +91,6 @@ pub struct Builder<'a> {
     least_turns: f32,
     /// Squared ratio of the part of an amplitude that does not count.
     least_quarter: f32,
-    /// Power of two that amplitudes are multiplied by.
-    scale: f64,
     /// True if series of delays and of amplitudes go on beyond the coefficients given, see [`Self::new`].
     goes_on: [bool; 2],
     weights: [Weights; NUM_TURNS],
@@ -110,10 +108,9 @@ struct Weights {
 }
 
 impl<'a> Builder<'a> {
-    /// Builder for a tolerance, of amplitudes times a power of two; `goes_on` if the series of delays and of
-    /// amplitudes go on beyond the coefficients given, as those through values at some times do: errors then include
-    /// what the last coefficients tell of further ones.
-    pub fn new(tables: &'a Tables, tolerance: f64, scale: f64, goes_on: [bool; 2]) -> Self {
+    /// Builder for a tolerance; `goes_on` if the series of delays and of amplitudes go on beyond the coefficients given,
+    /// as those through values at some times do: errors then include what the last coefficients tell of further ones.
+    pub fn new(tables: &'a Tables, tolerance: f64, goes_on: [bool; 2]) -> Self {
         let (per_second, moments) = (tables.half.recip(), &tables.moments);
         let ramp = (tables.slope / tables.carrier).abs();
         let mut weights = [Weights::default(); NUM_TURNS];
@@ -132,7 +129,6 @@ impl<'a> Builder<'a> {
             tables,
             least_turns: (TURNS_SHARE * tolerance) as f32,
             least_quarter: (QUARTER_SHARE * tolerance).powi(2) as f32,
-            scale,
             goes_on,
             weights,
         }
@@ -199,15 +195,14 @@ impl<'a> Builder<'a> {
         let (left_out, bend, beyond_third, degree) = self.left_out::<I>(&turns, detuned);
 
         // Conjugate amplitudes: along the direction of the first coefficient, and a quarter turn off.
-        let (direction, argument) = self.direction::<I>(paths, at);
-        phase = add(phase, argument);
+        let (direction, argument) = Self::direction::<I>(paths, at);
+        let phase = narrow::<f32, I, P>(wide::reduce::<I, P>(phase)).add(argument);
         let (mut along, mut across) = ([zero; NUM_AMPLITUDES], [zero; NUM_AMPLITUDES]);
         let (mut power, mut quarter, mut beyond, mut change) = (zero, zero, zero, zero);
         let mut further = [zero; 2];
-        let (scale, opposite) = (wide::splat::<I, P>(self.scale), wide::splat::<I, P>(-self.scale));
         for k in 0..paths.re.len() {
-            let re = narrow::<f32, I, P>(mul(wide::load::<I, P>(&paths.re[k][at..]), scale));
-            let im = narrow::<f32, I, P>(mul(wide::load::<I, P>(&paths.im[k][at..]), opposite));
+            let re = I::F32::load(&paths.re[k][at..]);
+            let im = zero.sub(I::F32::load(&paths.im[k][at..]));
             let r = im.mul_add(direction[1], re.mul(direction[0]));
             let s = re.neg_mul_add(direction[1], im.mul(direction[0]));
             let weight = I::F32::splat(if k == 0 { 1.0 } else { 0.5 });
@@ -249,7 +244,7 @@ impl<'a> Builder<'a> {
         sums.longest = sums.longest.max(longest.select(!power.at_most(zero), zero));
 
         Numbers {
-            phase: stored(narrow::<f32, I, P>(wide::reduce::<I, P>(phase))),
+            phase: stored(phase),
             offset: stored(offset),
             cell: stored(narrow::<f32, I, P>(cell)),
             mask: (tables.num_cells - 1) as u32,
@@ -312,24 +307,19 @@ impl<'a> Builder<'a> {
 
     /// Directions of the conjugates of the first coefficients of amplitudes, and their arguments [turns].
     #[inline(always)]
-    fn direction<I: Isa>(&self, paths: &Coefficients, at: usize) -> ([I::F32; 2], Wide<I, P>) {
-        let (scale, opposite) = (wide::splat::<I, P>(self.scale), wide::splat::<I, P>(-self.scale));
-        let re = mul(wide::load::<I, P>(&paths.re[0][at..]), scale);
-        let im = mul(wide::load::<I, P>(&paths.im[0][at..]), opposite);
-        let (x, y) = (narrow::<f32, I, P>(re), narrow::<f32, I, P>(im));
+    fn direction<I: Isa>(paths: &Coefficients, at: usize) -> ([I::F32; 2], I::F32) {
+        let none = I::F32::splat(0.0);
+        let (x, y) = (
+            I::F32::load(&paths.re[0][at..]),
+            none.sub(I::F32::load(&paths.im[0][at..])),
+        );
         let square = x.mul_add(x, y.mul(y));
         let least = I::F32::splat(NO_AMPLITUDE);
         let one = I::F32::splat(1.0);
         let inverse = one.div(square.max(least).sqrt());
         let is_none = square.at_most(least);
-        let none = I::F32::splat(0.0);
-        let zero = I::F64::splat(0.0);
-        let mut argument = [zero; P];
-        for p in 0..P {
-            let size = angle(im[p], re[p]).mul(I::F64::splat(TAU.recip()));
-            let signed = zero.sub(size).select(im[p].at_most(zero), size);
-            argument[p] = zero.select(is_none >> (LANES / P * p), signed);
-        }
+        let size = angle(y, x).mul(I::F32::splat(std::f32::consts::TAU.recip()));
+        let argument = none.select(is_none, none.sub(size).select(y.at_most(none), size));
         (
             [
                 one.select(is_none, x.mul(inverse)),
