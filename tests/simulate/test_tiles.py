@@ -145,6 +145,15 @@ def test_budget_is_kept_and_said_once() -> None:
     assert simulator([ball]).frame().stats["cells_not_split"] == 0
 
 
+def test_budget_is_kept_where_thin_bars_alone_would_exceed_it() -> None:
+    fence = boxes((0.002, 0.002, 2.0), [[0.0, 0.01 * k, 0.0] for k in range(-100, 100)], rc.Pose([2.5, 0.0, 0.0]))
+    sim = simulator([fence], ray_budget=20_000)
+    with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
+        stats = sim.frame().stats
+    assert stats["cells_not_split"] > 0
+    assert stats["rays_cast"] <= 2 * 20_000  # with those of the cells that were tried
+
+
 def test_results_depend_neither_on_threads_nor_on_what_is_known() -> None:
     def moving(**options: Any) -> rc.Simulator:
         rough = rc.Material.lambertian(0.3)

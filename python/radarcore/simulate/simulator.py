@@ -64,14 +64,15 @@ class Simulator(Settings):
         each is 40 dB below the echo of such a target at the peak of the gain and the same distance, or six times.
         Default: 0.01, 0.1 with fast sampling, and less where the strongest echo in view is weak: a tenth of it.
     ray_budget : int, optional
-        Largest number of rays of a cast through cells of adaptive sampling; where they do not suffice, the permitted
-        residual error grows everywhere, and one warning says so. Infinite: as many as `rcs_floor` asks for. Default:
-        400 000, or four per cell of the base grid where that is more. Rays to the points of diffuse surfaces, at most
-        131 072 per body, are not counted.
+        Largest number of rays through the cells of a cast, of adaptive sampling; where they do not suffice, the
+        permitted residual error grows everywhere, parts of meshes between rays are sought less finely, and one warning
+        says so. Infinite: as many as `rcs_floor` asks for. Default: 400 000, or four per cell of the base grid where
+        that is more. Not counted: rays of cells that were tried before that error had grown, and rays to the points
+        of diffuse surfaces, at most 131 072 per body. `Frame.stats["rays_cast"]` counts both.
     end_points : bool
         With adaptive sampling: a cell over which the phase varies fast is represented by its end points, whose phase is
         exact over the whole band and which cancel those of its neighbours; otherwise by its centre, tapered as pixels.
-        Converges faster below an `rcs_floor` of 1e-3, and takes five times as long.
+        Converges faster below an `rcs_floor` of 1e-3, and takes longer.
     gain_floor_db : float
         Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
         the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.

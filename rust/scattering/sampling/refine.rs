@@ -58,7 +58,7 @@ pub struct Tiles {
     poses: Vec<Pose>,
     /// Cross-section that quarters were refined for [m^2].
     pub rcs_floor: f64,
-    /// Number of cells with too large a residual error, which the finest level or the budget left.
+    /// Number of cells that would have been split, but for the finest level or the budget.
     pub num_coarse: usize,
     /// Number of cells that hit a body.
     pub num_hit: usize,
@@ -162,27 +162,25 @@ impl Tiles {
             scenery: &scenery,
             refinement,
             small_parts: &small_parts,
-            known: known.as_slice(),
+            known: known.as_ref(),
             floor: None,
+            most_forced: MAX_LEVEL,
             counts: Counts::default(),
         };
-        let (mut levels, mut is_whole) = refine.levels()?;
+        let (mut levels, mut is_whole) = refine.levels(&[])?;
         while !is_whole {
-            // Too many rays: again, for a larger cross-section, from the tiles that are there.
+            // Too many rays: again, with the tiles that are there. In the end nothing is split.
             refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
-            let tried = std::mem::take(&mut levels);
-            let again = [Known {
-                levels: &tried,
-                is_static: vec![true; refinement.base.num_tiles()],
-            }];
-            let mut coarser = Refine {
-                known: &again,
-                ..refine
-            };
-            (levels, is_whole) = coarser.levels()?;
-            refine.counts = coarser.counts;
+            refine.most_forced = refine.most_forced.saturating_sub(1);
+            (levels, is_whole) = refine.levels(&levels)?;
         }
-        Ok(Self::gather(levels, &refine, known.as_slice()))
+        Ok(Self::gather(levels, &refine))
+    }
+
+    /// Number of rays of all tiles.
+    #[cfg(test)]
+    pub(super) fn num_rays(&self) -> usize {
+        self.levels.iter().map(Level::rays).sum()
     }
 
     /// All material points, piece by piece.
@@ -199,7 +197,7 @@ impl Tiles {
     }
 
     /// Pieces of all quarters that were not split, base tile by base tile and level by level.
-    fn gather(levels: Vec<Level>, refine: &Refine, known: &[Known]) -> Self {
+    fn gather(levels: Vec<Level>, refine: &Refine) -> Self {
         let (refinement, num_weights) = (refine.refinement, refine.scenery.channels.number());
         let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); refinement.base.num_tiles()];
         for (number, level) in levels.iter().enumerate() {
@@ -226,7 +224,7 @@ impl Tiles {
         }
         let mut counts = refine.counts;
         counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.nearest.is_empty()).count();
-        if let [known] = known {
+        if let Some(known) = refine.known {
             counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
         }
         Self {
@@ -255,29 +253,31 @@ struct Refine<'a> {
     scenery: &'a Scenery<'a>,
     refinement: &'a Refinement<'a>,
     small_parts: &'a SmallParts,
-    known: &'a [Known<'a>],
+    known: Option<&'a Known<'a>>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
+    /// Number of levels, from the base level on, whose quarters small parts may split.
+    most_forced: usize,
     counts: Counts,
 }
 
 impl Refine<'_> {
-    /// Tiles of all levels; false where the rays exceed the budget, and finer levels are missing.
-    fn levels(&mut self) -> Result<(Vec<Level>, bool)> {
+    /// Tiles of all levels; false where the rays would exceed the budget, and finer levels are missing. Tiles that were
+    /// `tried` for a smaller cross-section are taken over.
+    fn levels(&mut self, tried: &[Level]) -> Result<(Vec<Level>, bool)> {
         let budget = self.refinement.budget.unwrap_or(usize::MAX);
         let mut levels: Vec<Level> = Vec::new();
         let mut next = base_tiles(&self.refinement.base);
         let mut rays = 0;
         while !next.is_empty() {
             fits_memory("tiles", &[next.len()], MOST_BYTES)?;
-            let mut level = self.evaluate(&next);
-            rays += level.tiles.iter().map(|tile| tile.rays).sum::<usize>();
+            if !levels.is_empty() && rays + MOST_RAYS * next.len() > budget {
+                return Ok((levels, false));
+            }
+            let mut level = self.evaluate(&next, tried);
+            rays += level.rays();
             if self.floor.is_none() {
                 self.floor = Some(self.chosen_floor(&level));
-            }
-            if rays > budget && !levels.is_empty() {
-                levels.push(level);
-                return Ok((levels, false));
             }
             next = self.split(&mut level, levels.len());
             levels.push(level);
@@ -286,9 +286,10 @@ impl Refine<'_> {
     }
 
     /// Tiles at places, cast or taken over.
-    fn evaluate(&mut self, places: &[(u32, Place)]) -> Level {
+    fn evaluate(&mut self, places: &[(u32, Place)], tried: &[Level]) -> Level {
         let tile = |worker: &mut Worker, (base, place): &(u32, Place)| {
-            let known = self.known.iter().find_map(|known| known.tile(*base, place));
+            let here = tried.get(place.level).and_then(|level| level.tile(place));
+            let known = here.or_else(|| self.known.and_then(|known| known.tile(*base, place)));
             let is_new = known.is_none();
             let tile = known.unwrap_or_else(|| Arc::new(self.scenery.tile(worker, *place)));
             (tile, is_new)
@@ -332,7 +333,8 @@ impl Refine<'_> {
         let open = tile.open_with(self.scenery.wavenumber, |place| {
             level.find(&place).map(|at| &*level.tiles[at])
         });
-        let wants = |quarter: usize| f64::from(open[quarter]) > allowed || self.small_parts.wants(&tile.place, quarter);
+        let is_forced = |quarter: usize| number < self.most_forced && self.small_parts.wants(&tile.place, quarter);
+        let wants = |quarter: usize| f64::from(open[quarter]) > allowed || is_forced(quarter);
         (0..PACKETS).map(|quarter| u8::from(wants(quarter)) << quarter).sum()
     }
 
@@ -355,25 +357,31 @@ impl Refine<'_> {
         (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
     }
 
-    /// Number of cells that leave more open than the settings ask for, where the finest level or the budget ended the
+    /// Number of cells of quarters that the settings ask to split, where the finest level or the budget ended the
     /// refinement.
     fn num_coarse(&self, levels: &[Level]) -> usize {
-        let asked = Self { floor: None, ..*self };
-        let is_limited = self.floor.is_some_and(|floor| floor > self.refinement.rcs_floor);
-        let first = if is_limited { 0 } else { MAX_LEVEL };
+        let asked = Self {
+            floor: None,
+            most_forced: MAX_LEVEL,
+            ..*self
+        };
+        let first = if self.most_forced < MAX_LEVEL { 0 } else { MAX_LEVEL };
         let mut number = 0;
         for (depth, level) in levels.iter().enumerate().skip(first) {
-            let allowed = asked.allowed(depth);
-            let open = level
-                .kept()
-                .filter(|(tile, quarter)| f64::from(tile.open[*quarter]) > allowed);
-            number += PACKET * open.count();
+            let quarters = level.tiles.par_iter().zip(&level.kept);
+            let quarters = quarters.map(|(tile, kept)| (asked.wanted(level, tile, depth) & kept).count_ones() as usize);
+            number += PACKET * quarters.sum::<usize>();
         }
         number
     }
 }
 
 impl Level {
+    /// Tile at a place.
+    fn tile(&self, place: &Place) -> Option<Arc<Tile>> {
+        self.find(place).map(|at| self.tiles[at].clone())
+    }
+
     /// Number of the tile at a place.
     fn find(&self, place: &Place) -> Option<usize> {
         let key = place.key();
@@ -381,18 +389,14 @@ impl Level {
         Some(self.keys[at].1 as usize)
     }
 
+    /// Number of rays of all tiles.
+    fn rays(&self) -> usize {
+        self.tiles.iter().map(|tile| tile.rays).sum()
+    }
+
     /// Nearest hits of the bodies of all tiles.
     fn nearest(&self) -> impl Iterator<Item = Nearest> {
         self.tiles.iter().flat_map(|tile| &tile.nearest).copied()
-    }
-
-    /// Tiles and their quarters that were not split.
-    fn kept(&self) -> impl Iterator<Item = (&Tile, usize)> {
-        let tiles = self.tiles.iter().zip(&self.kept);
-        tiles.flat_map(|(tile, kept)| {
-            let quarters = (0..PACKETS).filter(move |quarter| kept >> quarter & 1 == 1);
-            quarters.map(move |quarter| (&**tile, quarter))
-        })
     }
 }
 
@@ -412,7 +416,7 @@ impl<'a> Known<'a> {
     /// Static tile at a place.
     fn tile(&self, base: u32, place: &Place) -> Option<Arc<Tile>> {
         let level = self.levels.get(place.level).filter(|_| self.is_static[base as usize])?;
-        level.find(place).map(|at| level.tiles[at].clone())
+        level.tile(place)
     }
 }
 

@@ -293,6 +293,23 @@ fn budget_is_kept_by_a_larger_residual_error_everywhere() {
 }
 
 #[test]
+fn budget_is_kept_where_small_parts_alone_exceed_it() {
+    let bars: Vec<[f64; 4]> = (-100..100).map(|k| [0.012 * f64::from(k), 0.0, 0.001, 2.0]).collect();
+    let scene = PosedScene::new(vec![plates(&bars)], vec![at(2.5, 0.0, 0.0)]);
+    let base = ImagePlane::centered(64, 64, 0.5, 0.5);
+    let fewest = base.rows * base.columns;
+    for budget in [fewest, 2 * fewest, 20 * fewest] {
+        let settings = Refinement {
+            budget: Some(budget),
+            ..refinement(base, 1e-2)
+        };
+        let found = tiles(&scene, &settings);
+        assert!(found.num_rays() <= budget, "{} of {budget}", found.num_rays());
+        assert!(found.num_coarse > 0);
+    }
+}
+
+#[test]
 fn weak_echoes_alone_in_view_lower_the_floor() {
     let base = ImagePlane::centered(64, 64, 0.5, 0.5);
     let scene = PosedScene::new(vec![sphere(0.02)], vec![at(1.0, 0.0, 0.0)]);
