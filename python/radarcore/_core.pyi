@@ -393,6 +393,8 @@ class Simulator:
 
         Of what rays see in the first part of a frame, at a time at which everything is `at` and changes by `rates_at`.
         """
+    def stop(self) -> None:
+        """Stop the run in progress in another thread, if there is one: it ends between two stages, with an error."""
     def image(self, at: Placement) -> Hits:
         """Hits of the rays of an image at one time."""
     def occluded(

@@ -332,6 +332,8 @@ type PathArrays<'py> = (
 pub(super) struct Simulator {
     model: Model,
     memory: Mutex<Memory>,
+    /// Request to stop the run in progress.
+    in_progress: Mutex<Option<Arc<Cancel>>>,
     threads: Option<usize>,
 }
 
@@ -365,6 +367,7 @@ impl Simulator {
         Ok(Self {
             model,
             memory: Mutex::default(),
+            in_progress: Mutex::default(),
             threads,
         })
     }
@@ -401,6 +404,14 @@ impl Simulator {
             truth: truth.transpose()?,
             counts: frame.counts,
         }))
+    }
+
+    /// Stop the run in progress in another thread, if there is one: it ends between two stages, with an error.
+    fn stop(&self) {
+        let cancel = self.in_progress.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(cancel) = &*cancel {
+            cancel.ask();
+        }
     }
 
     /// Delays [s], delay rates [s/s] and amplitudes [sqrt(W)] (channel, path), and bodies and orders (path,), at the
@@ -459,10 +470,14 @@ impl Simulator {
     /// Run a function on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
         let pool = pool(self.threads)?;
-        let cancel = Cancel::default();
+        let cancel = Arc::new(Cancel::default());
         // A second thread of the interpreter waits here for the first.
         py.detach(|| {
             let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+            let in_progress = |run| {
+                *self.in_progress.lock().unwrap_or_else(PoisonError::into_inner) = run;
+            };
+            in_progress(Some(cancel.clone()));
             let (sender, receiver) = channel();
             let mut signal = None;
             let mut result = None;
@@ -488,6 +503,7 @@ impl Simulator {
                     }
                 }
             });
+            in_progress(None);
             match (signal, result) {
                 (Some(error), _) => Err(error),
                 (None, Some(result)) => Ok(result?),

@@ -9,7 +9,6 @@ use crate::antennas::array::Array;
 use crate::paths::scatterers::{Edges, Scatterers, Weight};
 use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::patch::Patch;
-use crate::scattering::tile_point::TilePoint;
 
 /// Cell number of points without a cell.
 pub const NO_CELL: u32 = u32::MAX;

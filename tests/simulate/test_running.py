@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore.simulate.side_by_side import in_order
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=8, chirp_interval=300e-6
@@ -61,9 +62,9 @@ def test_replaced_settings_make_another_simulator() -> None:
         dataclasses.replace(sim, tolerance=-1.0)
 
 
-@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
-def test_frames_placed_ahead_are_those_placed_one_by_one(sampling: str) -> None:
-    recording = simulator(sampling=sampling).record(0.2, 0.7, 40.0, progress=False)
+@pytest.mark.parametrize(("sampling", "threads"), [("adaptive", 1), ("adaptive", 3), ("footprint", 2)])
+def test_frames_side_by_side_are_those_one_by_one(sampling: str, threads: int) -> None:
+    recording = simulator(sampling=sampling, threads=threads).record(0.2, 0.7, 40.0, progress=False)
     assert len(recording) == 20  # more than are placed together
     alone = simulator(sampling=sampling)
     for frame in recording.frames():
@@ -133,6 +134,52 @@ def test_interrupt_ends_a_long_frame_within_a_second() -> None:
     heard = time.process_time()
     timer.join()
     assert heard - sent[0] < 1.0  # time of all threads, which no other program slows down
+
+
+def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
+    stopped: list[str] = []
+
+    def work(worker: str, item: int) -> tuple[str, int]:
+        time.sleep(0.01 * (item % 3))
+        if item == 7:
+            raise ValueError("seven")
+        return worker, item
+
+    workers = ["a", "b", "c"]
+    expected = [(workers[item % 3], item) for item in range(7)]
+    assert list(in_order(work, range(7), workers, stopped.append)) == expected
+    assert list(in_order(work, range(7), workers[:1], stopped.append)) == [("a", item) for item in range(7)]
+    assert stopped == []
+    results = in_order(work, range(1000), workers, stopped.append)
+    assert [next(results) for _ in range(7)] == expected
+    with pytest.raises(ValueError, match="seven"):
+        next(results)
+    assert stopped == workers
+    early = in_order(work, range(1000), workers, stopped.append)
+    next(early)
+    early.close()
+    assert stopped == 2 * workers
+
+
+@pytest.mark.usefixtures("hears_interrupts")
+def test_interrupt_ends_frames_side_by_side() -> None:
+    long = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=256))
+    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
+    options: dict[str, Any] = {"sampling": "footprint", "method": "direct", "threads": 2}
+    sim = simulator([wall], long, resolution=512, **options)
+    sent: list[float] = []
+
+    def interrupt() -> None:
+        sent.append(time.process_time())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(1.0, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        sim.record(0.0, 1.0, 10.0, progress=False)
+    heard = time.process_time()
+    timer.join()
+    assert heard - sent[0] < 4.0  # of half a minute for each of ten frames
 
 
 @pytest.mark.usefixtures("hears_interrupts")

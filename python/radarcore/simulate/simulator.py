@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,7 +28,17 @@ from radarcore.simulate.doubts import Doubts
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.settings import Settings
+from radarcore.simulate.side_by_side import in_order
 from radarcore.simulate.times import frame_times
+
+Placed = tuple[float, _core.Placement]
+"""Start of a frame [s] and the motion in it."""
+
+_BYTES_SIDE_BY_SIDE = 3_000_000_000
+"""Memory of frames that are simulated side by side [bytes]."""
+
+_BYTES_PER_RAY, _BYTES_PER_SAMPLE = 300, 32
+"""Memory of a frame, about [bytes]."""
 
 _NUM_TIMES = 17
 """Times of a frame at which motion is placed at first; a motion too fast for them is placed again."""
@@ -118,7 +129,8 @@ class Simulator(Settings):
         within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
         own. `Frame.truth` holds for the middle of the frame.
         """
-        return next(self._frames([check.number("time", time, "s")]))
+        start = check.number("time", time, "s")
+        return next(self._frames(self._placed([start]), 1))
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -135,7 +147,7 @@ class Simulator(Settings):
         path: str | PathLike[str] | None = None,
         overwrite: bool = False,
     ) -> Recording:
-        """Simulate the frames that start before `stop`.
+        """Simulate the frames that start before `stop`, several of them side by side where there are threads for it.
 
         Parameters
         ----------
@@ -215,36 +227,50 @@ class Simulator(Settings):
         is_hidden, _ = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
         return is_hidden
 
-    def _frames(self, starts: list[float]) -> Iterator[Frame]:
-        """Frames that start at `starts` [s], placed together: place, simulate, receive."""
+    def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
+        """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
-        for start, placed in zip(starts, self._placement.frames(starts, _NUM_TIMES), strict=True):
-            rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
-            ideal = self._engine.frame(placed, rates) or self._placed_again(start, _NUM_TIMES)
+        engines = [self._engine, *(self._new_engine() for _ in range(side_by_side - 1))]
+        for start, ideal, cube in in_order(self._received, placed, engines, _core.Simulator.stop):
             self._doubts.of_frame(ideal)
             stats = stats_of(ideal)
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
-            cube = receive(ideal.cube, self.radar, start, seed=self.seed)
             yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats)
 
-    def _placed_again(self, start: float, num_times: int) -> _core.IdealFrame:
-        """Frame of a motion that needs more than `num_times` times."""
-        more = 2 * num_times - 1
-        return self._engine.frame(next(self._placement.frames([start], more))) or self._placed_again(start, more)
-
-    def _in_chunks(self, times: list[float]) -> Iterator[Frame]:
-        """Frames at times, placed in chunks."""
+    def _placed(self, starts: list[float]) -> Iterator[Placed]:
+        """Starts [s] and placed motions of frames: a few at a time are placed together."""
         size = self._placement.frames_ahead(_NUM_TIMES)
-        for first in range(0, len(times), size):
-            yield from self._frames(times[first : first + size])
+        for first in range(0, len(starts), size):
+            some = starts[first : first + size]
+            yield from zip(some, self._placement.frames(some, _NUM_TIMES), strict=True)
+
+    def _received(self, engine: _core.Simulator, placed: Placed) -> tuple[float, _core.IdealFrame, NDArray[Any]]:
+        """Start [s], ideal frame and cube as received, of a placed motion."""
+        start, motion = placed
+        rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
+        ideal, num_times = engine.frame(motion, rates), _NUM_TIMES
+        while ideal is None:  # too few times for the motion
+            num_times = 2 * num_times - 1
+            ideal = engine.frame(next(self._placement.frames([start], num_times)), None)
+        return start, ideal, receive(ideal.cube, self.radar, start, seed=self.seed)
 
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
+        number = min(len(times), self.threads or _num_cores(), self._most_side_by_side)
         with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
-            for frame in self._in_chunks(times):
+            for frame in self._frames(self._placed(times), max(1, number)):
                 yield frame
                 bar.update()
+
+    @property
+    def _most_side_by_side(self) -> int:
+        """Largest number of frames whose rays and samples fit the memory that a recording may take."""
+        rows, columns = self.num_cells if self.is_adaptive else self.num_pixels
+        rays = rows * columns if self.most_rays is None or not self.is_adaptive else self.most_rays
+        wf = self.radar.waveform
+        samples = len(self.radar.tx) * len(self.radar.rx) * wf.num_chirps * wf.num_samples
+        return _BYTES_SIDE_BY_SIDE // (_BYTES_PER_RAY * rays + _BYTES_PER_SAMPLE * samples)
 
     @cached_property
     def _placement(self) -> Placement:
@@ -293,6 +319,11 @@ class Simulator(Settings):
     def __getstate__(self) -> dict[str, Any]:
         made = ("_engine", "_placement", "_materials")
         return {name: value for name, value in self.__dict__.items() if name not in made}
+
+
+def _num_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def stats_of(ideal: _core.IdealFrame) -> dict[str, Any]:
