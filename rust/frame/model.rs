@@ -24,7 +24,7 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
 
 /// Largest bandwidth over the carrier frequency of a narrow band, and largest phases of joined points from their mean
-/// in narrow and wide bands [rad]: the sum over the band then changes by at most 4 %.
+/// in narrow and wide bands [rad]: the sum over the band then changes by a few percent.
 const NARROW: f64 = 0.1;
 const JOIN_NARROW: f64 = 1.5;
 const JOIN_WIDE: f64 = 1.0;

@@ -128,6 +128,7 @@ impl Rays {
                     end_points,
                     beam: model.beam(),
                     join: model.join(),
+                    skip_dark: true,
                     turns,
                 };
                 let before = match before {

@@ -118,6 +118,7 @@ impl Shading {
     }
 
     /// Unit normals at the three corners (to f32 precision), None where the triangle is flat.
+    #[inline]
     pub fn corner_normals(&self, triangle: usize) -> Option<[DVec3; 3]> {
         let [a, b, c] = *self.corners.get(triangle)?;
         let normal = |place: u32| self.normals.get(place as usize).map(|normal| normal.as_dvec3());

@@ -777,6 +777,7 @@ mod tests {
                     end_points,
                     beam: None,
                     join: 1.5,
+                    skip_dark: true,
                     turns: &[],
                 };
                 let samples =

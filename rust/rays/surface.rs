@@ -308,6 +308,7 @@ impl Surface {
     }
 
     /// Normals at the corners of a triangle that approximates a curved surface; none if it is flat.
+    #[inline]
     pub fn corner_normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
         self.shading.corner_normals(triangle as usize)
     }

@@ -6,6 +6,7 @@ pub mod lambert;
 pub mod material;
 pub mod material_frame;
 pub mod material_points;
+pub mod mesh_parts;
 pub mod patch;
 pub mod physical_optics;
 pub mod quadtree;

@@ -26,6 +26,8 @@ pub struct Refinement<'a> {
     pub beam: Option<&'a Beam>,
     /// Largest difference of the phases of joined points from their mean [rad]; 0: no points are joined.
     pub join: f64,
+    /// Option to leave out the parts of split quarters whose rays cannot return power.
+    pub skip_dark: bool,
     /// Angle by which every body turns from the cast to the ends of its use, seen from the sensor [rad].
     pub turns: &'a [f64],
 }

@@ -43,7 +43,7 @@ impl Reflection {
 
     /// Coefficient at a cosine of incidence, real and imaginary part. `place`: unit normal and direction of the ray,
     /// which a polarisation needs.
-    #[inline]
+    #[inline(always)] // part of a kernel
     pub fn at(&self, cosine: f32, place: impl FnOnce() -> (DVec3, DVec3)) -> [f32; 2] {
         let position = cosine.clamp(0.0, 1.0) * INTERVALS as f32;
         let index = (position as usize).min(INTERVALS - 1);

@@ -2,7 +2,14 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::numeric::trig::sinc;
+use crate::numeric::simd::Vector;
+use crate::numeric::trig::{cos_sin_quarter, sinc};
+
+/// Half of what the phase turns over a patch from which on [`taper`] is zero [rad].
+pub const STEEPEST: f32 = std::f32::consts::PI;
+
+/// Half of what the phase turns over a patch from which on [`taper`] rolls off [rad].
+const QUARTER: f32 = std::f32::consts::FRAC_PI_2;
 
 /// Mean of exp(-2jx s) over s in [-1/2, 1/2], tapered to zero at x = pi so that aliases of steep patches vanish.
 pub fn taper(x: f64) -> f64 {
@@ -16,43 +23,33 @@ pub fn taper(x: f64) -> f64 {
     }
 }
 
-/// Roll-off of [`taper`] in single precision: its ratio to the mean of the phase.
+/// Roll-off of [`taper`] in single precision: its ratio to the mean of the phase. `x` is not negative.
 #[inline(always)] // part of kernels
-pub fn roll_off_f32(x: f32) -> f32 {
-    const HALF: f32 = std::f32::consts::FRAC_PI_2;
-    let x = x.abs();
-    let y = (x.clamp(HALF, std::f32::consts::PI)) - HALF;
-    if x < std::f32::consts::PI { cos_f32(y) } else { 0.0 }
+pub fn roll_off<V: Vector<Scalar = f32>>(x: V) -> V {
+    let (half, most) = (V::splat(QUARTER), V::splat(STEEPEST));
+    let (cosine, _) = cos_sin_quarter(x.max(half).min(most).sub(half));
+    V::splat(0.0).select(most.at_most(x), cosine)
 }
 
-/// Cosine of angles up to half a turn, by its Taylor series.
-#[inline(always)]
-fn cos_f32(y: f32) -> f32 {
-    let s = y * y;
-    1.0 + s
-        * (-0.5
-            + s * (1.0 / 24.0
-                + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0 + s * (-1.0 / 3_628_800.0 + s / 479_001_600.0)))))
-}
-
-/// [`taper`] in single precision, without branches.
+/// [`taper`] in single precision. `x` is not negative.
 #[inline(always)] // part of kernels
-pub fn taper_f32(x: f32) -> f32 {
-    const HALF: f32 = std::f32::consts::FRAC_PI_2;
-    let x = x.abs();
-    let y = x.min(std::f32::consts::PI) - HALF;
-    // sin(x) = cos(y).
-    let sine = cos_f32(y);
-    let square = x * x;
-    let near = 1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square / 5040.0));
-    let mean = if x < 0.5 { near } else { sine / x };
-    let rolled = if x > HALF { mean * sine } else { mean };
-    if x < std::f32::consts::PI { rolled } else { 0.0 }
+pub fn tapers<V: Vector<Scalar = f32>>(x: V) -> V {
+    let splat = V::splat;
+    let (half, most) = (splat(QUARTER), splat(STEEPEST));
+    // sin(x) = cos(x - pi/2).
+    let (sine, _) = cos_sin_quarter(x.min(most).sub(half));
+    let square = x.mul(x);
+    let near = splat(1.0 / 120.0).sub(square.mul(splat(1.0 / 5040.0)));
+    let near = splat(1.0).sub(square.mul(splat(1.0 / 6.0).sub(square.mul(near))));
+    let mean = near.select(x.at_most(splat(0.5)), sine.div(x));
+    let rolled = mean.select(x.at_most(half), mean.mul(sine));
+    splat(0.0).select(most.at_most(x), rolled)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::simd::{Isa, Kernel, Level};
 
     #[test]
     fn taper_is_sinc_then_falls_to_zero_without_a_step() {
@@ -64,14 +61,49 @@ mod tests {
 
     #[test]
     fn taper_in_single_precision_is_that_in_double_precision() {
-        for i in -4000..=4000 {
-            let x = f64::from(i) * 1e-3;
-            assert!((f64::from(taper_f32(x as f32)) - taper(x)).abs() < 1e-6, "{x}");
+        struct Tapers([f32; 16]);
+        impl Kernel for Tapers {
+            type Output = [[f32; 16]; 2];
+            #[inline(always)]
+            fn run<I: Isa>(self) -> [[f32; 16]; 2] {
+                let mut values = [[0.0; 16]; 2];
+                let x = I::F32::load(&self.0);
+                tapers(x).store(&mut values[0]);
+                roll_off(x).store(&mut values[1]);
+                values
+            }
         }
-        assert_eq!((taper_f32(0.0), taper_f32(std::f32::consts::PI)), (1.0, 0.0));
-        for x in [0.3, 1.5, 1.7, 2.5, 3.1] {
-            let ratio = taper(x) / sinc(x);
-            assert!((f64::from(roll_off_f32(x as f32)) - ratio).abs() < 1e-6, "{x}");
+        for level in Level::available() {
+            for trial in 0..256_u16 {
+                let x: [f32; 16] = std::array::from_fn(|lane| 1e-3 * (16.0 * f32::from(trial) + lane as f32));
+                let [tapers, rolls] = level.run(Tapers(x));
+                for lane in 0..16 {
+                    let x = f64::from(x[lane]);
+                    assert!((f64::from(tapers[lane]) - taper(x)).abs() < 1e-6, "{x}");
+                    if x < 3.1 {
+                        assert!((f64::from(rolls[lane]) - taper(x) / sinc(x)).abs() < 1e-6, "{x}");
+                    }
+                }
+            }
+            let ends = level.run(Tapers([
+                0.0,
+                std::f32::consts::PI,
+                9.0,
+                0.5,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+            ]));
+            assert_eq!(ends[0][..3], [1.0, 0.0, 0.0]);
         }
     }
 }

@@ -39,11 +39,6 @@ pub(super) const LAST_STEP: f64 = 1.4;
 /// The sides of a cell: axis, and 0 for the lower end of it.
 pub(super) const SIDES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
-/// Most pieces of a long part of a mesh, and most parts that are looked at in pieces.
-pub(super) const MOST_PIECES: f64 = 256.0;
-
-pub(super) const FEW_PARTS: usize = 1000;
-
 /// Rays of cells that lie in a square of so many cells along either side, as a power of two, are cast together.
 pub(super) const BUNDLE: u32 = 4;
 

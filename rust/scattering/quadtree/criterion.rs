@@ -2,26 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
-
-use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, FEW_PARTS, MAX_LEVEL, MOST_PIECES, Place, SHARE, STEEP, field};
+use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, MAX_LEVEL, Place, SHARE, STEEP, field};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
-use crate::geometry::aabb::Bounds;
 use crate::rays::batch::Found;
 use crate::rays::camera::{Cell, ImagePlane};
 use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
+use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::refinement::Refinement;
-
-/// Part of a mesh on the image plane: a rectangle that needs cells of a size.
-pub(super) struct Target {
-    pub(super) u: [f64; 2],
-    pub(super) v: [f64; 2],
-    /// Widest cells.
-    pub(super) width: [f64; 2],
-}
 
 /// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {
@@ -64,70 +54,10 @@ impl Criterion<'_> {
         }
     }
 
-    /// Bodies, and parts of their meshes, that have the smallest cross-section of interest and may be missed by the
-    /// base grid.
-    pub(super) fn targets(&self) -> Vec<Target> {
-        let bodies = 0..self.snapshot.num_bodies() as u32;
-        let parts = bodies.flat_map(|body| {
-            let pose = self.snapshot.pose(body);
-            let parts = self.snapshot.surface(body).parts();
-            let most = if parts.len() > FEW_PARTS { 1.0 } else { MOST_PIECES };
-            parts.iter().flat_map(move |part| {
-                let pieces = pieces(part, most);
-                let number = pieces.len() as f64;
-                let corners = move |piece: Bounds| piece.corners().map(|corner| pose.point(corner));
-                pieces
-                    .into_iter()
-                    .filter_map(move |piece| self.target(&corners(piece), number))
-            })
-        });
-        let base = &self.refinement.base;
-        let is_small = |target: &Target| target.width[0] < base.du || target.width[1] < base.dv;
-        parts.filter(is_small).collect()
+    /// Parts of meshes that have the smallest cross-section of interest and may be missed by the base grid.
+    pub(super) fn targets(&self) -> Vec<MeshPart> {
+        MeshPart::small(self.snapshot, self.refinement, self.wavelength, CELLS_ACROSS)
     }
-
-    /// Target of a box in the sensor frame, one of a number of pieces.
-    pub(super) fn target(&self, corners: &[DVec3; 8], pieces: f64) -> Option<Target> {
-        // A box that reaches behind the sensor is near and large.
-        if corners.iter().any(|corner| corner.x <= 0.0) {
-            return None;
-        }
-        let range = |axis: usize| {
-            let (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
-            let ratios = corners.iter().map(|corner| corner[axis] / corner.x);
-            let (low, high) = ratios.fold((low, high), |(low, high), x| (low.min(x), high.max(x)));
-            [low, high]
-        };
-        let (u, v) = (range(1), range(2));
-        let distance = corners
-            .iter()
-            .map(|corner| corner.length())
-            .fold(f64::INFINITY, f64::min);
-        let is_bright = pieces * (u[1] - u[0]) * (v[1] - v[0]) >= field(self.refinement, distance, self.wavelength);
-        let width = [u, v].map(|[low, high]| (high - low) / CELLS_ACROSS);
-        is_bright.then_some(Target { u, v, width })
-    }
-}
-
-/// Split a long box into pieces about as long as wide: the border of the image may cross the box.
-pub(super) fn pieces(bounds: &Bounds, most: f64) -> Vec<Bounds> {
-    let size = bounds.max - bounds.min;
-    let longest = size.max_position();
-    let mut others = size;
-    others[longest] = 0.0;
-    let number = (size[longest] / others.max_element()).ceil().clamp(1.0, most);
-    if !number.is_finite() {
-        return vec![*bounds];
-    }
-    let step = size[longest] / number;
-    (0..number as usize)
-        .map(|piece| {
-            let mut part = *bounds;
-            part.min[longest] = bounds.min[longest] + step * piece as f64;
-            part.max[longest] = part.min[longest] + step;
-            part
-        })
-        .collect()
 }
 
 /// Ends of the packets of cells in their order; the cells of a packet lie within a square of the image.

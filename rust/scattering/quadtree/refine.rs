@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, SIDES, base_cells};
-use super::criterion::{Criterion, Target, bundles, cell};
+use super::criterion::{Criterion, bundles, cell};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
@@ -15,6 +15,7 @@ use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
+use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::refinement::Refinement;
 
 impl Quadtree {
@@ -391,7 +392,7 @@ impl Quadtree {
     }
 
     /// Cells of a level, not split so far, on which targets want finer ones.
-    pub(super) fn cells_on(&self, targets: &[Target], level: usize) -> Vec<u32> {
+    pub(super) fn cells_on(&self, targets: &[MeshPart], level: usize) -> Vec<u32> {
         let plane = &self.planes[level];
         // Rows and columns that a range of the plane covers.
         let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {

@@ -61,6 +61,7 @@ const REFINEMENT: Refinement<'static> = Refinement {
     rcs_floor: 1e-6,
     follows_echo: false,
     join: 0.0,
+    skip_dark: true,
     turns: &[],
     budget: None,
     end_points: true,

@@ -1,19 +1,23 @@
 //! Cells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::numeric::simd::Isa;
+use crate::numeric::simd::{Isa, Vector};
+use crate::numeric::trig::cos_sin_turns;
 use crate::rays::camera::ImagePlane;
+use crate::rays::facets::HALF;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::NO_BODY;
 use crate::rays::search::Scratch;
 use crate::scattering::patch::MIN_COSINE;
 use crate::scattering::reflection_table::Reflection;
-use crate::scattering::taper::{roll_off_f32, taper_f32};
+use crate::scattering::taper::{roll_off, tapers};
 
 /// Cells of a tile, in the order of its rays: packet by packet.
+#[repr(C, align(64))]
 pub(super) struct Cells {
     /// Plane coordinates of the centres.
     pub(super) u: [f64; MOST_RAYS],
@@ -23,8 +27,9 @@ pub(super) struct Cells {
     pub(super) shortest: f64,
     /// Unit normals on the incident side, axis by axis.
     pub(super) normal: [[f64; MOST_RAYS]; 3],
-    /// Cosine of incidence.
+    /// Cosine of incidence, and the same as it was found.
     pub(super) cosine: [f32; MOST_RAYS],
+    facing: [f64; MOST_RAYS],
     /// Half of what the phase turns over a cell, along u and v [rad].
     pub(super) slope: [[f32; MOST_RAYS]; 2],
     /// Least magnitude of the slopes while the body turns, and a bit per cell whose body turns.
@@ -42,7 +47,7 @@ pub(super) struct Cells {
     /// A bit per cell with a ray, and with a hit that returns power.
     pub(super) valid: u64,
     pub(super) hit: u64,
-    /// Largest weight factor `(1/8 pi) dA T T` of every cell [m^2]; see [`Self::weigh`].
+    /// Weight of every cell over `j Gamma` [m^2]: `dA / 8 pi`, times the tapers once they are weighed.
     pub(super) weight: [f32; MOST_RAYS],
 }
 
@@ -54,6 +59,7 @@ impl Cells {
         shortest: 0.0,
         normal: [[0.0; MOST_RAYS]; 3],
         cosine: [0.0; MOST_RAYS],
+        facing: [0.0; MOST_RAYS],
         slope: [[0.0; MOST_RAYS]; 2],
         least_slope: [[0.0; MOST_RAYS]; 2],
         turning: 0,
@@ -77,139 +83,218 @@ impl Cells {
         gain: f64,
         (reflections, turns): (&[Reflection], &[f32]),
     ) {
-        self.u = scratch.rays.u;
-        self.v = scratch.rays.v;
-        self.body = scratch
-            .best
-            .body
-            .as_flattened()
-            .try_into()
-            .unwrap_or([NO_BODY; MOST_RAYS]);
-        self.triangle = scratch
-            .best
-            .triangle
-            .as_flattened()
-            .try_into()
-            .unwrap_or([0; MOST_RAYS]);
-        self.distance = scratch.shade.distance;
-        self.normal = *scratch.shade.normal();
-        (self.valid, self.hit) = (0, 0);
-        for packet in 0..PACKETS {
-            self.valid |= u64::from(scratch.rays.valid[packet]) << (packet * PACKET);
-            self.hit |= u64::from(!I::equal(&scratch.best.body[packet], NO_BODY) & 0xffff) << (packet * PACKET);
+        let mut inverse = [0.0; MOST_RAYS];
+        self.take::<I>(scratch, &mut inverse);
+        if self.hit == 0 {
+            return;
         }
-        self.hit &= self.valid;
-
-        let mut inverse = [0.0_f64; MOST_RAYS];
-        let mut cosine = [0.0_f64; MOST_RAYS];
-        for i in 0..MOST_RAYS {
-            let (u, v) = (self.u[i], self.v[i]);
-            inverse[i] = 1.0 / (1.0 + u * u + v * v).sqrt();
-            cosine[i] = -(self.normal[0][i] + u * self.normal[1][i] + v * self.normal[2][i]) * inverse[i];
+        self.measure::<I>(plane, wavenumber, gain, &inverse);
+        self.follow::<I>(plane, wavenumber, reflections, turns);
+        for first in (0..MOST_RAYS).step_by(PACKET) {
+            let field = I::F32::load(&self.field[first..]);
+            let re = I::F32::load(&self.reflection[0][first..]);
+            let im = I::F32::load(&self.reflection[1][first..]);
+            let magnitude = re.mul(re).add(im.mul(im)).sqrt();
+            field.mul(magnitude).store(&mut self.field[first..]);
         }
-        self.shortest = f64::INFINITY;
-        for i in 0..MOST_RAYS {
-            let is_lit = (self.hit >> i & 1 == 1) && cosine[i] >= MIN_COSINE && self.distance[i] > 0.0;
-            self.hit &= !(u64::from(!is_lit) << i);
-            let distance = if is_lit { self.distance[i] } else { f64::INFINITY };
-            self.shortest = if distance < self.shortest {
-                distance
-            } else {
-                self.shortest
-            };
-        }
-        let shortest = if self.hit == 0 { 0.0 } else { self.shortest };
-        for i in 0..MOST_RAYS {
-            // Numbers of cells without a hit stay finite; their fields are zero.
-            let is_hit = self.hit >> i & 1 == 1;
-            let distance = if is_hit { self.distance[i] } else { shortest };
-            let (u, v, w) = (self.u[i], self.v[i], inverse[i]);
-            let c = if is_hit { cosine[i] } else { 1.0 };
-            let along = wavenumber * distance * w;
-            let one = if is_hit { 1.0 } else { 0.0 };
-            self.distance[i] = distance;
-            self.cosine[i] = c as f32;
-            self.slope[0][i] = (one * along * plane.du * (self.normal[1][i] / c + u * w)) as f32;
-            self.slope[1][i] = (one * along * plane.dv * (self.normal[2][i] / c + v * w)) as f32;
-            self.phase[i] = (2.0 * wavenumber * (distance - shortest)) as f32;
-            self.field[i] = (one * gain * distance * distance) as f32;
-            self.weight[i] = (one * distance * distance * plane.du * plane.dv * w * w * w / (c * 8.0 * PI)) as f32;
-        }
-        self.least_slope = self.slope;
-        for axis in 0..2 {
-            for slope in &mut self.least_slope[axis] {
-                *slope = slope.abs();
-            }
-        }
-        self.turning = 0;
-        let mut rest = self.hit;
-        while rest != 0 {
-            let i = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let turn = turns[self.body[i] as usize];
-            if turn > 0.0 {
-                self.turning |= 1 << i;
-                for (axis, width) in [plane.du, plane.dv].into_iter().enumerate() {
-                    let change = turn * (wavenumber * self.distance[i] * width) as f32;
-                    self.least_slope[axis][i] = (self.least_slope[axis][i] - change).max(0.0);
-                }
-            }
-        }
-        self.reflect(reflections);
     }
 
-    /// Reflection coefficients of the materials, and fields times their magnitudes.
+    /// Take over the hits of rays that return power, and the inverse lengths of all directions `(1, u, v)` beside them.
     #[inline(always)]
-    fn reflect(&mut self, reflections: &[Reflection]) {
+    fn take<I: Isa>(&mut self, scratch: &Scratch, inverse: &mut [f64; MOST_RAYS]) {
+        self.u = scratch.rays.u;
+        self.v = scratch.rays.v;
+        self.body.copy_from_slice(scratch.best.body.as_flattened());
+        self.triangle.copy_from_slice(scratch.best.triangle.as_flattened());
+        self.distance = scratch.shade.distance;
+        self.normal = *scratch.shade.normal();
+        let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
+        let far = <I::F64 as Vector>::splat(f64::INFINITY);
+        let mut shortest = far;
+        (self.valid, self.hit, self.turning) = (0, 0, 0);
+        for packet in 0..PACKETS {
+            let valid = scratch.rays.valid[packet];
+            let found = valid & !I::equal(&scratch.best.body[packet], NO_BODY) & 0xffff;
+            self.valid |= u64::from(valid) << (packet * PACKET);
+            if found == 0 {
+                continue;
+            }
+            for first in [packet * PACKET, packet * PACKET + HALF] {
+                let (u, v) = (I::F64::load(&self.u[first..]), I::F64::load(&self.v[first..]));
+                let [x, y, z] = &self.normal;
+                let (x, y, z) = (
+                    I::F64::load(&x[first..]),
+                    I::F64::load(&y[first..]),
+                    I::F64::load(&z[first..]),
+                );
+                let length = one.add(u.mul(u)).add(v.mul(v)).sqrt();
+                let turned = one.div(length);
+                let facing = zero.sub(x.add(u.mul(y)).add(v.mul(z)).mul(turned));
+                let distance = I::F64::load(&self.distance[first..]);
+                let is_lit = found >> (first % PACKET)
+                    & <I::F64 as Vector>::splat(MIN_COSINE).at_most(facing)
+                    & <I::F64 as Vector>::splat(f64::MIN_POSITIVE).at_most(distance)
+                    & 0xff;
+                self.hit |= u64::from(is_lit) << first;
+                shortest = shortest.min(distance.select(is_lit, far));
+                turned.store(&mut inverse[first..]);
+                facing.store(&mut self.facing[first..]);
+            }
+        }
+        self.shortest = -zero.sub(shortest).largest();
+    }
+
+    /// Slopes, phases, fields and weights of the hits without reflection and tapers.
+    #[inline(always)]
+    fn measure<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, gain: f64, inverse: &[f64; MOST_RAYS]) {
+        let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
+        for packet in 0..PACKETS {
+            let first = packet * PACKET;
+            if self.hits(packet) == 0 {
+                // Numbers of cells without a hit stay finite; their fields are zero.
+                self.clear(first..first + PACKET);
+                continue;
+            }
+            let mut halves = [[zero; 6]; 2];
+            for half in 0..2 {
+                let at = first + half * HALF;
+                let is_hit = (self.hit >> at) as u32 & 0xff;
+                let splat = <I::F64 as Vector>::splat;
+                let (u, v) = (I::F64::load(&self.u[at..]), I::F64::load(&self.v[at..]));
+                let w = I::F64::load(&inverse[at..]);
+                let nearest = splat(self.shortest);
+                let distance = I::F64::load(&self.distance[at..]).select(is_hit, nearest);
+                let c = I::F64::load(&self.facing[at..]).select(is_hit, one);
+                let lit = one.select(is_hit, zero);
+                let along = distance.mul(w).mul(splat(wavenumber)).mul(lit);
+                let over = one.div(c);
+                let [_, y, z] = &self.normal;
+                let y = I::F64::load(&y[at..]).select(is_hit, zero);
+                let z = I::F64::load(&z[at..]).select(is_hit, zero);
+                let square = distance.mul(distance).mul(lit);
+                let cube = w.mul(w).mul(w);
+                halves[half] = [
+                    c,
+                    along.mul(splat(plane.du)).mul(y.mul(over).add(u.mul(w))),
+                    along.mul(splat(plane.dv)).mul(z.mul(over).add(v.mul(w))),
+                    distance.sub(nearest).mul(splat(2.0 * wavenumber)),
+                    square.mul(splat(gain)),
+                    square.mul(cube).mul(over).mul(splat(plane.du * plane.dv / (8.0 * PI))),
+                ];
+                distance.store(&mut self.distance[at..]);
+            }
+            let [low, high] = halves;
+            I::narrow(low[0], high[0]).store(&mut self.cosine[first..]);
+            for axis in 0..2 {
+                let slope = I::narrow(low[1 + axis], high[1 + axis]);
+                slope.store(&mut self.slope[axis][first..]);
+                magnitude(slope).store(&mut self.least_slope[axis][first..]);
+            }
+            I::narrow(low[3], high[3]).store(&mut self.phase[first..]);
+            I::narrow(low[4], high[4]).store(&mut self.field[first..]);
+            I::narrow(low[5], high[5]).store(&mut self.weight[first..]);
+        }
+    }
+
+    /// Clear the numbers of cells without a hit.
+    #[inline(always)]
+    fn clear(&mut self, cells: Range<usize>) {
+        self.cosine[cells.clone()].fill(1.0);
+        for axis in 0..2 {
+            self.slope[axis][cells.clone()].fill(0.0);
+            self.least_slope[axis][cells.clone()].fill(0.0);
+        }
+        self.phase[cells.clone()].fill(0.0);
+        self.field[cells.clone()].fill(0.0);
+        self.weight[cells.clone()].fill(0.0);
+        self.distance[cells].fill(self.shortest);
+    }
+
+    /// Reflection coefficients of the materials, and least slopes of cells whose bodies turn.
+    #[inline(always)]
+    fn follow<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, reflections: &[Reflection], turns: &[f32]) {
         let mut rest = self.hit;
         while rest != 0 {
-            let i = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let reflection = &reflections[self.body[i] as usize];
-            let [re, im] = match reflection {
-                Reflection::Constant(reflection) => *reflection,
-                _ => reflection.at(self.cosine[i], || (self.normal_of(i), self.direction(i))),
-            };
-            (self.reflection[0][i], self.reflection[1][i]) = (re, im);
-            self.field[i] *= re.hypot(im);
+            // All cells of a body at once.
+            let body = self.body[rest.trailing_zeros() as usize];
+            let (reflection, turn) = (&reflections[body as usize], turns[body as usize]);
+            let mut mine = self.hits_of::<I>(body);
+            rest &= !mine;
+            if turn > 0.0 {
+                self.turning |= mine;
+            }
+            while mine != 0 {
+                let i = mine.trailing_zeros() as usize;
+                mine &= mine - 1;
+                let [re, im] = match reflection {
+                    Reflection::Constant(reflection) => *reflection,
+                    other => other.at(self.cosine[i], || (self.normal_of(i), self.direction(i))),
+                };
+                (self.reflection[0][i], self.reflection[1][i]) = (re, im);
+                if turn > 0.0 {
+                    for (axis, width) in [plane.du, plane.dv].into_iter().enumerate() {
+                        let change = turn * (wavenumber * self.distance[i] * width) as f32;
+                        self.least_slope[axis][i] = (self.least_slope[axis][i] - change).max(0.0);
+                    }
+                }
+            }
         }
     }
 
     /// Weights of the cells of the tile with the taper of their slopes; cells of weight zero make no point. Points of
     /// bodies that turn get the mean over the phase of their cell when they are evaluated.
     #[inline(always)]
-    pub(super) fn weigh(&mut self) {
-        for i in 0..MOST_RAYS {
-            let [u, v] = [self.least_slope[0][i], self.least_slope[1][i]];
-            let is_turning = self.turning >> i & 1 == 1;
-            let tapered = taper_f32(u) * taper_f32(v);
-            let rolled = roll_off_f32(u) * roll_off_f32(v);
-            self.weight[i] *= if is_turning { rolled } else { tapered };
+    pub(super) fn weigh<I: Isa>(&mut self) {
+        for packet in 0..PACKETS {
+            if self.hits(packet) == 0 {
+                continue;
+            }
+            let first = packet * PACKET;
+            let u = I::F32::load(&self.least_slope[0][first..]);
+            let v = I::F32::load(&self.least_slope[1][first..]);
+            let turning = (self.turning >> first) as u32 & 0xffff;
+            let mut factor = tapers(u).mul(tapers(v));
+            if turning != 0 {
+                factor = roll_off(u).mul(roll_off(v)).select(turning, factor);
+            }
+            let weight = I::F32::load(&self.weight[first..]);
+            weight.mul(factor).store(&mut self.weight[first..]);
         }
     }
 
-    /// Number of the body that a cell shows, or [`NO_BODY`].
+    /// A bit per cell of a packet with a hit.
     #[inline(always)]
-    pub(super) fn body_of(&self, cell: usize) -> u32 {
-        if self.hit >> cell & 1 == 1 {
-            self.body[cell]
-        } else {
-            NO_BODY
+    pub(super) fn hits(&self, packet: usize) -> u32 {
+        (self.hit >> (packet * PACKET)) as u32 & 0xffff
+    }
+
+    /// A bit per cell with a hit of a body.
+    #[inline(always)]
+    pub(super) fn hits_of<I: Isa>(&self, body: u32) -> u64 {
+        let mut hits = 0;
+        for packet in 0..PACKETS {
+            let mut bodies = [NO_BODY; PACKET];
+            bodies.copy_from_slice(&self.body[packet * PACKET..(packet + 1) * PACKET]);
+            hits |= u64::from(I::equal(&bodies, body) & 0xffff) << (packet * PACKET);
         }
+        hits & self.hit
     }
 
     /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
     #[inline(always)]
     pub(super) fn echo(&self) -> f64 {
+        let mut turns = [0.0; MOST_RAYS];
+        for i in 0..MOST_RAYS {
+            turns[i] = f64::from(self.phase[i]) / TAU;
+        }
+        let (cosine, sine) = cos_sin_turns::<f32, MOST_RAYS>(&turns);
         let mut sum = [0.0_f32; 2];
         for i in 0..MOST_RAYS {
             let one = if self.hit >> i & 1 == 1 { 1.0 } else { 0.0 };
             let field = one * self.weight[i] * self.cosine[i];
-            // Turns beyond what the tapers let pass add up to little.
-            let [sine, cosine] = sin_cos_turns(self.phase[i] * std::f32::consts::FRAC_1_PI * 0.5);
             let (re, im) = (self.reflection[0][i], self.reflection[1][i]);
-            sum[0] += field * (re * cosine + im * sine);
-            sum[1] += field * (im * cosine - re * sine);
+            sum[0] += field * (re * cosine[i] + im * sine[i]);
+            sum[1] += field * (im * cosine[i] - re * sine[i]);
         }
         8.0 * PI * f64::from(sum[0].hypot(sum[1]))
     }
@@ -225,14 +310,8 @@ impl Cells {
     }
 }
 
-/// Sine and cosine of a phase in turns, to 1e-4.
+/// Magnitudes of numbers.
 #[inline(always)]
-fn sin_cos_turns(turns: f32) -> [f32; 2] {
-    let wave = |turns: f32| {
-        // Parabola of half a turn, corrected by its square.
-        let x = 2.0 * (turns - turns.round());
-        let y = 4.0 * x * (1.0 - x.abs());
-        y * (0.775 + 0.225 * y.abs())
-    };
-    [wave(turns), wave(turns + 0.25)]
+pub(super) fn magnitude<V: Vector<Scalar = f32>>(numbers: V) -> V {
+    numbers.max(V::splat(0.0).sub(numbers))
 }

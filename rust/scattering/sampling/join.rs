@@ -4,7 +4,11 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::cells::Cells;
-use crate::rays::packet::PACKET;
+use crate::numeric::simd::{Isa, Vector};
+use crate::numeric::trig::cos_sin_quarter;
+use crate::rays::facets::HALF;
+use crate::rays::packet::{MOST_RAYS, PACKET};
+use crate::rays::scene::NO_BODY;
 use crate::scattering::tile_point::TilePoint;
 
 /// Point and weight that stand for the cells of a quarter in a mask; none if they belong to several bodies or if their
@@ -14,7 +18,7 @@ use crate::scattering::tile_point::TilePoint;
 /// phase is `Re(sum f_i phi_i / sum f_i)`, the delay of the sum, and the weight is turned to it. The point lies on the
 /// mean ray.
 #[inline(always)] // part of a kernel
-pub(super) fn joined(
+pub(super) fn joined<I: Isa>(
     cells: &Cells,
     first: usize,
     lit: u32,
@@ -24,52 +28,44 @@ pub(super) fn joined(
     let leader = first + lit.trailing_zeros() as usize;
     let body = cells.body[leader];
     let most = join[body as usize];
-    let (mut least_phase, mut most_phase, mut is_one) = (f32::INFINITY, f32::NEG_INFINITY, true);
-    for i in 0..PACKET {
-        let is_lit = lit >> i & 1 == 1;
-        let phase = cells.phase[first + i];
-        least_phase = if is_lit && phase < least_phase {
-            phase
-        } else {
-            least_phase
-        };
-        most_phase = if is_lit && phase > most_phase {
-            phase
-        } else {
-            most_phase
-        };
-        is_one &= !is_lit || (cells.body[first + i] == body);
-    }
+    let splat = <I::F32 as Vector>::splat;
+    let (phase, zero) = (I::F32::load(&cells.phase[first..]), splat(0.0));
+    let far = splat(f32::NEG_INFINITY);
+    let most_phase = phase.select(lit, far).largest();
+    let least_phase = -zero.sub(phase).select(lit, far).largest();
     // Also false for a limit of zero.
-    if !is_one || most_phase - least_phase >= 2.0 * most {
+    if most_phase - least_phase >= 2.0 * most {
+        return None;
+    }
+    let mut bodies = [NO_BODY; PACKET];
+    bodies.copy_from_slice(&cells.body[first..first + PACKET]);
+    if lit & !I::equal(&bodies, body) != 0 {
         return None;
     }
     let mean = 0.5 * (least_phase + most_phase);
 
-    let mut number = 0.0;
-    let (mut sum, mut moment) = ([0.0_f32; 2], [0.0_f32; 2]);
-    let (mut u, mut v, mut normal) = (0.0, 0.0, [0.0; 3]);
-    for i in 0..PACKET {
-        let cell = first + i;
-        let one: f32 = if lit >> i & 1 == 1 { 1.0 } else { 0.0 };
-        let turn = one * (cells.phase[cell] - mean);
-        let field = one * cells.weight[cell] * cells.cosine[cell];
-        let [sine, cosine] = sin_cos(turn);
-        let (re, im) = (cells.reflection[0][cell], cells.reflection[1][cell]);
-        // j Gamma exp(-j turn)
-        let turned = [re * sine - im * cosine, re * cosine + im * sine].map(|part| field * part);
-        for part in 0..2 {
-            sum[part] += turned[part];
-            moment[part] += turned[part] * turn;
-        }
-        let one = f64::from(one);
-        number += one;
-        u += one * cells.u[cell];
-        v += one * cells.v[cell];
-        for axis in 0..3 {
-            normal[axis] += one * cells.normal[axis][cell];
-        }
-    }
+    let turn = phase.sub(splat(mean)).select(lit, zero);
+    let weight = I::F32::load(&cells.weight[first..]).select(lit, zero);
+    let field = weight.mul(I::F32::load(&cells.cosine[first..]));
+    let (cosine, sine) = cos_sin_quarter(turn);
+    let re = I::F32::load(&cells.reflection[0][first..]);
+    let im = I::F32::load(&cells.reflection[1][first..]);
+    // j Gamma exp(-j turn)
+    let turned = [
+        field.mul(re.mul(sine).sub(im.mul(cosine))),
+        field.mul(re.mul(cosine).add(im.mul(sine))),
+    ];
+    let sum = [total(turned[0]), total(turned[1])];
+    let moment = [total(turned[0].mul(turn)), total(turned[1].mul(turn))];
+    let number = f64::from(lit.count_ones());
+    let [x, y, z] = &cells.normal;
+    let u = total_of::<I>(&cells.u, first, lit);
+    let v = total_of::<I>(&cells.v, first, lit);
+    let normal = [
+        total_of::<I>(x, first, lit),
+        total_of::<I>(y, first, lit),
+        total_of::<I>(z, first, lit),
+    ];
     let power = sum[0] * sum[0] + sum[1] * sum[1];
     let delay = (moment[0] * sum[0] + moment[1] * sum[1]) / power;
     // Also false where the fields cancel.
@@ -92,29 +88,31 @@ pub(super) fn joined(
     (cosine > 0.0).then_some((point, weight))
 }
 
-/// Sine and cosine of angles up to 1.5 rad, by Taylor series.
+/// Sum of all numbers, in one order for every instruction set.
 #[inline(always)]
-fn sin_cos(x: f32) -> [f32; 2] {
-    let s = x * x;
-    let sine = x
-        * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0 - s / 39_916_800.0)))));
-    let cosine = 1.0
-        + s * (-0.5
-            + s * (1.0 / 24.0
-                + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0 + s * (-1.0 / 3_628_800.0 + s / 479_001_600.0)))));
-    [sine, cosine]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sines_and_cosines_of_joined_phases_are_exact_to_single_precision() {
-        for i in -150..=150 {
-            let x = f64::from(i) * 0.01;
-            let [sine, cosine] = sin_cos(x as f32).map(f64::from);
-            assert!((sine - x.sin()).abs() < 1e-6 && (cosine - x.cos()).abs() < 1e-6, "{x}");
+fn total<V: Vector<Scalar = f32>>(numbers: V) -> f32 {
+    let mut lanes = [0.0; PACKET];
+    numbers.store(&mut lanes);
+    for width in [8, 4, 2, 1] {
+        for lane in 0..width {
+            lanes[lane] += lanes[lane + width];
         }
     }
+    lanes[0]
+}
+
+/// Sum of the numbers of a quarter's cells in a mask.
+#[inline(always)]
+fn total_of<I: Isa>(numbers: &[f64; MOST_RAYS], first: usize, lit: u32) -> f64 {
+    let zero = <I::F64 as Vector>::splat(0.0);
+    let low = I::F64::load(&numbers[first..]).select(lit & 0xff, zero);
+    let high = I::F64::load(&numbers[first + HALF..]).select(lit >> HALF & 0xff, zero);
+    let mut lanes = [0.0; HALF];
+    low.add(high).store(&mut lanes);
+    for width in [4, 2, 1] {
+        for lane in 0..width {
+            lanes[lane] += lanes[lane + width];
+        }
+    }
+    lanes[0]
 }

@@ -6,6 +6,7 @@ use num_complex::Complex64;
 use super::cells::Cells;
 use super::join::joined;
 use crate::antennas::array::Array;
+use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::Cell;
 use crate::rays::packet::PACKET;
 use crate::scattering::material::Material;
@@ -66,10 +67,32 @@ impl<'a> Channels<'a> {
 }
 
 impl TilePoints {
+    /// Memory for a number of points with some weights each.
+    pub(super) fn with_capacity(number: usize, num_weights: usize) -> Self {
+        Self {
+            points: Vec::with_capacity(number),
+            weights: Vec::with_capacity(number * num_weights),
+        }
+    }
+
+    /// Copy without spare memory.
+    pub(super) fn copy(&self) -> Self {
+        Self {
+            points: self.points.as_slice().to_vec(),
+            weights: self.weights.as_slice().to_vec(),
+        }
+    }
+
+    /// Remove all points.
+    pub(super) fn clear(&mut self) {
+        self.points.clear();
+        self.weights.clear();
+    }
+
     /// Append the points of a quarter. `join`: largest phase from the mean of joined cells [rad], per body; `width`: size
     /// of the cells in u and v.
     #[inline(always)] // part of a kernel
-    pub(super) fn add(
+    pub(super) fn add<I: Isa>(
         &mut self,
         cells: &Cells,
         quarter: usize,
@@ -80,7 +103,7 @@ impl TilePoints {
     ) {
         let first = quarter * PACKET;
         match channels {
-            Channels::Common => self.add_quarter(cells, first, wavenumber, join, width),
+            Channels::Common => self.add_quarter::<I>(cells, first, wavenumber, join, width),
             Channels::Each(array, materials) => {
                 for cell in (first..first + PACKET).filter(|cell| cells.hit >> cell & 1 == 1) {
                     self.add_by_channel(cells, cell, width, array, materials);
@@ -91,16 +114,14 @@ impl TilePoints {
 
     /// Append the points of a quarter, joined where phases allow: all cells, or squares of 2 x 2.
     #[inline(always)]
-    fn add_quarter(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[f32], width: [f64; 2]) {
-        let mut lit = 0_u32;
-        for i in 0..PACKET {
-            lit |= u32::from(cells.weight[first + i] > 0.0) << i;
-        }
-        lit &= (cells.hit >> first) as u32 & 0xffff;
+    fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[f32], width: [f64; 2]) {
+        let weight = I::F32::load(&cells.weight[first..]);
+        let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
+        let lit = is_lit & cells.hits(first / PACKET);
         if lit == 0 {
             return;
         }
-        if let Some((point, weight)) = joined(cells, first, lit, wavenumber, join) {
+        if let Some((point, weight)) = joined::<I>(cells, first, lit, wavenumber, join) {
             self.points.push(point);
             self.weights.push(weight);
             return;
@@ -108,7 +129,7 @@ impl TilePoints {
         for square in [0x0033, 0x00cc, 0x3300, 0xcc00] {
             let mut rest = lit & square;
             if rest.count_ones() > 1
-                && let Some((point, weight)) = joined(cells, first, rest, wavenumber, join)
+                && let Some((point, weight)) = joined::<I>(cells, first, rest, wavenumber, join)
             {
                 self.points.push(point);
                 self.weights.push(weight);

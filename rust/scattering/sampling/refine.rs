@@ -9,8 +9,9 @@ use rayon::prelude::*;
 
 use super::place::{MAX_LEVEL, Place, base_tiles, planes};
 use super::points::Channels;
+use super::residual::BLOCKS;
 use super::small_parts::SmallParts;
-use super::tile::{Nearest, Scenery, Tile, Worker};
+use super::tile::{ALL, Nearest, Scenery, Tile, Worker};
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::constants::SPEED_OF_LIGHT;
@@ -33,7 +34,8 @@ const SHARE: f64 = 1e-2;
 /// Factor by which the allowed residual error grows where the rays exceed the budget.
 const STEP: f64 = 4.0;
 
-/// Cross-section of the strongest echo of a tile that the default floor is lowered to: small bodies alone in view.
+/// Lowered floor relative to the cross-section of the tile of the base level with the strongest echo: of small bodies
+/// alone in view, the residual error stays that far below their own echo.
 const OF_STRONGEST: f64 = 0.1;
 
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
@@ -98,6 +100,14 @@ struct Level {
     kept: Vec<u8>,
     /// Keys of the places, increasing, and numbers of the tiles.
     keys: Vec<(u64, u32)>,
+}
+
+/// Tile that is wanted: number of its base tile, place, and a bit per packet of rays.
+#[derive(Clone, Copy)]
+struct Wanted {
+    base: u32,
+    place: Place,
+    packets: u8,
 }
 
 /// Tiles of another time that may be taken over.
@@ -267,11 +277,17 @@ impl Refine<'_> {
     fn levels(&mut self, tried: &[Level]) -> Result<(Vec<Level>, bool)> {
         let budget = self.refinement.budget.unwrap_or(usize::MAX);
         let mut levels: Vec<Level> = Vec::new();
-        let mut next = base_tiles(&self.refinement.base);
+        let whole = |(base, place)| Wanted {
+            base,
+            place,
+            packets: ALL,
+        };
+        let mut next: Vec<Wanted> = base_tiles(&self.refinement.base).into_iter().map(whole).collect();
         let mut rays = 0;
         while !next.is_empty() {
             fits_memory("tiles", &[next.len()], MOST_BYTES)?;
-            if !levels.is_empty() && rays + MOST_RAYS * next.len() > budget {
+            let most = || next.iter().map(|wanted| PACKET * wanted.packets.count_ones() as usize);
+            if !levels.is_empty() && rays + most().sum::<usize>() > budget {
                 return Ok((levels, false));
             }
             let mut level = self.evaluate(&next, tried);
@@ -285,57 +301,73 @@ impl Refine<'_> {
         Ok((levels, true))
     }
 
-    /// Tiles at places, cast or taken over.
-    fn evaluate(&mut self, places: &[(u32, Place)], tried: &[Level]) -> Level {
-        let tile = |worker: &mut Worker, (base, place): &(u32, Place)| {
-            let here = tried.get(place.level).and_then(|level| level.tile(place));
-            let known = here.or_else(|| self.known.and_then(|known| known.tile(*base, place)));
+    /// Tiles that are wanted, cast or taken over.
+    fn evaluate(&mut self, all: &[Wanted], tried: &[Level]) -> Level {
+        let tile = |worker: &mut Worker, wanted: &Wanted| {
+            let here = tried.get(wanted.place.level).and_then(|level| level.known(wanted));
+            let known = here.or_else(|| self.known.and_then(|known| known.tile(wanted)));
             let is_new = known.is_none();
-            let tile = known.unwrap_or_else(|| Arc::new(self.scenery.tile(worker, *place)));
+            let tile = known.unwrap_or_else(|| Arc::new(self.scenery.tile(worker, wanted.place, wanted.packets)));
             (tile, is_new)
         };
-        let tiles: Vec<(Arc<Tile>, bool)> = places.par_iter().map_init(Worker::new, tile).collect();
+        let tiles: Vec<(Arc<Tile>, bool)> = all.par_iter().map_init(Worker::new, tile).collect();
         let cast = tiles.iter().filter(|(_, is_new)| *is_new);
         self.counts.rays += cast.map(|(tile, _)| tile.rays).sum::<usize>();
-        let mut keys: Vec<(u64, u32)> = places.iter().map(|(_, place)| place.key()).zip(0..).collect();
+        let mut keys: Vec<(u64, u32)> = all.iter().map(|wanted| wanted.place.key()).zip(0..).collect();
         keys.sort_unstable();
         Level {
-            base: places.iter().map(|(base, _)| *base).collect(),
-            kept: vec![0b1111; tiles.len()],
+            base: all.iter().map(|wanted| wanted.base).collect(),
+            kept: vec![ALL; tiles.len()],
             tiles: tiles.into_iter().map(|(tile, _)| tile).collect(),
             keys,
         }
     }
 
-    /// Split the quarters of a level that leave too much open; places of the next level.
-    fn split(&self, level: &mut Level, number: usize) -> Vec<(u32, Place)> {
+    /// Split the quarters of a level that leave too much open; tiles of the next level.
+    fn split(&self, level: &mut Level, number: usize) -> Vec<Wanted> {
         if number >= MAX_LEVEL {
             return Vec::new();
         }
-        let wanted: Vec<u8> = level
+        let wanted: Vec<u16> = level
             .tiles
             .par_iter()
             .map(|tile| self.wanted(level, tile, number))
             .collect();
         let mut next = Vec::new();
         for (index, wanted) in wanted.into_iter().enumerate() {
-            level.kept[index] = !wanted & 0b1111;
-            let quarters = (0..PACKETS).filter(|quarter| wanted >> quarter & 1 == 1);
-            let place = level.tiles[index].place;
-            next.extend(quarters.map(|quarter| (level.base[index], place.quarter(quarter))));
+            let (base, place) = (level.base[index], level.tiles[index].place);
+            for quarter in 0..PACKETS {
+                let packets = of_quarter(wanted, quarter);
+                if packets != 0 {
+                    level.kept[index] &= !(1 << quarter);
+                    let place = place.quarter(quarter);
+                    next.push(Wanted { base, place, packets });
+                }
+            }
         }
         next
     }
 
-    /// Quarters of a tile that leave too much open, or show a small part of a mesh, a bit each.
-    fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u8 {
+    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters that leave too much open, those
+    /// that do so themselves or may return power there, and all of quarters that show a small part of a mesh.
+    fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
         let allowed = self.allowed(number);
-        let open = tile.open_with(self.scenery.wavenumber, |place| {
-            level.find(&place).map(|at| &*level.tiles[at])
-        });
-        let is_forced = |quarter: usize| number < self.most_forced && self.small_parts.wants(&tile.place, quarter);
-        let wants = |quarter: usize| f64::from(open[quarter]) > allowed || is_forced(quarter);
-        (0..PACKETS).map(|quarter| u8::from(wants(quarter)) << quarter).sum()
+        let (set, wavenumber) = (self.scenery.cast.level, self.scenery.wavenumber);
+        let open = tile.open_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
+        let mut wanted = 0_u16;
+        for block in 0..BLOCKS {
+            wanted |= u16::from(f64::from(open[block]) > allowed) << block;
+        }
+        for quarter in 0..PACKETS {
+            let all = u16::from(ALL) << (PACKETS * quarter);
+            if number < self.most_forced && self.small_parts.wants(&tile.place, quarter) {
+                wanted |= all;
+            } else if of_quarter(wanted, quarter) != 0 {
+                let skips = self.refinement.skip_dark;
+                wanted |= if skips { tile.blocks.bright & all } else { all };
+            }
+        }
+        wanted
     }
 
     /// Field per solid angle that a quarter of a level may leave open, times distance squared [m^2].
@@ -369,17 +401,22 @@ impl Refine<'_> {
         let mut number = 0;
         for (depth, level) in levels.iter().enumerate().skip(first) {
             let quarters = level.tiles.par_iter().zip(&level.kept);
-            let quarters = quarters.map(|(tile, kept)| (asked.wanted(level, tile, depth) & kept).count_ones() as usize);
-            number += PACKET * quarters.sum::<usize>();
+            let cells = quarters.map(|(tile, kept)| {
+                let wanted = asked.wanted(level, tile, depth);
+                let is_coarse = |quarter: &usize| kept >> quarter & 1 == 1 && of_quarter(wanted, *quarter) != 0;
+                PACKET * (0..PACKETS).filter(is_coarse).count()
+            });
+            number += cells.sum::<usize>();
         }
         number
     }
 }
 
 impl Level {
-    /// Tile at a place.
-    fn tile(&self, place: &Place) -> Option<Arc<Tile>> {
-        self.find(place).map(|at| self.tiles[at].clone())
+    /// Tile as it is wanted.
+    fn known(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
+        let tile = &self.tiles[self.find(&wanted.place)?];
+        (tile.packets == wanted.packets).then(|| tile.clone())
     }
 
     /// Number of the tile at a place.
@@ -413,11 +450,16 @@ impl<'a> Known<'a> {
         }
     }
 
-    /// Static tile at a place.
-    fn tile(&self, base: u32, place: &Place) -> Option<Arc<Tile>> {
-        let level = self.levels.get(place.level).filter(|_| self.is_static[base as usize])?;
-        level.tile(place)
+    /// Static tile as it is wanted.
+    fn tile(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
+        let level = self.levels.get(wanted.place.level);
+        level.filter(|_| self.is_static[wanted.base as usize])?.known(wanted)
     }
+}
+
+/// Bits of a quarter's blocks in those of all: packets of the tile that the quarter is split into.
+fn of_quarter(blocks: u16, quarter: usize) -> u8 {
+    (blocks >> (PACKETS * quarter)) as u8 & ALL
 }
 
 /// Angle by which the phases of a body's cells are followed [rad], 0 for none: in powers of two, so that it is equal for

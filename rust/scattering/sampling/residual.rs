@@ -1,9 +1,10 @@
-//! Residual error of the quarters of a tile, from the differences of adjacent cells.
+//! Residual error of the blocks of a tile, from the differences of adjacent cells, and blocks that cannot echo.
 
-use super::cells::Cells;
+use super::cells::{Cells, magnitude};
+use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::TILE;
-use crate::rays::packet::{MOST_RAYS, TileRays};
-use crate::rays::scene::NO_BODY;
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::scattering::taper::STEEPEST;
 
 /// Share of a cell's field that an edge in the cell leaves open: where one cell hits and the adjacent one misses, or
 /// where distances step. The larger phase error of such pairs would double the rays for an equal error of the sum.
@@ -12,210 +13,228 @@ const EDGE: f32 = 0.1;
 /// Share of a cell's field for adjacent cells of two bodies.
 const OTHER_BODY: f32 = 0.1;
 
-/// Cell as adjacent ones compare it.
-#[derive(Clone, Copy, Debug)]
-struct Look {
-    slope: [f32; 2],
-    /// Least magnitude of the slopes.
-    least: [f32; 2],
-    field: f32,
-    body: u32,
-}
+/// Part of the change of a slope from cell to cell by which it may change within a block: cells of half the size have
+/// their centres a quarter from the middle.
+const WITHIN: f32 = 0.5;
 
-/// Field that two adjacent cells along an axis leave open; u and v fall from the first to the second. `turn`: phase of
-/// the second beyond that of the first [rad].
-#[inline(always)] // part of a kernel
-fn pair(a: Look, b: Look, axis: usize, turn: f32) -> f32 {
-    let (s, t) = (a.slope, b.slope);
-    // A stationary point may lie between slopes of opposite signs.
-    let damped = |least: [f32; 2]| {
-        let u = if s[0] * t[0] < 0.0 { 1.0 } else { 1.0 + least[0] };
-        let v = if s[1] * t[1] < 0.0 { 1.0 } else { 1.0 + least[1] };
-        u * v
-    };
-    let field = (a.field / damped(a.least)).max(b.field / damped(b.least));
-    let phase = turn + s[axis] + t[axis];
-    let bend = (t[0] - s[0]).abs() + (t[1] - s[1]).abs();
-    let body = if a.body == b.body { 0.0 } else { OTHER_BODY };
-    let open = phase.abs() + 0.25 * bend + body;
-    let is_edge = ((a.body == NO_BODY) != (b.body == NO_BODY)) || open >= 1.0;
-    field * if is_edge { EDGE } else { open }
-}
+/// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
+pub(super) const BLOCKS: usize = MOST_RAYS / 4;
 
-/// Cells of a tile row by row: the numbers that adjacent cells are compared by.
-struct Rows {
-    phase: [f32; MOST_RAYS],
-    slope: [[f32; MOST_RAYS]; 2],
-    least: [[f32; MOST_RAYS]; 2],
-    field: [f32; MOST_RAYS],
-    /// Number of the body.
-    body: [u32; MOST_RAYS],
+/// Number in which [`Look`] has bodies where there is none.
+pub(super) const NOTHING: f32 = -1.0;
+
+/// Cells as adjacent ones compare them, 16 in the lanes.
+#[derive(Clone, Copy)]
+pub(super) struct Look<V> {
+    /// Phase relative to others [rad], or zero where the turn is known.
+    pub(super) phase: V,
+    /// Half of what the phase turns over a cell, along u and v [rad], and least magnitudes.
+    pub(super) slope: [V; 2],
+    pub(super) least: [V; 2],
+    /// Ratio of the size at which half cells pass the tapers to the cell's; at most 1.
+    pub(super) shrink: V,
+    pub(super) field: V,
+    /// Number of the body, or [`NOTHING`].
+    pub(super) body: V,
     /// 1 for cells with a ray, 0 for others.
-    valid: [f32; MOST_RAYS],
+    pub(super) valid: V,
 }
 
-/// Largest field that any pair of cells of a quarter leaves open, per solid angle and times distance squared [m^2], of
-/// the four quarters.
+/// Fields that adjacent cells along an axis leave open; u and v fall from the first to the second.
 ///
 /// Phases of two cells that vary linearly agree with the mean of their slopes; the rest, the change of the slopes and
-/// of the body are left open. Fast phases leave less: an edge term has the field over the slopes.
+/// of the body are left open. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
+/// these until cells are smaller, what the last split before that leaves open is decisive.
 #[inline(always)] // part of a kernel
-pub(super) fn of_quarters(cells: &Cells) -> [f32; 4] {
-    let rows = Rows::new(cells);
-    let mut open = [0.0_f32; MOST_RAYS];
-    let mut right = [0.0_f32; MOST_RAYS];
-    let mut below = [0.0_f32; MOST_RAYS];
-    for i in 0..MOST_RAYS - 1 {
-        let pair = rows.pair(i, i + 1, 0);
-        right[i] = if i % TILE == TILE - 1 { 0.0 } else { pair };
+pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usize) -> V {
+    let (zero, one) = (V::splat(0.0), V::splat(1.0));
+    let phase = b.phase.sub(a.phase).add(a.slope[axis]).add(b.slope[axis]);
+    let bend = magnitude(b.slope[0].sub(a.slope[0])).add(magnitude(b.slope[1].sub(a.slope[1])));
+    let other_body = zero.select(a.body.equal(b.body), V::splat(OTHER_BODY));
+    let open = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
+    let is_silhouette = zero.at_most(a.body) ^ zero.at_most(b.body);
+    let is_edge = is_silhouette | one.at_most(open);
+    let shrink = one.select(is_edge, a.shrink.max(b.shrink));
+    // A stationary point may lie between slopes of opposite signs.
+    let mut damping = [one; 2];
+    for axis in 0..2 {
+        let is_steady = zero.at_most(a.slope[axis].mul(b.slope[axis]));
+        let factor = shrink.select(is_steady, zero);
+        damping[0] = damping[0].mul(one.add(a.least[axis].mul(factor)));
+        damping[1] = damping[1].mul(one.add(b.least[axis].mul(factor)));
     }
-    for i in 0..MOST_RAYS - TILE {
-        below[i] = rows.pair(i, i + TILE, 1);
-    }
-    for i in 0..MOST_RAYS {
-        open[i] = right[i].max(below[i]);
-    }
-    for i in 1..MOST_RAYS {
-        open[i] = open[i].max(right[i - 1]);
-    }
-    for i in TILE..MOST_RAYS {
-        open[i] = open[i].max(below[i - TILE]);
-    }
-    let mut quarters = [0.0_f32; 4];
-    for (row, cells) in open.chunks_exact(TILE).enumerate() {
-        for (half, cells) in cells.chunks_exact(TILE / 2).enumerate() {
-            let quarter = &mut quarters[row / (TILE / 2) * 2 + half];
-            for cell in cells {
-                *quarter = quarter.max(*cell);
-            }
-        }
-    }
-    quarters
+    let field = a.field.div(damping[0]).max(b.field.div(damping[1]));
+    let area = shrink.mul(shrink);
+    let share = V::splat(EDGE).select(is_edge, open.mul(area).mul(area));
+    field.mul(share).mul(a.valid).mul(b.valid)
 }
 
-impl Rows {
+/// Cells of a tile row by row, with room for cells below the last row.
+const ROOM: usize = MOST_RAYS + PACKET;
+
+/// Numbers of [`Look`] of the cells of a tile, row by row.
+#[repr(C, align(64))]
+pub(super) struct Looks {
+    pub(super) phase: [f32; ROOM],
+    pub(super) slope: [[f32; ROOM]; 2],
+    pub(super) least: [[f32; ROOM]; 2],
+    pub(super) shrink: [f32; ROOM],
+    pub(super) field: [f32; ROOM],
+    pub(super) body: [f32; ROOM],
+    pub(super) valid: [f32; ROOM],
+}
+
+impl Looks {
+    /// Looks of evaluated cells.
     #[inline(always)]
-    fn new(cells: &Cells) -> Self {
-        let mut rows = Self {
-            phase: [0.0; MOST_RAYS],
-            slope: [[0.0; MOST_RAYS]; 2],
-            least: [[0.0; MOST_RAYS]; 2],
-            field: [0.0; MOST_RAYS],
-            body: [NO_BODY; MOST_RAYS],
-            valid: [0.0; MOST_RAYS],
+    pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
+        const HALF: usize = TILE / 2;
+        let mut looks = Self {
+            phase: [0.0; ROOM],
+            slope: [[0.0; ROOM]; 2],
+            least: [[0.0; ROOM]; 2],
+            shrink: [1.0; ROOM],
+            field: [0.0; ROOM],
+            body: [NOTHING; ROOM],
+            valid: [0.0; ROOM],
         };
+        // Packet by packet.
+        let (mut body, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
+        for i in 0..MOST_RAYS {
+            body[i] = cells.body[i] as f32;
+        }
+        let splat = <I::F32 as Vector>::splat;
+        for packet in 0..PACKETS {
+            let first = packet * PACKET;
+            let seen = I::F32::load(&body[first..]).select(cells.hits(packet), splat(NOTHING));
+            seen.store(&mut body[first..]);
+            let bits = (cells.valid >> first) as u32 & 0xffff;
+            splat(1.0).select(bits, splat(0.0)).store(&mut valid[first..]);
+        }
         for row in 0..TILE {
-            for first in [0, TILE / 2] {
+            for first in [0, HALF] {
                 let (to, from) = (row * TILE + first, TileRays::ray(row, first));
-                for i in 0..TILE / 2 {
-                    rows.phase[to + i] = cells.phase[from + i];
-                    rows.slope[0][to + i] = cells.slope[0][from + i];
-                    rows.slope[1][to + i] = cells.slope[1][from + i];
-                    rows.least[0][to + i] = cells.least_slope[0][from + i];
-                    rows.least[1][to + i] = cells.least_slope[1][from + i];
-                    rows.field[to + i] = cells.field[from + i];
-                    rows.body[to + i] = cells.body_of(from + i);
-                    rows.valid[to + i] = (cells.valid >> (from + i) & 1) as f32;
+                looks.phase[to..to + HALF].copy_from_slice(&cells.phase[from..from + HALF]);
+                looks.field[to..to + HALF].copy_from_slice(&cells.field[from..from + HALF]);
+                looks.body[to..to + HALF].copy_from_slice(&body[from..from + HALF]);
+                looks.valid[to..to + HALF].copy_from_slice(&valid[from..from + HALF]);
+                for axis in 0..2 {
+                    let (slope, least) = (&cells.slope[axis], &cells.least_slope[axis]);
+                    looks.slope[axis][to..to + HALF].copy_from_slice(&slope[from..from + HALF]);
+                    looks.least[axis][to..to + HALF].copy_from_slice(&least[from..from + HALF]);
                 }
             }
         }
-        rows
+        looks.steepen::<I>();
+        looks
     }
 
+    /// Sizes at which half cells pass the tapers.
     #[inline(always)]
-    fn look(&self, cell: usize) -> Look {
-        Look {
-            slope: [self.slope[0][cell], self.slope[1][cell]],
-            least: [self.least[0][cell], self.least[1][cell]],
-            field: self.field[cell],
-            body: self.body[cell],
+    fn steepen<I: Isa>(&mut self) {
+        let splat = <I::F32 as Vector>::splat;
+        let mut steep = [splat(1.0); MOST_RAYS / PACKET];
+        for axis in 0..2 {
+            let slope = &self.slope[axis];
+            // Changes to the right, with those to the left in front, and downwards, with those upwards in front.
+            let mut right = [0.0_f32; ROOM];
+            let mut below = [0.0_f32; ROOM];
+            for first in (0..MOST_RAYS).step_by(PACKET) {
+                let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&self.body[first..]));
+                let is_same = body.equal(I::F32::load(&self.body[first + 1..])) & INNER;
+                let change = magnitude(I::F32::load(&slope[first + 1..]).sub(here));
+                change.select(is_same, splat(0.0)).store(&mut right[first + 1..]);
+                let is_same = body.equal(I::F32::load(&self.body[first + TILE..]));
+                let change = magnitude(I::F32::load(&slope[first + TILE..]).sub(here));
+                change.select(is_same, splat(0.0)).store(&mut below[first + TILE..]);
+            }
+            for (number, steep) in steep.iter_mut().enumerate() {
+                let first = number * PACKET;
+                let change = I::F32::load(&right[first..]).max(I::F32::load(&right[first + 1..]));
+                let change = change.max(I::F32::load(&below[first..]));
+                let change = change.max(I::F32::load(&below[first + TILE..]));
+                let least = I::F32::load(&self.least[axis][first..]).sub(change.mul(splat(WITHIN)));
+                *steep = steep.max(least.mul(splat(0.5 / STEEPEST)));
+            }
+        }
+        for (number, steep) in steep.into_iter().enumerate() {
+            splat(1.0).div(steep).store(&mut self.shrink[number * PACKET..]);
         }
     }
 
-    /// Field that the adjacent cells `a` and `b`, along an axis, leave open.
+    /// Looks of the 16 cells from one on.
     #[inline(always)]
-    fn pair(&self, a: usize, b: usize, axis: usize) -> f32 {
-        let open = pair(self.look(a), self.look(b), axis, self.phase[b] - self.phase[a]);
-        open * self.valid[a] * self.valid[b]
+    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Look<V> {
+        Look {
+            phase: V::load(&self.phase[first..]),
+            slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
+            least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
+            shrink: V::load(&self.shrink[first..]),
+            field: V::load(&self.field[first..]),
+            body: V::load(&self.body[first..]),
+            valid: V::load(&self.valid[first..]),
+        }
     }
 }
 
-/// Cells along the sides of a tile, for comparison with adjacent tiles.
-#[derive(Clone, Debug)]
-pub(super) struct Border {
-    /// Left, right, top and bottom side: cells from top to bottom, or from left to right; none where no ray was cast.
-    sides: [[Option<(Look, f64)>; TILE]; 4],
+/// Bits of the cells of two rows that have a cell to their right.
+const INNER: u32 = 0x7f7f;
+
+/// Criteria of the blocks of a tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blocks {
+    /// Largest field that any pair of cells leaves open, per solid angle and times distance squared [m^2].
+    pub(super) open: [f32; BLOCKS],
+    /// A bit per block in which a cell of half the size may return power: one with slopes that the taper passes.
+    pub(super) bright: u16,
 }
 
-/// Sides of a tile, as [`Border`] orders them.
-pub(super) const LEFT: usize = 0;
-pub(super) const RIGHT: usize = 1;
-pub(super) const TOP: usize = 2;
-pub(super) const BOTTOM: usize = 3;
-
-impl Border {
-    /// Border of a tile whose directions are not cast: surfaces go on there.
-    pub(super) const OUTSIDE: Self = Self {
-        sides: [[None; TILE]; 4],
+impl Blocks {
+    /// Blocks without hits.
+    pub(super) const DARK: Self = Self {
+        open: [0.0; BLOCKS],
+        bright: 0,
     };
 
-    /// Border of a tile whose rays hit nothing.
-    pub(super) fn empty(rows: usize, columns: usize) -> Self {
-        let look = Look {
-            slope: [0.0; 2],
-            least: [0.0; 2],
-            field: 0.0,
-            body: NO_BODY,
-        };
-        let mut border = Self::OUTSIDE;
-        for (side, number) in [(LEFT, rows), (RIGHT, rows), (TOP, columns), (BOTTOM, columns)] {
-            border.sides[side][..number].fill(Some((look, 0.0)));
-        }
-        border
-    }
-
-    /// Border of evaluated cells, in a tile of some rows and columns.
+    /// Criteria of the blocks of evaluated cells.
     #[inline(always)] // part of a kernel
-    pub(super) fn new(cells: &Cells, rows: usize, columns: usize) -> Self {
-        let mut border = Self::OUTSIDE;
-        for i in 0..TILE {
-            for (side, row, column) in [
-                (LEFT, i, 0),
-                (RIGHT, i, columns - 1),
-                (TOP, 0, i),
-                (BOTTOM, rows - 1, i),
-            ] {
-                if row < rows && column < columns {
-                    let cell = TileRays::ray(row, column);
-                    let look = Look {
-                        slope: [cells.slope[0][cell], cells.slope[1][cell]],
-                        least: [cells.least_slope[0][cell], cells.least_slope[1][cell]],
-                        field: cells.field[cell],
-                        body: cells.body_of(cell),
-                    };
-                    border.sides[side][i] = Some((look, cells.distance[cell]));
-                }
+    pub(super) fn new<I: Isa>(looks: &Looks) -> Self {
+        let zero = <I::F32 as Vector>::splat(0.0);
+        let mut right = [0.0_f32; ROOM];
+        let mut below = [0.0_f32; ROOM];
+        let mut bright = 0_u64;
+        for first in (0..MOST_RAYS).step_by(PACKET) {
+            let here = looks.load::<I::F32>(first);
+            let open = pair(&here, &looks.load(first + 1), 0);
+            open.select(INNER, zero).store(&mut right[first + 1..]);
+            pair(&here, &looks.load(first + TILE), 1).store(&mut below[first + TILE..]);
+            let one = <I::F32 as Vector>::splat(1.0);
+            let is_bright = one.at_most(here.shrink) & zero.at_most(here.body);
+            bright |= u64::from(is_bright) << first;
+        }
+        let mut open = [0.0_f32; MOST_RAYS];
+        for first in (0..MOST_RAYS).step_by(PACKET) {
+            let across = I::F32::load(&right[first..]).max(I::F32::load(&right[first + 1..]));
+            let along = I::F32::load(&below[first..]).max(I::F32::load(&below[first + TILE..]));
+            across.max(along).store(&mut open[first..]);
+        }
+        let mut blocks = Self::DARK;
+        for row in (0..TILE).step_by(2) {
+            for column in (0..TILE).step_by(2) {
+                let (block, cell) = (block(row, column), row * TILE + column);
+                let [a, b] = [cell, cell + TILE];
+                blocks.open[block] = open[a].max(open[a + 1]).max(open[b].max(open[b + 1]));
+                let is_bright = bright >> a & 0b11 != 0 || bright >> b & 0b11 != 0;
+                blocks.bright |= u16::from(is_bright) << block;
             }
         }
-        border
+        blocks
     }
+}
 
-    /// Largest fields that the cells on a side and those of the tile beyond leave open, of the first and of the second
-    /// half of the side. `wavenumber` [rad/m].
-    pub(super) fn open(&self, side: usize, beyond: &Self, wavenumber: f64) -> [f32; 2] {
-        let other = side ^ 1;
-        let axis = side / 2;
-        let mut halves = [0.0_f32; 2];
-        for i in 0..TILE {
-            let (Some(here), Some(there)) = (&self.sides[side][i], &beyond.sides[other][i]) else {
-                continue;
-            };
-            // u and v fall to the right and downwards.
-            let (first, second) = if side % 2 == 1 { (here, there) } else { (there, here) };
-            let turn = (2.0 * wavenumber * (second.1 - first.1)) as f32;
-            let half = &mut halves[i / (TILE / 2)];
-            *half = half.max(pair(first.0, second.0, axis, turn));
-        }
-        halves
-    }
+/// Number of the block of a row and a column of the tile: quarter by quarter.
+pub(super) const fn block(row: usize, column: usize) -> usize {
+    const HALF: usize = TILE / 2;
+    let quarter = row / HALF * 2 + column / HALF;
+    4 * quarter + row % HALF / 2 * 2 + column % HALF / 2
 }

@@ -19,7 +19,7 @@ use crate::rays::smooth_hits::SmoothHits;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Material};
 use crate::scattering::patch::patch;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{Refinement, field_of};
 use crate::scattering::taper::taper;
 
 const FREQUENCY: f64 = 60e9;
@@ -94,6 +94,7 @@ fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
         end_points: false,
         beam: None,
         join: 0.0,
+        skip_dark: true,
         turns: &[],
     }
 }
@@ -273,6 +274,33 @@ fn points_depend_neither_on_threads_nor_on_the_frame_before() {
     assert!(same(&fresh, &again));
     assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
     assert!(!same(&fresh, &known));
+}
+
+#[test]
+fn parts_that_are_left_out_return_next_to_nothing() {
+    let base = ImagePlane::centered(64, 64, 0.5, 0.5);
+    let surfaces = vec![sphere(0.2), sphere(0.05), plates(&[[0.0, 0.0, 3.0, 3.0]])];
+    let oblique = Pose {
+        rotation: DMat3::from_rotation_z(0.6),
+        translation: DVec3::new(2.0, 0.0, 0.0),
+    };
+    let scene = PosedScene::new(surfaces, vec![at(1.2, 0.2, 0.1), at(0.8, -0.2, 0.0), oblique]);
+    for rcs_floor in [1e-2, 1e-4] {
+        let with = tiles(&scene, &refinement(base, rcs_floor));
+        let without = Refinement {
+            skip_dark: false,
+            ..refinement(base, rcs_floor)
+        };
+        let without = tiles(&scene, &without);
+        assert!(with.counts.rays < 9 * without.counts.rays / 10);
+        for detuned in [-0.05, -0.02, 0.0, 0.03, 0.05] {
+            let wavenumber = WAVENUMBER * (1.0 + detuned);
+            let [a, b] = [&with, &without].map(|tiles| transfer(&tiles.points(), wavenumber));
+            // Echo of the smallest cross-section of interest where the nearest sphere is.
+            let least = field_of(rcs_floor, SPEED_OF_LIGHT / FREQUENCY) / (4.0 * PI * 0.8_f64.powi(2));
+            assert!((a - b).norm() < 0.1 * least, "{rcs_floor} {detuned}: {a} {b} {least}");
+        }
+    }
 }
 
 #[test]

@@ -2,13 +2,15 @@
 
 use std::ops::Range;
 
+use super::border::Border;
 use super::cells::Cells;
 use super::place::Place;
 use super::points::{Channels, TilePoints};
-use super::residual::{self, BOTTOM, Border, LEFT, RIGHT, TOP};
+use super::residual::{BLOCKS, Blocks, Looks};
 use crate::antennas::array::Array;
-use crate::numeric::simd::{Isa, Kernel};
+use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
+use crate::rays::facets::HALF;
 use crate::rays::hits::Cast;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::PosedScene;
@@ -32,14 +34,19 @@ pub(super) struct Scenery<'a> {
     pub(super) wavenumber: f64,
 }
 
+/// Bits of all packets of a tile.
+pub(super) const ALL: u8 = (1 << PACKETS) - 1;
+
 /// Evaluated tile. It depends on the surfaces that its rays meet alone, not on the refinement.
 #[derive(Debug)]
 pub(super) struct Tile {
     pub(super) place: Place,
+    /// A bit per packet of rays that is wanted.
+    pub(super) packets: u8,
     /// Number of rays cast.
     pub(super) rays: usize,
-    /// Field that the pairs of cells of every quarter leave open; see [`residual`].
-    pub(super) open: [f32; 4],
+    /// Criteria of refinement.
+    pub(super) blocks: Blocks,
     border: Border,
     /// Points of all quarters, and the end of every quarter.
     pub(super) points: TilePoints,
@@ -48,7 +55,7 @@ pub(super) struct Tile {
     pub(super) hits: [usize; 4],
     pub(super) silent: [usize; 4],
     pub(super) nearest: Vec<Nearest>,
-    /// Echo of all cells together [m^2]; see [`Cells::echo`].
+    /// Echo of all cells together [m^2], of tiles of the base level; see [`Cells::echo`].
     pub(super) echo: f64,
 }
 
@@ -69,6 +76,7 @@ pub struct Nearest {
 pub(super) struct Worker {
     scratch: Scratch,
     cells: Cells,
+    points: TilePoints,
 }
 
 impl Worker {
@@ -76,17 +84,19 @@ impl Worker {
         Self {
             scratch: Scratch::new(),
             cells: Cells::EMPTY,
+            points: TilePoints::default(),
         }
     }
 }
 
 impl Scenery<'_> {
-    /// Cast and evaluate a tile.
-    pub(super) fn tile(&self, worker: &mut Worker, place: Place) -> Tile {
+    /// Cast and evaluate some packets of a tile, a bit each.
+    pub(super) fn tile(&self, worker: &mut Worker, place: Place, packets: u8) -> Tile {
         self.cast.level.run(Evaluate {
             scenery: self,
             worker,
             place,
+            packets,
         })
     }
 
@@ -113,6 +123,7 @@ struct Evaluate<'a> {
     scenery: &'a Scenery<'a>,
     worker: &'a mut Worker,
     place: Place,
+    packets: u8,
 }
 
 impl Kernel for Evaluate<'_> {
@@ -122,20 +133,24 @@ impl Kernel for Evaluate<'_> {
     fn run<I: Isa>(self) -> Tile {
         let Self {
             scenery,
-            worker: Worker { scratch, cells },
+            worker: Worker { scratch, cells, points },
             place,
+            packets,
         } = self;
         let plane = &scenery.planes[place.level];
         let Some(pixels) = place.pixels(plane) else {
-            return Tile::without_hits(place, Border::OUTSIDE, 0);
+            return Tile::without_hits(place, packets, Border::OUTSIDE, 0);
         };
         scratch.rays.aim::<I>(plane, &pixels);
+        if packets != ALL {
+            scratch.rays.keep(u32::from(packets));
+        }
         if scenery.cast.is_outside(&scratch.rays) {
-            return Tile::without_hits(place, Border::OUTSIDE, 0);
+            return Tile::without_hits(place, packets, Border::OUTSIDE, 0);
         }
         let (rows, columns) = (pixels.rows, pixels.columns);
         if scenery.scene.search::<I>(scratch, scenery.cast) {
-            return Tile::without_hits(place, Border::empty(rows, columns), 0);
+            return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), 0);
         }
         scenery
             .scene
@@ -153,32 +168,33 @@ impl Kernel for Evaluate<'_> {
             gain,
             (&scenery.reflections, &scenery.turns),
         );
+        let rays = cells.valid.count_ones() as usize;
         if cells.hit == 0 {
-            return Tile::without_hits(place, Border::empty(rows, columns), rows * columns);
+            return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
         }
-        let mut tile = Tile::without_hits(place, Border::new(cells, rows, columns), rows * columns);
-        tile.open = residual::of_quarters(cells);
-        find_nearest(cells, &scratch.distance, plane, &mut tile.nearest);
-        cells.weigh();
-        tile.echo = cells.echo();
+        let looks = Looks::new::<I>(cells);
+        let border = Border::new(&looks, cells, rows, columns);
+        let mut tile = Tile::without_hits(place, packets, border, rays);
+        tile.blocks = Blocks::new::<I>(&looks);
+        find_nearest::<I>(cells, &scratch.distance, plane, &mut tile.nearest);
+        cells.weigh::<I>();
+        if place.level == 0 {
+            tile.echo = cells.echo();
+        }
+        points.clear();
         for quarter in 0..PACKETS {
-            let width = [plane.du, plane.dv];
-            tile.points.add(
-                cells,
-                quarter,
-                scenery.wavenumber,
-                &scenery.join,
-                width,
-                &scenery.channels,
-            );
-            tile.ends[quarter] = tile.points.points.len();
-            let hit = cells.hit >> (quarter * PACKET) & 0xffff;
-            tile.hits[quarter] = hit.count_ones() as usize;
-            for i in 0..PACKET {
-                let is_silent = cells.weight[quarter * PACKET + i] == 0.0;
-                tile.silent[quarter] += usize::from(hit >> i & 1 == 1 && is_silent);
+            let hit = cells.hits(quarter);
+            if hit != 0 {
+                let (wavenumber, width) = (scenery.wavenumber, [plane.du, plane.dv]);
+                points.add::<I>(cells, quarter, wavenumber, &scenery.join, width, &scenery.channels);
+                let weight = I::F32::load(&cells.weight[quarter * PACKET..]);
+                let silent = hit & weight.at_most(<I::F32 as Vector>::splat(0.0));
+                tile.hits[quarter] = hit.count_ones() as usize;
+                tile.silent[quarter] = silent.count_ones() as usize;
             }
+            tile.ends[quarter] = points.points.len();
         }
+        tile.points = points.copy();
         tile
     }
 }
@@ -209,11 +225,12 @@ impl Kernel for Meets<'_> {
 }
 
 impl Tile {
-    fn without_hits(place: Place, border: Border, rays: usize) -> Self {
+    fn without_hits(place: Place, packets: u8, border: Border, rays: usize) -> Self {
         Self {
             place,
+            packets,
             rays,
-            open: [0.0; 4],
+            blocks: Blocks::DARK,
             border,
             points: TilePoints::default(),
             ends: [0; 4],
@@ -229,50 +246,60 @@ impl Tile {
         number.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[number]
     }
 
-    /// Field that every quarter leaves open, with the cells of adjacent tiles of the same level.
-    pub(super) fn open_with<'a>(&self, wavenumber: f64, adjacent: impl Fn(Place) -> Option<&'a Self>) -> [f32; 4] {
-        let mut open = self.open;
-        let Place { level, row, column } = self.place;
+    /// Field that every block leaves open, with the cells of adjacent tiles of the same level.
+    pub(super) fn open_with<'a>(
+        &self,
+        level: Level,
+        wavenumber: f64,
+        adjacent: impl Fn(Place) -> Option<&'a Self>,
+    ) -> [f32; BLOCKS] {
+        let Place {
+            level: depth,
+            row,
+            column,
+        } = self.place;
         let beside = |row: Option<usize>, column: Option<usize>| {
-            adjacent(Place {
-                level,
+            let other = adjacent(Place {
+                level: depth,
                 row: row?,
                 column: column?,
-            })
+            });
+            other.filter(|other| !(self.nearest.is_empty() && other.nearest.is_empty()))
         };
-        for (side, other, quarters) in [
-            (LEFT, beside(Some(row), column.checked_sub(1)), [0, 2]),
-            (RIGHT, beside(Some(row), Some(column + 1)), [1, 3]),
-            (TOP, beside(row.checked_sub(1), Some(column)), [0, 1]),
-            (BOTTOM, beside(Some(row + 1), Some(column)), [2, 3]),
-        ] {
-            let Some(other) = other else { continue };
-            if self.nearest.is_empty() && other.nearest.is_empty() {
-                continue;
-            }
-            let halves = self.border.open(side, &other.border, wavenumber);
-            for (quarter, half) in quarters.into_iter().zip(halves) {
-                open[quarter] = open[quarter].max(half);
-            }
-        }
+        let beyond = [
+            beside(Some(row), column.checked_sub(1)),
+            beside(Some(row), Some(column + 1)),
+            beside(row.checked_sub(1), Some(column)),
+            beside(Some(row + 1), Some(column)),
+        ];
+        let beyond = beyond.map(|tile| tile.map(|tile| &tile.border));
+        let mut open = self.blocks.open;
+        self.border.open(level, beyond, wavenumber, &mut open);
         open
     }
 }
 
 /// Add the nearest hits of the bodies of a tile, from distances to triangles [m].
 #[inline(always)] // part of a kernel
-fn find_nearest(cells: &Cells, distances: &[f64; MOST_RAYS], plane: &ImagePlane, found: &mut Vec<Nearest>) {
+fn find_nearest<I: Isa>(cells: &Cells, distances: &[f64; MOST_RAYS], plane: &ImagePlane, found: &mut Vec<Nearest>) {
+    let far = <I::F64 as Vector>::splat(f64::INFINITY);
     let mut rest = cells.hit;
     while rest != 0 {
-        let first = rest.trailing_zeros() as usize;
-        let body = cells.body[first];
-        let (mut nearest, mut at) = (f64::INFINITY, first);
-        for i in 0..MOST_RAYS {
-            let is_here = rest >> i & 1 == 1 && cells.body[i] == body;
-            rest &= !(u64::from(is_here) << i);
-            if is_here && distances[i] < nearest {
-                (nearest, at) = (distances[i], i);
-            }
+        let body = cells.body[rest.trailing_zeros() as usize];
+        let mut mine = cells.hits_of::<I>(body);
+        let mut nearest = far;
+        for first in (0..MOST_RAYS).step_by(HALF) {
+            let here = (mine >> first) as u32 & 0xff;
+            nearest = nearest.min(I::F64::load(&distances[first..]).select(here, far));
+        }
+        rest &= !mine;
+        let zero = <I::F64 as Vector>::splat(0.0);
+        let nearest = -zero.sub(nearest).largest();
+        // The first of equal ones.
+        let mut at = mine.trailing_zeros() as usize;
+        while mine != 0 && distances[at] > nearest {
+            mine &= mine - 1;
+            at = mine.trailing_zeros() as usize % MOST_RAYS;
         }
         let cell = Cell {
             u: cells.u[at],
@@ -283,7 +310,7 @@ fn find_nearest(cells: &Cells, distances: &[f64; MOST_RAYS], plane: &ImagePlane,
         found.push(Nearest {
             body,
             triangle: cells.triangle[at],
-            distance: nearest,
+            distance: distances[at],
             cell,
         });
     }
