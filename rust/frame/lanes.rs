@@ -2,10 +2,9 @@
 
 use super::groups::{Evaluate, EvaluateAt, Group, Groups};
 use super::model::{Cancel, Model};
-use super::outcome::Outcome;
+use super::outcome::{Outcome, count_of_times};
 use super::parts::Part;
 use super::stages::{StageTimes, timed};
-use super::sum::count_of_times;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::parallel;

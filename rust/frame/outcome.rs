@@ -39,3 +39,8 @@ impl Outcome {
         self.plan.push_str(&other.plan);
     }
 }
+
+/// Number of times in words.
+pub(super) fn count_of_times(number: usize) -> String {
+    format!("{number} time{}", if number == 1 { "" } else { "s" })
+}

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::groups::{Evaluate, Groups};
 use super::lanes;
 use super::model::{Cancel, Model};
-use super::outcome::Outcome;
+use super::outcome::{Outcome, count_of_times};
 use super::parts::Part;
 use super::stages::{StageTimes, timed};
 use crate::constants::SPEED_OF_LIGHT;
@@ -115,11 +115,6 @@ impl Groups {
         outcome.times = times;
         Ok((cube, outcome))
     }
-}
-
-/// Number of times in words.
-pub(super) fn count_of_times(number: usize) -> String {
-    format!("{number} time{}", if number == 1 { "" } else { "s" })
 }
 
 /// Longest delay of paths with power [s], in rows of `plane` paths of all channels.
