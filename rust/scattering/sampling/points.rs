@@ -67,14 +67,6 @@ impl<'a> Channels<'a> {
 }
 
 impl TilePoints {
-    /// Memory for a number of points with some weights each.
-    pub(super) fn with_capacity(number: usize, num_weights: usize) -> Self {
-        Self {
-            points: Vec::with_capacity(number),
-            weights: Vec::with_capacity(number * num_weights),
-        }
-    }
-
     /// Copy without spare memory.
     pub(super) fn copy(&self) -> Self {
         Self {
