@@ -1,7 +1,7 @@
 //! Model of a simulation: bodies or an image, materials, radar and settings, all independent of the motion.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -19,6 +19,7 @@ use crate::rays::surface::Surface;
 use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
+use crate::scattering::reflection_table::Reflection;
 use crate::synthesis::beat;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
@@ -148,6 +149,8 @@ pub struct Model {
     pub center: DVec3,
     /// Settings.
     pub settings: Settings,
+    /// Tables of the reflection coefficients of the materials.
+    reflections: OnceLock<Vec<Reflection>>,
     /// Directions that the antennas see; none: all.
     beam: Option<Beam>,
     /// Largest distance of a vertex from the origin of its body [m].
@@ -195,6 +198,7 @@ impl Model {
             }
         };
         Ok(Self {
+            reflections: OnceLock::new(),
             beam: settings.gain_floor.map(|floor| Beam::new(&array, floor)),
             radii,
             boxes,
@@ -216,6 +220,15 @@ impl Model {
         } else {
             JOIN_WIDE
         }
+    }
+
+    /// Tables of the reflection coefficients of the materials, at the centre of the band; made once.
+    pub(super) fn reflections(&self) -> &[Reflection] {
+        self.reflections.get_or_init(|| {
+            let wavelength = SPEED_OF_LIGHT / self.array.frequency;
+            let table = |material| Reflection::new(material, wavelength, self.array.polarization);
+            self.materials.iter().map(table).collect()
+        })
     }
 
     /// Directions that the antennas see.

@@ -130,6 +130,7 @@ impl Rays {
                     join: model.join(),
                     skip_dark: true,
                     turns,
+                    reflections: model.reflections(),
                 };
                 let before = match before {
                     Some(Self::Cells(scene, samples)) => Some((&**scene, samples)),

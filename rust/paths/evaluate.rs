@@ -779,6 +779,7 @@ mod tests {
                     join: 1.5,
                     skip_dark: true,
                     turns: &[],
+                    reflections: &[],
                 };
                 let samples =
                     Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();

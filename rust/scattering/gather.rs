@@ -189,8 +189,14 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
             {
                 to.specular = *from;
             }
-            let frame = MaterialFrame::of_mesh(scene, point.body, point.triangle, 0);
             body[i] = point.body;
+            if !is_deformed && !is_turning {
+                let pose = scene.pose(point.body);
+                position[i] = pose.point_to_body(point.position);
+                normal[i] = pose.direction_to_body(point.normal);
+                continue;
+            }
+            let frame = MaterialFrame::of_mesh(scene, point.body, point.triangle, 0);
             position[i] = frame.position(point.position);
             normal[i] = frame.normal(point.normal);
             if !patch.is_empty() && point.edges != [DVec3::ZERO; 2] {

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use crate::antennas::beam::Beam;
 use crate::error::{Error, Result, fits_memory};
 use crate::rays::camera::ImagePlane;
+use crate::scattering::reflection_table::Reflection;
 
 /// Largest number of cells of the base grid, along either side: rows and columns of the finest have 32 bits.
 const MAX_SIDE: usize = 1 << 14;
@@ -30,6 +31,8 @@ pub struct Refinement<'a> {
     pub skip_dark: bool,
     /// Angle by which every body turns from the cast to the ends of its use, seen from the sensor [rad].
     pub turns: &'a [f64],
+    /// Tables of the reflection coefficients of all bodies; empty: made for the cast.
+    pub reflections: &'a [Reflection],
 }
 
 impl Refinement<'_> {

@@ -11,6 +11,7 @@ use crate::scattering::material::Material;
 const INTERVALS: usize = 256;
 
 /// Reflection coefficient of a material towards the antennas.
+#[derive(Debug)]
 pub enum Reflection {
     /// Equal at every angle.
     Constant([f32; 2]),

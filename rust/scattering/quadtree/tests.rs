@@ -63,6 +63,7 @@ const REFINEMENT: Refinement<'static> = Refinement {
     join: 0.0,
     skip_dark: true,
     turns: &[],
+    reflections: &[],
     budget: None,
     end_points: true,
 };

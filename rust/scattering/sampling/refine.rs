@@ -146,15 +146,22 @@ impl Tiles {
                 0.0
             }
         });
-        let reflections = materials.iter();
+        let mut own = Vec::new();
+        let mut reflections = refinement.reflections;
+        if reflections.is_empty() {
+            own.extend(
+                materials
+                    .iter()
+                    .map(|material| Reflection::new(material, wavelength, array.polarization)),
+            );
+            reflections = &own;
+        }
         let scenery = Scenery {
             scene,
             cast,
             array,
             planes,
-            reflections: reflections
-                .map(|material| Reflection::new(material, wavelength, array.polarization))
-                .collect(),
+            reflections,
             channels: Channels::new(array, materials, width, TAU / wavelength),
             join: join.collect(),
             turns: turns().map(followed_turn).collect(),

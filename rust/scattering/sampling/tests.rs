@@ -96,6 +96,7 @@ fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
         join: 0.0,
         skip_dark: true,
         turns: &[],
+        reflections: &[],
     }
 }
 

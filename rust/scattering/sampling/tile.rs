@@ -25,7 +25,7 @@ pub(super) struct Scenery<'a> {
     pub(super) array: &'a Array,
     /// Image planes of all levels.
     pub(super) planes: Vec<ImagePlane>,
-    pub(super) reflections: Vec<Reflection>,
+    pub(super) reflections: &'a [Reflection],
     pub(super) channels: Channels<'a>,
     /// Largest phase of joined points from their mean [rad], per body.
     pub(super) join: Vec<f32>,
@@ -166,7 +166,7 @@ impl Kernel for Evaluate<'_> {
             plane,
             scenery.wavenumber,
             gain,
-            (&scenery.reflections, &scenery.turns),
+            (scenery.reflections, &scenery.turns),
         );
         let rays = cells.valid.count_ones() as usize;
         if cells.hit == 0 {
