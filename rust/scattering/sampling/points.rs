@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::cells::Cells;
-use super::join::joined;
+use super::join::{Join, joined};
 use crate::antennas::array::Array;
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::Cell;
@@ -66,6 +66,50 @@ impl<'a> Channels<'a> {
     }
 }
 
+/// Most groups of a quarter that wait to be joined: one half of every group round a single cell, and both of the last.
+const MOST_GROUPS: usize = 5;
+
+/// Neighbouring cells of a quarter, a bit each.
+#[derive(Clone, Copy)]
+struct Group {
+    cells: u32,
+    rows: u32,
+    columns: u32,
+}
+
+impl Group {
+    const SIDE: u32 = 4;
+    const QUARTER: Self = Self {
+        cells: (1 << PACKET) - 1,
+        rows: Self::SIDE,
+        columns: Self::SIDE,
+    };
+
+    /// Largest distance between the centres of its cells at a distance of 1, for cells of a size.
+    #[inline(always)] // part of a kernel
+    fn length(&self, [du, dv]: [f64; 2]) -> f64 {
+        (f64::from(self.columns - 1) * du).max(f64::from(self.rows - 1) * dv)
+    }
+
+    /// Halves of the group across the axis along which the phase varies most; `slope`: of a cell along u and v.
+    #[inline(always)] // part of a kernel
+    fn halves(self, slope: [f32; 2]) -> [Self; 2] {
+        let Self { cells, rows, columns } = self;
+        let across_u = slope[0] * (columns - 1) as f32 >= slope[1] * (rows - 1) as f32;
+        if columns > 1 && (rows == 1 || across_u) {
+            let columns = columns / 2;
+            let left = if columns == 2 { 0x3333 } else { 0x5555 };
+            let half = |cells| Self { cells, rows, columns };
+            [half(cells & left), half(cells & !left)]
+        } else {
+            let rows = rows / 2;
+            let top = if rows == 2 { 0x00ff } else { 0x0f0f };
+            let half = |cells| Self { cells, rows, columns };
+            [half(cells & top), half(cells & !top)]
+        }
+    }
+}
+
 impl TilePoints {
     /// Copy without spare memory.
     pub(super) fn copy(&self) -> Self {
@@ -81,7 +125,7 @@ impl TilePoints {
         self.weights.clear();
     }
 
-    /// Append the points of a quarter. `join`: largest phase from the mean of joined cells [rad], per body; `width`: size
+    /// Append the points of a quarter. `join`: limits of joined cells, per body; `width`: size
     /// of the cells in u and v.
     #[inline(always)] // part of a kernel
     pub(super) fn add<I: Isa>(
@@ -89,7 +133,7 @@ impl TilePoints {
         cells: &Cells,
         quarter: usize,
         wavenumber: f64,
-        join: &[f32],
+        join: &[Join],
         width: [f64; 2],
         channels: &Channels,
     ) {
@@ -104,32 +148,41 @@ impl TilePoints {
         }
     }
 
-    /// Append the points of a quarter, joined where phases allow: all cells, or squares of 2 x 2.
+    /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
     #[inline(always)]
-    fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[f32], width: [f64; 2]) {
+    fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[Join], width: [f64; 2]) {
         let weight = I::F32::load(&cells.weight[first..]);
         let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
         let lit = is_lit & cells.hits(first / PACKET);
         if lit == 0 {
             return;
         }
-        if let Some((point, weight)) = joined::<I>(cells, first, lit, wavenumber, join) {
-            self.points.push(point);
-            self.weights.push(weight);
-            return;
-        }
-        for square in [0x0033, 0x00cc, 0x3300, 0xcc00] {
-            let mut rest = lit & square;
-            if rest.count_ones() > 1
-                && let Some((point, weight)) = joined::<I>(cells, first, rest, wavenumber, join)
-            {
-                self.points.push(point);
-                self.weights.push(weight);
-                continue;
-            }
-            while rest != 0 {
-                let cell = first + rest.trailing_zeros() as usize;
-                rest &= rest - 1;
+        let leader = first + lit.trailing_zeros() as usize;
+        let slope = [cells.slope[0][leader].abs(), cells.slope[1][leader].abs()];
+        let join = &join[cells.body[leader] as usize];
+        let mut stack = [Group::QUARTER; MOST_GROUPS];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let group = stack[depth];
+            let lit = lit & group.cells;
+            let number = lit.count_ones();
+            if number > 1 {
+                let length = cells.distance[leader] * group.length(width);
+                let mut point = None;
+                if join.allows(wavenumber, length) {
+                    point = joined::<I>(cells, first, lit, wavenumber, join.phase);
+                }
+                if let Some((point, weight)) = point {
+                    self.points.push(point);
+                    self.weights.push(weight);
+                } else {
+                    let [one, other] = group.halves(slope);
+                    (stack[depth], stack[depth + 1]) = (other, one);
+                    depth += 2;
+                }
+            } else if number == 1 {
+                let cell = first + lit.trailing_zeros() as usize;
                 self.points.push(point_of(cells, cell, width));
                 self.weights.push(weight_of(cells, cell));
             }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::join::Join;
 use super::place::{MAX_LEVEL, Place, base_tiles, planes};
 use super::points::Channels;
 use super::residual::BLOCKS;
@@ -43,6 +44,9 @@ const LEAST_FLOOR: f64 = 0.1;
 
 /// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
 const MOST_TURN: f32 = 0.05;
+
+/// Angle by which a body turns [rad] that does not count.
+const LEAST_TURN: f32 = MOST_TURN / 32.0;
 
 /// Memory of a tile of which every cell is a point.
 const MOST_BYTES: usize = size_of::<Tile>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
@@ -135,16 +139,14 @@ impl Tiles {
         let width = refinement.base.du.max(refinement.base.dv);
         let turns = || {
             let bodies = 0..scene.num_bodies();
-            bodies.map(|body| refinement.turns.get(body).copied().unwrap_or(0.0) as f32)
+            bodies.map(|body| stepped_turn(refinement.turns.get(body).copied().unwrap_or(0.0) as f32))
         };
         let join = turns().zip(0..).map(|(turn, body)| {
             // Points of a body that deforms lie on triangles; joined points do not turn against each other.
             let is_rigid = !scene.surface(body).is_deformed();
-            if is_rigid && turn <= MOST_TURN {
-                refinement.join as f32
-            } else {
-                0.0
-            }
+            let is_joined = is_rigid && turn <= MOST_TURN;
+            let phase = if is_joined { refinement.join as f32 } else { 0.0 };
+            Join { phase, turn }
         });
         let mut own = Vec::new();
         let mut reflections = refinement.reflections;
@@ -164,14 +166,14 @@ impl Tiles {
             reflections,
             channels: Channels::new(array, materials, width, TAU / wavelength),
             join: join.collect(),
-            turns: turns().map(followed_turn).collect(),
+            turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
             wavenumber: TAU / wavelength,
         };
         let previous = previous.filter(|(tiles, _)| {
             let is_alike = tiles.base == refinement.base && tiles.beam.as_ref() == refinement.beam;
             // Tiles that a moved body touches are cast anew in any case.
-            let mut bodies = scenery.turns.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
-            is_alike && bodies.all(|(((now, before), pose), body)| now == before || pose != scene.pose(body))
+            let mut bodies = scenery.join.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
+            is_alike && bodies.all(|(((now, before), pose), body)| now.turn == *before || pose != scene.pose(body))
         });
         let known = previous.map(|(tiles, moved)| Known::new(&scenery, &tiles.levels, moved, refinement));
 
@@ -249,7 +251,7 @@ impl Tiles {
             num_weights,
             base: refinement.base,
             beam: refinement.beam.cloned(),
-            turns: refine.scenery.turns.clone(),
+            turns: refine.scenery.join.iter().map(|join| join.turn).collect(),
             poses: (0..refine.scenery.turns.len() as u32)
                 .map(|body| *refine.scenery.scene.pose(body))
                 .collect(),
@@ -469,13 +471,13 @@ fn of_quarter(blocks: u16, quarter: usize) -> u8 {
     (blocks >> (PACKETS * quarter)) as u8 & ALL
 }
 
-/// Angle by which the phases of a body's cells are followed [rad], 0 for none: in powers of two, so that it is equal for
-/// most frames, and static tiles can be taken over.
-fn followed_turn(turn: f32) -> f32 {
-    if turn <= MOST_TURN {
+/// Upper bound of the angle by which a body turns [rad], zero or a power of two times a constant: it is equal for most
+/// frames, so that static tiles can be taken over.
+fn stepped_turn(turn: f32) -> f32 {
+    if turn <= LEAST_TURN {
         0.0
     } else {
-        MOST_TURN * (turn / MOST_TURN).log2().ceil().exp2()
+        LEAST_TURN * (turn / LEAST_TURN).log2().ceil().exp2()
     }
 }
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::border::Border;
 use super::cells::Cells;
+use super::join::Join;
 use super::place::Place;
 use super::points::{Channels, TilePoints};
 use super::residual::{BLOCKS, Blocks, Looks};
@@ -27,8 +28,8 @@ pub(super) struct Scenery<'a> {
     pub(super) planes: Vec<ImagePlane>,
     pub(super) reflections: &'a [Reflection],
     pub(super) channels: Channels<'a>,
-    /// Largest phase of joined points from their mean [rad], per body.
-    pub(super) join: Vec<f32>,
+    /// Limits of joined points, per body.
+    pub(super) join: Vec<Join>,
     /// Angle by which every body turns [rad]; 0 where its cells keep their tapers.
     pub(super) turns: Vec<f32>,
     pub(super) wavenumber: f64,
