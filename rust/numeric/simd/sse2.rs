@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 
 use super::vector::{Isa, Vector};
 
-/// Instructions that the target guarantees; vectors are written out because arrays take the compiler minutes.
+/// Instructions that the target guarantees.
 pub(super) struct Baseline;
 
 impl Isa for Baseline {
@@ -27,9 +27,36 @@ impl Isa for Baseline {
     }
 }
 
-/// Four registers, lowest first.
+/// Four registers, lowest first. Operations are written out: loops over four, thousands in a kernel, take the compiler
+/// a minute each kernel to unroll.
 #[derive(Clone, Copy)]
-pub struct Four<R>([R; 4]);
+pub struct Four<R>(R, R, R, R);
+
+/// Result of an instruction on every register.
+macro_rules! each {
+    ($operation:ident($($v:expr),+)) => {
+        unsafe {
+            Self(
+                $operation($($v.0),+),
+                $operation($($v.1),+),
+                $operation($($v.2),+),
+                $operation($($v.3),+),
+            )
+        }
+    };
+}
+
+/// Bit mask of a comparison, with `$lanes` bits of every register.
+macro_rules! mask {
+    ($bits:ident, $compare:ident, $lanes:expr, $a:expr, $b:expr) => {
+        unsafe {
+            $bits($compare($a.0, $b.0)).cast_unsigned()
+                | $bits($compare($a.1, $b.1)).cast_unsigned() << $lanes
+                | $bits($compare($a.2, $b.2)).cast_unsigned() << (2 * $lanes)
+                | $bits($compare($a.3, $b.3)).cast_unsigned() << (3 * $lanes)
+        }
+    };
+}
 
 // SSE2 is part of x86-64.
 macro_rules! sse2_vector {
@@ -41,48 +68,41 @@ macro_rules! sse2_vector {
             const LANES: usize = $lanes;
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
-                Self([unsafe { $set1(x) }; 4])
+                let x = unsafe { $set1(x) };
+                Self(x, x, x, x)
             }
             #[inline(always)]
             fn halves(a: $scalar, b: $scalar) -> Self {
                 let (a, b) = unsafe { ($set1(a), $set1(b)) };
-                Self([a, a, b, b])
+                Self(a, a, b, b)
             }
             #[inline(always)]
             fn alternate(re: $scalar, im: $scalar) -> Self {
                 let alternate: fn($scalar, $scalar) -> $register = $alternate;
-                Self([alternate(re, im); 4])
+                let x = alternate(re, im);
+                Self(x, x, x, x)
             }
             #[inline(always)]
             fn pairs(self) -> [Self; 2] {
-                let [a, b, c, d] = self.0;
+                let Self(a, b, c, d) = self;
                 unsafe {
                     [
-                        Self([$low(a, a), $high(a, a), $low(b, b), $high(b, b)]),
-                        Self([$low(c, c), $high(c, c), $low(d, d), $high(d, d)]),
+                        Self($low(a, a), $high(a, a), $low(b, b), $high(b, b)),
+                        Self($low(c, c), $high(c, c), $low(d, d), $high(d, d)),
                     ]
                 }
             }
             #[inline(always)]
-            fn add(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $add(self.0[i], b.0[i]) };
-                }
-                self
+            fn add(self, b: Self) -> Self {
+                each!($add(self, b))
             }
             #[inline(always)]
-            fn sub(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $sub(self.0[i], b.0[i]) };
-                }
-                self
+            fn sub(self, b: Self) -> Self {
+                each!($sub(self, b))
             }
             #[inline(always)]
-            fn mul(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $mul(self.0[i], b.0[i]) };
-                }
-                self
+            fn mul(self, b: Self) -> Self {
+                each!($mul(self, b))
             }
             #[inline(always)]
             fn mul_add(self, b: Self, c: Self) -> Self {
@@ -93,77 +113,65 @@ macro_rules! sse2_vector {
                 c.sub(self.mul(b))
             }
             #[inline(always)]
-            fn min(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $min(self.0[i], b.0[i]) };
-                }
-                self
+            fn min(self, b: Self) -> Self {
+                each!($min(self, b))
             }
             #[inline(always)]
-            fn max(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $max(self.0[i], b.0[i]) };
-                }
-                self
+            fn max(self, b: Self) -> Self {
+                each!($max(self, b))
             }
             #[inline(always)]
             fn at_most(self, b: Self) -> u32 {
-                let mut bits = 0;
-                for i in 0..4 {
-                    bits |= (unsafe { $bits($at_most(self.0[i], b.0[i])) } as u32) << (i * $lanes / 4);
-                }
-                bits
+                mask!($bits, $at_most, $lanes / 4, self, b)
             }
             #[inline(always)]
             fn equal(self, b: Self) -> u32 {
-                let mut bits = 0;
-                for i in 0..4 {
-                    bits |= (unsafe { $bits($equal(self.0[i], b.0[i])) } as u32) << (i * $lanes / 4);
-                }
-                bits
+                mask!($bits, $equal, $lanes / 4, self, b)
             }
             #[inline(always)]
             fn first(self) -> $scalar {
-                unsafe { $first(self.0[0]) }
+                unsafe { $first(self.0) }
             }
             #[inline(always)]
-            fn div(mut self, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $div(self.0[i], b.0[i]) };
-                }
-                self
+            fn div(self, b: Self) -> Self {
+                each!($div(self, b))
             }
             #[inline(always)]
-            fn sqrt(mut self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = unsafe { $sqrt(self.0[i]) };
-                }
-                self
+            fn sqrt(self) -> Self {
+                each!($sqrt(self))
             }
             #[inline(always)]
             fn largest(self) -> $scalar {
-                let [a, b, c, d] = self.0;
+                let Self(a, b, c, d) = self;
                 unsafe { $largest($max($max(a, b), $max(c, d))) }
             }
             #[inline(always)]
-            fn select(mut self, bits: u32, b: Self) -> Self {
-                for i in 0..4 {
-                    self.0[i] = $select(bits >> (i * $lanes / 4), self.0[i], b.0[i]);
-                }
-                self
+            fn select(self, bits: u32, b: Self) -> Self {
+                Self(
+                    $select(bits, self.0, b.0),
+                    $select(bits >> ($lanes / 4), self.1, b.1),
+                    $select(bits >> ($lanes / 2), self.2, b.2),
+                    $select(bits >> (3 * $lanes / 4), self.3, b.3),
+                )
             }
             #[inline(always)]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
-                let mut v = Self::splat(0.0);
-                for i in 0..4 {
-                    v.0[i] = unsafe { $loadu(from.add(i * $lanes / 4)) };
+                unsafe {
+                    Self(
+                        $loadu(from),
+                        $loadu(from.add($lanes / 4)),
+                        $loadu(from.add($lanes / 2)),
+                        $loadu(from.add(3 * $lanes / 4)),
+                    )
                 }
-                v
             }
             #[inline(always)]
             unsafe fn store_unchecked(self, to: *mut $scalar) {
-                for i in 0..4 {
-                    unsafe { $storeu(to.add(i * $lanes / 4), self.0[i]) };
+                unsafe {
+                    $storeu(to, self.0);
+                    $storeu(to.add($lanes / 4), self.1);
+                    $storeu(to.add($lanes / 2), self.2);
+                    $storeu(to.add(3 * $lanes / 4), self.3);
                 }
             }
         }
@@ -289,6 +297,11 @@ fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
 /// Nearest f32 of twice 8 numbers.
 #[inline(always)]
 fn narrow(low: Four<__m128d>, high: Four<__m128d>) -> Four<__m128> {
-    let pair = |v: Four<__m128d>, i: usize| unsafe { _mm_movelh_ps(_mm_cvtpd_ps(v.0[i]), _mm_cvtpd_ps(v.0[i + 1])) };
-    Four([pair(low, 0), pair(low, 2), pair(high, 0), pair(high, 2)])
+    let pair = |a: __m128d, b: __m128d| unsafe { _mm_movelh_ps(_mm_cvtpd_ps(a), _mm_cvtpd_ps(b)) };
+    Four(
+        pair(low.0, low.1),
+        pair(low.2, low.3),
+        pair(high.0, high.1),
+        pair(high.2, high.3),
+    )
 }
