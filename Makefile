@@ -44,23 +44,25 @@ lint-python: $(VENV)/dev
 	@echo "-- lint: Python"
 	@$(BIN)/ruff check --quiet .
 
-# After the tests, whose build would wait for it. Tests are linted with the boundary to Python, as without it the lint of
-# dead code is off.
+# After the tests, whose build would wait for it. With the boundary to Python, as without it the lint of dead code is off;
+# what the core alone adds takes little more.
 lint-rust: $(VENV)/created | tests-rust
 	@echo "-- lint: Rust"
-	@cargo clippy --quiet --lib --benches --locked -- -D warnings
-	@cargo clippy --quiet --lib --tests --locked --features python -- -D warnings
+	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
+	@cargo clippy --quiet --lib --locked -- -D warnings
 
 types: $(VENV)/dev $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
 
-# Benches as well, each once: one build serves both.
+# What traces rays is inside of the core. The rest, benches once and tiny among it, takes a core that is not optimised,
+# which is built in no time.
 tests-rust: $(VENV)/created
 	@echo "-- tests and benches once: Rust"
-	@cargo test --quiet --locked --lib --tests --benches
-	@cargo test --quiet --locked --doc
+	@cargo test --quiet --locked --lib
+	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
+	@cargo test --quiet --locked --profile dev --doc
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
 tests-python: $(VENV)/robots $(VENV)/built

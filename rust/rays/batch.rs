@@ -55,6 +55,9 @@ pub struct Known<'a, F> {
     pub found: F,
 }
 
+/// Known hits of one type, so that the kernel, which is large, is compiled once for all callers.
+type AnyKnown<'a> = Known<'a, &'a (dyn Fn(usize) -> Option<Found> + Sync)>;
+
 /// Ends of groups of 64 rays, the last perhaps smaller, that hold `number` rays in order.
 pub fn whole_bundles(number: usize) -> Vec<usize> {
     let ends = (1..=number.div_ceil(MOST_RAYS)).map(|group| number.min(group * MOST_RAYS));
@@ -75,6 +78,10 @@ impl PosedScene {
     where
         F: Fn(usize) -> Option<Found> + Sync,
     {
+        let known = known.map(|known| AnyKnown {
+            moved: known.moved,
+            found: &known.found,
+        });
         let mut found = vec![Found::NOTHING; points.len()];
         let mut blocks = Vec::with_capacity(ends.len().div_ceil(BLOCK));
         let (mut first, mut rest) = (0, found.as_mut_slice());
@@ -89,7 +96,7 @@ impl PosedScene {
                 cast.level.run(CastBlock {
                     scene: self,
                     cast,
-                    known,
+                    known: known.as_ref(),
                     first,
                     ends,
                     points,
@@ -102,10 +109,10 @@ impl PosedScene {
 }
 
 /// Kernel that casts rays, group by group.
-struct CastBlock<'a, F> {
+struct CastBlock<'a> {
     scene: &'a PosedScene,
     cast: &'a Cast<'a>,
-    known: Option<&'a Known<'a, F>>,
+    known: Option<&'a AnyKnown<'a>>,
     /// Number of the first ray.
     first: usize,
     /// Ray number after the last of each group.
@@ -116,7 +123,7 @@ struct CastBlock<'a, F> {
     found: &'a mut [Found],
 }
 
-impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
+impl Kernel for CastBlock<'_> {
     type Output = Counts;
 
     #[inline(always)] // see `Kernel`
@@ -181,7 +188,7 @@ impl<F: Fn(usize) -> Option<Found>> Kernel for CastBlock<'_, F> {
 }
 
 /// Copy the known hits of a group of rays from number `first` on, if all are known. Returns whether they are.
-fn take_over<F: Fn(usize) -> Option<Found>>(found: &mut [Found], known: &Known<F>, first: usize) -> bool {
+fn take_over(found: &mut [Found], known: &AnyKnown, first: usize) -> bool {
     for ray in 0..found.len() {
         match (known.found)(first + ray) {
             Some(before) if before.is_seen => found[ray] = before,

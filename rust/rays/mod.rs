@@ -20,3 +20,6 @@ pub mod traversal;
 pub mod tree;
 pub mod triangle_block;
 pub mod watertight;
+
+#[cfg(test)]
+mod tests;

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use crate::{Pose, ShadingMode, Surface};
 use glam::{DMat3, DQuat, DVec3};
-use radarcore::{Pose, ShadingMode, Surface};
 
 /// Vertices and triangles.
 pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);

@@ -7,8 +7,8 @@
 
 use std::sync::Arc;
 
+use crate::{Hit, NO_BODY, Pose, Ray, Surface};
 use glam::DVec3;
-use radarcore::{Hit, NO_BODY, Pose, Ray, Surface};
 use rayon::prelude::*;
 
 /// Relative error of a distance that is not forgiven.

@@ -6,10 +6,10 @@ mod meshes;
 
 use std::sync::Arc;
 
+use crate::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Traversals};
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::{DMat3, DVec3};
 use meshes::{Bodies, Mesh, Random, join, lens, moved, prism, star, surface, turned, turns, wall};
-use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Traversals};
 use rayon::prelude::*;
 
 /// Where rays of images start [m].
