@@ -391,31 +391,32 @@ fn needles_and_slivers_of_closed_meshes_do_not_leak() {
     // Slivers and needles are 1 to 2 long: aspects of 1e-6 and 1e-9, halved exactly.
     for (i, width) in [19, 20, 29].map(|digits| 0.5_f64.powi(digits)).into_iter().enumerate() {
         for (j, (bend, apex)) in [(0.0, 1.0), (0.1, 1.0), (0.1, 0.5), (3.0, 2.0)].into_iter().enumerate() {
-            for (k, offset) in [0.0, 1.0, 1e3].into_iter().enumerate() {
-                let mut random = Random::new((100 * i + 10 * j + k) as u64);
-                let mesh = needle_prism(width, bend, apex, &mut random);
-                let rotation = if k == 0 { DMat3::IDENTITY } else { random.rotation() };
-                let (mesh, pose) = moved(&mesh, rotation, offset * random.direction());
-                let surface = surface(&mesh);
-                let scene = |turn: DMat3| Scene::new(vec![(surface.clone(), turned(turn, &pose))], 0.0);
-                // Walls: a pixel at every vertical edge and one between, where the diagonals are met at half their height.
-                let walls = scene(turns()[0]);
-                for size in [1.0, 0.25] {
-                    walls.cast(
-                        &odd([33, 70], [1.0 / 32.0, 0.5 * width * size], i),
-                        |_, ray, _, answer| {
-                            walls.is_closed(ray, &answer)?;
-                            if bend == 0.0 && width > 1e-8 {
-                                is_near(answer.distance, 1.0 / ray.direction.abs().max_element())?;
-                            }
-                            Ok(())
-                        },
-                    );
-                }
-                // Fans, from their common corner outwards: in every row, pixels at all spokes.
-                for turn in [turns()[4], turns()[5]] {
-                    scene(turn).check_closed(&odd([9, 8 * 33], [1.0 / 8.0, width / 8.0], i));
-                }
+            // Every offset with every width and with every shape.
+            let k = (i + j) % 3;
+            let offset = [0.0, 1.0, 1e3][k];
+            let mut random = Random::new((100 * i + 10 * j + k) as u64);
+            let mesh = needle_prism(width, bend, apex, &mut random);
+            let rotation = if k == 0 { DMat3::IDENTITY } else { random.rotation() };
+            let (mesh, pose) = moved(&mesh, rotation, offset * random.direction());
+            let surface = surface(&mesh);
+            let scene = |turn: DMat3| Scene::new(vec![(surface.clone(), turned(turn, &pose))], 0.0);
+            // Walls: a pixel at every vertical edge and one between, where the diagonals are met at half their height.
+            let walls = scene(turns()[0]);
+            for size in [1.0, 0.25] {
+                walls.cast(
+                    &odd([33, 70], [1.0 / 32.0, 0.5 * width * size], i),
+                    |_, ray, _, answer| {
+                        walls.is_closed(ray, &answer)?;
+                        if bend == 0.0 && width > 1e-8 {
+                            is_near(answer.distance, 1.0 / ray.direction.abs().max_element())?;
+                        }
+                        Ok(())
+                    },
+                );
+            }
+            // Fans, from their common corner outwards: in every row, pixels at all spokes.
+            for turn in [turns()[4], turns()[5]] {
+                scene(turn).check_closed(&odd([9, 8 * 33], [1.0 / 8.0, width / 8.0], i));
             }
         }
     }
@@ -817,7 +818,7 @@ fn a_part_of_a_tenth_of_a_millimetre_is_seen_before_a_wall_of_a_kilometre() {
 
 #[test]
 fn sizes_from_a_tenth_of_a_millimetre_to_a_kilometre_make_one_scene() {
-    for seed in 0..5 {
+    for seed in 0..2 {
         let mut random = Random::new(seed);
         // Shells about the sensor and parts between them, ten times larger from one to the next; the last is closed.
         let mut mesh = star(2, |_| 500.0);
