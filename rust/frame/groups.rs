@@ -45,7 +45,7 @@ pub(super) enum GroupPaths {
     /// Material points, followed by the point targets where these belong to the group.
     Scatterers(Members),
     /// Paths of several reflections.
-    Bounces(Bounces),
+    Bounces(Box<Bounces>),
 }
 
 /// Paths at one time, `(channel, path)`.
@@ -116,7 +116,7 @@ impl Groups {
         let parts = bounces.split(|body| are_still[body as usize]);
         for (bounces, is_still) in parts.into_iter().zip([true, false]) {
             groups.push(Group {
-                paths: GroupPaths::Bounces(bounces),
+                paths: GroupPaths::Bounces(Box::new(bounces)),
                 is_still,
                 order: 0,
             });

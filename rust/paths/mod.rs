@@ -4,5 +4,7 @@ pub mod evaluate;
 pub mod kinematics;
 pub mod node_times;
 pub mod placement;
+pub mod rows;
 pub mod scatterers;
 pub mod series;
+mod sixteen;

@@ -28,7 +28,7 @@ impl Join {
     /// True if cells over a length may be joined: the phase between them changes little while the body turns.
     /// `wavenumber` [rad/m], `length` [m].
     #[inline(always)] // part of a kernel
-    pub(super) fn allows(&self, wavenumber: f64, length: f64) -> bool {
+    pub(super) fn allows(self, wavenumber: f64, length: f64) -> bool {
         self.phase > 0.0 && 2.0 * self.turn * (wavenumber * length) as f32 <= MOST_TURNED
     }
 }
