@@ -136,7 +136,9 @@ pub fn simulate(
         if part.has_middle {
             frame.truth = timed(&mut times.truth, || truth::of(model, &rays, &placement, &rates));
         }
-        memory.rays = Some(rays);
+        let before = memory.rays.replace(rays);
+        // Thousands of tiles are given back beside what comes next.
+        rayon::spawn(move || drop((before, groups)));
     }
     frame.counts.times.add(&times);
     Ok(Some(frame.finish(motion_error)))
