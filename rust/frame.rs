@@ -136,9 +136,7 @@ pub fn simulate(
         if part.has_middle {
             frame.truth = timed(&mut times.truth, || truth::of(model, &rays, &placement, &rates));
         }
-        let before = memory.rays.replace(rays);
-        // Thousands of tiles are given back beside what comes next.
-        rayon::spawn(move || drop((before, groups)));
+        memory.rays = Some(rays);
     }
     frame.counts.times.add(&times);
     Ok(Some(frame.finish(motion_error)))
