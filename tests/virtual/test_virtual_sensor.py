@@ -82,6 +82,16 @@ def test_client_tracks_a_moving_scene_for_a_minute(swing):
     assert np.abs(velocity_error).max() < 0.1 * wf.velocity_resolution
 
 
+def test_times_of_frames_do_not_depend_on_the_speed(swing):
+    times = []
+    for speed in ("4", "0.5"):
+        with served(swing, "--speed", speed) as (port, _), open_sensor(port) as sensor:
+            sensor.configure(CLIENT, if_gain_db=60)
+            times.append([frame.time for frame in sensor.frames(3)])
+            assert sensor.num_lost == 0
+    np.testing.assert_allclose(times, [[0.0, 0.05, 0.1]] * 2, atol=1e-5)
+
+
 def test_what_the_client_sets_is_simulated(swing):
     with (
         virtual_board(rc.load_scene(swing), speed=None) as board,
