@@ -288,7 +288,7 @@ impl Report {
                 part.step.width().unwrap_or(0),
                 PyTuple::new(py, block_plans.iter().map(|plan| plan.rows))?,
                 PyTuple::new(py, block_plans.iter().map(|plan| plan.approximation.num_sets()))?,
-                part.error,
+                part.error(self.0.plan.gain),
                 part.memory,
             )
                 .into_pyobject(py)

@@ -3,6 +3,7 @@
 pub mod beat;
 pub mod block;
 pub mod chirp;
+pub mod coherence;
 pub mod delay;
 pub mod direct;
 pub mod interval;

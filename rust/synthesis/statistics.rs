@@ -9,6 +9,8 @@ use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
 use crate::synthesis::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::coherence::Coherence;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::residual_phase::Sample;
@@ -22,6 +24,8 @@ pub struct Group {
     pub delay: Vec<Interval>,
     /// Power of the coefficients of the amplitude over the frame, (degree, channel).
     pub power: Vec<Vec<f64>>,
+    /// Sums of amplitudes over cells of range and velocity, per channel.
+    pub coherence: Vec<Coherence>,
 }
 
 impl Group {
@@ -35,6 +39,26 @@ impl Group {
         }
         own
     }
+
+    /// Largest [`Coherence::gain`] of all channels.
+    pub fn coherence(&self, count: usize) -> f64 {
+        let gains = self.coherence.iter().map(|cells| cells.gain(count));
+        gains.fold(1.0, f64::max)
+    }
+
+    /// Add the paths of another group.
+    fn join(&mut self, other: &Self) {
+        self.num_paths += other.num_paths;
+        for (a, b) in self.delay.iter_mut().zip(&other.delay) {
+            *a = a.join(*b);
+        }
+        for (a, b) in self.power.iter_mut().flatten().zip(other.power.iter().flatten()) {
+            *a += b;
+        }
+        for (a, b) in self.coherence.iter_mut().zip(&other.coherence) {
+            a.join(b);
+        }
+    }
 }
 
 /// Statistics of all paths of a series.
@@ -46,8 +70,6 @@ pub struct PathStatistics {
     pub moving: Group,
     /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
     pub power: Vec<f64>,
-    /// Sum of the fourth powers of the first amplitudes [W^2], per channel.
-    pub fourth: Vec<f64>,
     /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from
     /// it.
     pub largest: f64,
@@ -75,14 +97,24 @@ const NUM_BOUNDS: usize = 12;
 /// Paths that share one bound.
 const NEIGHBOURS: usize = 32;
 
-/// Chunks per part of the work, a constant: sums do not depend on the number of threads.
+/// Fewest chunks per part of the work, and most parts per channel, each with cells of its own; constants: sums do not
+/// depend on the number of threads.
 const PART: usize = 64;
+const MOST_PARTS: usize = 64;
 
 impl PathStatistics {
     /// Statistics of all paths over a frame, as one block, for phases at a carrier [Hz].
-    pub fn new(series: &PathSeries, frame: &Block, carrier: f64, level: Level, is_parallel: bool) -> Self {
+    pub fn new(
+        waveform: &Waveform,
+        series: &PathSeries,
+        frame: &Block,
+        carrier: f64,
+        level: Level,
+        is_parallel: bool,
+    ) -> Self {
         let of_part = |(channel, chunks): (usize, Range<usize>)| {
             level.run(PartStatistics {
+                waveform,
                 series,
                 frame,
                 carrier,
@@ -99,28 +131,10 @@ impl PathStatistics {
         all
     }
 
-    /// Effective number of paths: as many of equal strength have the same ratio of fourth to squared second moments.
-    /// The least of all channels; 1 if moments are not finite.
-    pub fn effective_paths(&self) -> f64 {
-        let channels = self.power.iter().zip(&self.fourth).filter(|(power, _)| **power > 0.0);
-        let ratios = channels.map(|(power, fourth)| {
-            let ratio = power * power / fourth;
-            if ratio.is_finite() { ratio } else { 1.0 }
-        });
-        ratios.fold(1e9, f64::min).max(1.0)
-    }
-
     /// Count all paths as moving.
     pub fn merge(&mut self) {
         let still = std::mem::replace(&mut self.still, self.moving.clone());
-        let moving = &mut self.moving;
-        moving.num_paths += still.num_paths;
-        for (a, b) in moving.delay.iter_mut().zip(&still.delay) {
-            *a = a.join(*b);
-        }
-        for (a, b) in moving.power.iter_mut().flatten().zip(still.power.iter().flatten()) {
-            *a += b;
-        }
+        self.moving.join(&still);
         self.still.num_paths = 0;
     }
 
@@ -136,12 +150,12 @@ impl PathStatistics {
             num_paths: 0,
             delay: vec![Interval::EMPTY; series.num_delay_terms()],
             power: vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()],
+            coherence: vec![Coherence::default(); series.num_channels],
         };
         Self {
             still: group.clone(),
             moving: group,
             power: vec![0.0; series.num_channels],
-            fourth: vec![0.0; series.num_channels],
             largest: 0.0,
             is_finite: true,
             masks: Vec::new(),
@@ -150,17 +164,9 @@ impl PathStatistics {
     }
 
     fn join(&mut self, other: &Self) {
-        for (a, b) in [(&mut self.still, &other.still), (&mut self.moving, &other.moving)] {
-            a.num_paths += b.num_paths;
-            for (a, b) in a.delay.iter_mut().zip(&b.delay) {
-                *a = a.join(*b);
-            }
-            for (a, b) in a.power.iter_mut().flatten().zip(b.power.iter().flatten()) {
-                *a += b;
-            }
-        }
-        let sums = self.power.iter_mut().chain(&mut self.fourth);
-        for (a, b) in sums.zip(other.power.iter().chain(&other.fourth)) {
+        self.still.join(&other.still);
+        self.moving.join(&other.moving);
+        for (a, b) in self.power.iter_mut().zip(&other.power) {
             *a += b;
         }
         self.largest = self.largest.max(other.largest);
@@ -287,10 +293,11 @@ pub fn ranges(
 /// Channel and chunks of every part of the work.
 fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let part = PART.max(num_chunks.div_ceil(MOST_PARTS));
     let of_channel = |channel| {
         (0..num_chunks)
-            .step_by(PART)
-            .map(move |first| (channel, first..num_chunks.min(first + PART)))
+            .step_by(part)
+            .map(move |first| (channel, first..num_chunks.min(first + part)))
     };
     (0..series.num_channels).flat_map(of_channel).collect()
 }
@@ -330,6 +337,7 @@ impl Kernel for BlockRanges<'_> {
 }
 
 struct PartStatistics<'a> {
+    waveform: &'a Waveform,
     series: &'a PathSeries<'a>,
     frame: &'a Block,
     carrier: f64,
@@ -346,13 +354,16 @@ impl Kernel for PartStatistics<'_> {
         let mut statistics = PathStatistics::empty(series);
         let mut rows = Rows::new(series);
         let zero = wide::splat::<I, AT_ONCE>(0.0);
-        let (mut nothing, mut largest, mut fourth) = (zero, zero, zero);
+        let (mut nothing, mut largest) = (zero, zero);
         let ends = vec![Ends::<I::F64>::empty(); series.num_delay_terms()];
         let mut ranges = [ends.clone(), ends];
         let sums = vec![zero; series.num_amplitude_terms()];
         let mut powers = [sums.clone(), sums];
         let mut counts = [0, 0];
         let phase = (TAU * self.carrier).powi(2);
+        let cells = Coherence::new(frame.chirps.len(), self.waveform.num_samples);
+        let mut coherence = [cells.clone(), cells];
+        let turns = [self.waveform.slope / self.waveform.sample_rate, 2.0 * self.carrier];
         for index in self.chunks {
             rows.gather(series, channel, index * CHUNK, Selection::ALL);
             let mask = rows.moving();
@@ -361,10 +372,14 @@ impl Kernel for PartStatistics<'_> {
             for j in 0..rows.re.len() {
                 largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
             }
-            fourth = add_fourth::<I>(&rows.re[0], &rows.im[0], fourth);
             let num_moving = mask.count_ones() as usize;
             let numbers = [rows.len - num_moving, num_moving];
             let is_mixed = numbers[0] > 0 && numbers[1] > 0;
+            let places = places::<I>(frame, &rows, turns);
+            for i in 0..rows.len {
+                let class = (mask >> i & 1) as usize;
+                coherence[class].add(places[0][i], places[1][i], places[2][i]);
+            }
             let (mut bends, mut changes) = ([0.0; CHUNK], [0.0; CHUNK]);
             for (class, bits) in [!mask, mask].into_iter().enumerate() {
                 if numbers[class] == 0 {
@@ -402,11 +417,13 @@ impl Kernel for PartStatistics<'_> {
                 }
             }
         }
+        let [still, moving] = coherence;
+        statistics.still.coherence[channel] = still;
+        statistics.moving.coherence[channel] = moving;
         sort(&mut statistics.bounds);
         statistics.bounds.truncate(NUM_BOUNDS);
         statistics.is_finite = sum_of::<I>(nothing) == 0.0;
         statistics.largest = -least_of::<I>(wide::sub(zero, largest));
-        statistics.fourth[channel] = sum_of::<I>(fourth);
         for (class, group) in [&mut statistics.still, &mut statistics.moving].into_iter().enumerate() {
             group.num_paths = counts[class];
             if counts[class] == 0 {
@@ -469,6 +486,27 @@ fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wid
     value
 }
 
+/// Turns of phase of paths from sample to sample and over the frame, for factors of the first two coefficients of the
+/// delay, and the magnitudes of their mean amplitudes.
+#[inline(always)]
+fn places<I: Isa>(frame: &Block, rows: &Rows, turns: [f64; 2]) -> [Lane; 3] {
+    let mut places = [[0.0; CHUNK]; 3];
+    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
+        for k in 0..rows.delay.len().min(2) {
+            let value = whole::<I>(&frame.delay, &rows.delay, k, at);
+            let factor = wide::splat::<I, AT_ONCE>(turns[k]);
+            wide::store(wide::mul(value, factor), &mut places[k][at..]);
+        }
+        let re = whole::<I>(&frame.amplitude, &rows.re, 0, at);
+        let im = whole::<I>(&frame.amplitude, &rows.im, 0, at);
+        let square = wide::mul_add(re, re, wide::mul(im, im));
+        for i in 0..AT_ONCE {
+            square[i].sqrt().store(&mut places[2][at + 8 * i..]);
+        }
+    }
+    places
+}
+
 /// Zero if the means over the frame of all series are finite; NaN if any number or any mean is not.
 #[inline(always)]
 fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
@@ -496,17 +534,6 @@ fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
         largest = wide::max(wide::max(value, wide::sub(zero, value)), largest);
     }
     largest
-}
-
-/// Add the fourth powers of the magnitudes of the amplitudes.
-#[inline(always)]
-fn add_fourth<I: Isa>(re: &Lane, im: &Lane, mut sum: Wide<I>) -> Wide<I> {
-    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-        let (re, im) = (wide::load::<I, AT_ONCE>(&re[at..]), wide::load::<I, AT_ONCE>(&im[at..]));
-        let square = wide::mul_add(re, re, wide::mul(im, im));
-        sum = wide::mul_add(square, square, sum);
-    }
-    sum
 }
 
 /// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path

@@ -291,32 +291,48 @@ def plate_that_faces(wf: rc.Waveform, frames: float, num_paths: int) -> Paths:
     return Paths(2.0 / C * (2.0 + y * np.sin(angle))[:, None], np.ones((1, num_paths), complex))
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 3e-5, 1e-6])
 @pytest.mark.parametrize("num_paths", [700, 20_000])
-@pytest.mark.parametrize("frames", [-2.0, -1.0, 1.0, 2.0])
-@pytest.mark.parametrize("method", ["auto", "grid", "lanes"])
+@pytest.mark.parametrize("frames", [-2.0, -1.5, -1.0, 0.0, 1.0, 1.5, 1.73, 2.0])
+@pytest.mark.parametrize("method", METHODS)
 def test_plate_that_faces_the_radar_in_another_frame_is_no_ghost(
     method: str, frames: float, num_paths: int, tolerance: float
 ) -> None:
-    # Its echoes add up at a time that is the frame's own to the grid but for the kernel: with 700 paths the error is
-    # 26 times that of paths without relation at that time, and 3 times that in the frame.
-    tolerance = max(tolerance, 1e-2) if method == "lanes" else tolerance
+    # Its echoes add up at a time that is the frame's own to the grid but for the kernel: one and a half frames away that
+    # is an end of the frame, where the kernel is worst.
     wf = sweep_waveform(24, 24)
     paths = plate_that_faces(wf, frames, num_paths)
-    exact = paths.exact(wf)
-    got, report = paths.signal(wf, tolerance=tolerance, method=method)
-    bound = 3.0 * tolerance + allowance(exact, paths, wf, tolerance)
-    assert relative_error(got, exact, paths) <= bound, f"{method}, {frames}: {report}"
+    try:
+        check(paths, wf, tolerance, method=method)
+    except ValueError as refusal:
+        assert method in ("recurrence", "lanes"), refusal  # noqa: PT017
+        assert "tolerance: expected" in str(refusal), refusal  # noqa: PT017
 
 
-@pytest.mark.xfail(reason="errors of paths that add up in phase outside of the frame are predicted as if they did not")
-@pytest.mark.parametrize(("num_paths", "tolerance"), [(3_000, 3e-5), (20_000, 5e-3)])
-@pytest.mark.parametrize("frames", [-2.0, 2.0])
-def test_plate_that_faces_the_radar_in_another_frame_is_within_the_tolerance(
-    frames: float, num_paths: int, tolerance: float
+@pytest.mark.parametrize("num_paths", [20_000, 65_536])
+@pytest.mark.parametrize("seed", range(4))
+def test_plates_of_other_frames_are_no_ghosts_of_frames_as_long_as_usual(seed: int, num_paths: int) -> None:
+    frames = np.random.default_rng(seed).uniform(-2.2, 2.2)
+    for tolerance in (1e-4, 3e-5):
+        wf = sweep_waveform(64, 64)
+        check(plate_that_faces(wf, frames, num_paths), wf, tolerance, method="auto")
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("sweeps", [-1.5, 0.0, 1.5])
+def test_paths_that_add_up_at_a_frequency_beyond_the_sweep_are_no_ghosts(
+    sweeps: float, tolerance: float, method: str
 ) -> None:
-    wf = sweep_waveform(24, 24)
-    check(plate_that_faces(wf, frames, num_paths), wf, tolerance, method="grid")
+    # Echoes of a grating: in phase at one frequency, a sweep and a half from the middle of the sweep.
+    wf = sweep_waveform(20, 40)
+    delay = moving(8000).delay
+    frequency = wf.center_frequency + sweeps * wf.bandwidth
+    try:
+        check(Paths(delay, np.exp(2j * np.pi * frequency * delay)), wf, tolerance, method=method)
+    except ValueError as refusal:
+        assert method == "lanes", refusal  # noqa: PT017
+        assert "tolerance: expected" in str(refusal), refusal  # noqa: PT017
 
 
 # --- time ----------------------------------------------------------------------------------------------------------
@@ -448,8 +464,10 @@ def test_order_of_paths_changes_nothing(num_paths: int, method: str) -> None:
     wf = sweep_waveform(20, 40)
     paths = scene_paths("image", wf, num_paths, np.random.default_rng(0))
     order = np.random.default_rng(1).permutation(num_paths)
-    got, expected = (p.samples(wf, method=method).astype(complex) for p in (paths.pick(order), paths))
-    assert relative_error(got, expected, paths) <= 2e-4 + 2.0 * allowance(expected, paths, wf, 1e-4)
+    tolerance = 1e-3 if method == "lanes" else 1e-4
+    options = {"method": method, "tolerance": tolerance}
+    got, expected = (p.samples(wf, **options).astype(complex) for p in (paths.pick(order), paths))
+    assert relative_error(got, expected, paths) <= 2.0 * (tolerance + allowance(expected, paths, wf, tolerance))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -494,7 +512,7 @@ def test_quiet_channel_keeps_its_digits_in_phase(tolerance: float, method: str) 
 def test_number_of_threads_does_not_change_a_bit(
     num_paths: int, num_chirps: int, tolerance: float, method: str
 ) -> None:
-    tolerance = finest(method, tolerance)
+    tolerance = max(tolerance, 1e-3) if method == "lanes" else tolerance
     if num_paths == 200_000 and method == "recurrence":
         num_paths = 40_000
     wf, paths = sweep_waveform(num_chirps, 48), moving(num_paths)

@@ -176,12 +176,13 @@ def test_plan_is_what_is_done() -> None:
 def test_paths_in_phase_take_a_finer_plan() -> None:
     wf = sweep_waveform()
     paths = scene_paths("together", wf, 5000, np.random.default_rng(5))
-    _, report = paths.signal(wf, tolerance=1e-3)
-    assert report.runs == 2
+    got, report = paths.signal(wf, tolerance=1e-3)
     # All of one point: every sample is the sum of the amplitudes, sqrt(n) times their l2 norm.
     assert report.gain == pytest.approx(np.sqrt(5000), rel=1e-2)
-    assert report.error * report.gain <= 1e-3
-    assert paths.plan(wf, tolerance=1e-3).error > report.error
+    assert report.error <= 1e-3
+    assert relative_error(got, paths.exact(wf), paths) <= 1e-3 + allowance(paths.exact(wf), paths, wf, 1e-3)
+    apart = still_and_moving(2500, 2500).plan(wf, tolerance=1e-3)
+    assert max(part[4] for part in report.parts()) > max(part.width for part in apart.parts)
 
 
 @pytest.mark.parametrize("seed", range(3))

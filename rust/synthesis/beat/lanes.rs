@@ -10,11 +10,12 @@ use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Real};
 use crate::synthesis::block::{Block, CHUNK, Chunk, Class, Selection};
 use crate::synthesis::chirp::Waveform;
+use crate::synthesis::coherence::Coherence;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::lanes::{self, Batch, Builder, Coefficients, Errors, Layer, Steps, Tables};
-use crate::synthesis::plan::{Method, Part, Plan, Step};
+use crate::synthesis::plan::{Method, Part, Plan, SINGLE_EQUAL_SUM, Step, in_phase};
 
-/// Smallest tolerance that sums in lanes may reach: single precision, kernels of six cells.
+/// Smallest tolerance that sums in lanes may reach: single precision, kernels of seven cells.
 const LEAST_TOLERANCE: f64 = 1e-5;
 
 /// Share of the tolerance that the bound of the error may fill.
@@ -163,9 +164,12 @@ impl LaneSum {
         let num_channels = self.layers.first().map_or(0, |layer| layer.batches.len());
         let of_channel = |channel: usize| {
             let mut errors = Errors::default();
+            let mut coherence = Coherence::new(self.tables.num_chirps, self.tables.num_samples);
             for batch in self.layers.iter().flat_map(|layer| &layer.batches[channel]) {
                 errors.add(&batch.errors);
+                batch.add_to(&mut coherence, &self.tables);
             }
+            errors.coherence = coherence.gain(1);
             errors
         };
         (0..num_channels).map(of_channel).collect()
@@ -181,8 +185,8 @@ impl LaneSum {
             1.0
         };
         let power: Vec<f64> = errors.iter().map(|errors| errors.power * back * back).collect();
-        let (mut goal, mut runs) = (options.tolerance, 0);
-        while let Some((steps, plan)) = self.plan(&errors, goal) {
+        let (mut known_gain, mut runs) = (1.0, 0);
+        while let Some((steps, plan)) = self.plan(&errors, options.tolerance, known_gain) {
             fits_memory("grids", &[plan.memory()], 1)?;
             let samples = Samples::Single(self.run(steps, options, back));
             runs += 1;
@@ -190,9 +194,9 @@ impl LaneSum {
             if !gain.is_finite() {
                 break;
             }
-            // Paths that add up in phase add up their errors.
-            goal = options.tolerance / gain.max(1.0);
-            if plan.error() <= goal {
+            // Errors allow for what is due to few samples.
+            let coherent = (gain / self.tables.fluctuation).max(1.0);
+            if plan.error_with(0.0, coherent) <= options.tolerance {
                 let report = Report {
                     plan,
                     runs,
@@ -201,32 +205,45 @@ impl LaneSum {
                 };
                 return Ok(Some((unscaled(samples, self.scale * back)?, report)));
             }
+            // Paths that add up in phase add up their errors.
+            known_gain = coherent.max(1.01 * known_gain);
         }
         Ok(None)
     }
 
-    /// Cheapest steps that reach a tolerance, and their plan.
-    pub(super) fn plan(&self, errors: &[Errors], tolerance: f64) -> Option<(Steps, Plan)> {
+    /// Cheapest steps that reach a tolerance with a known gain, and their plan.
+    pub(super) fn plan(&self, errors: &[Errors], tolerance: f64, gain: f64) -> Option<(Steps, Plan)> {
         let longest = errors.iter().map(|errors| errors.longest).fold(0.0, f64::max);
         if longest * self.tables.frequency.abs() > MOST_TURNS {
             return None;
         }
-        let reaches = |tolerance: f64| {
-            let is_enough = |steps: &Steps| self.bound(errors, *steps) <= MARGIN * tolerance;
-            Steps::all().find(is_enough)
+        let reaches = |gain: f64| {
+            let is_enough = |steps: &Steps| {
+                let [kernel, rest] = self.bounds(errors, *steps);
+                let error = kernel
+                    .hypot(in_phase(gain) * rest)
+                    .hypot(gain.powi(3) * SINGLE_EQUAL_SUM);
+                error <= MARGIN * tolerance
+            };
+            Steps::all().find(is_enough).map(|steps| (steps, gain))
         };
-        let least = reaches(tolerance)?;
+        let least = reaches(gain)?;
         // One more cell costs less than a second run, a second grid does not.
-        let steps = reaches(tolerance / RESERVE).filter(|safe| safe.has_second == least.has_second);
-        let steps = steps.unwrap_or(least);
-        let error = self.bound(errors, steps);
+        let safe = reaches(gain.max(RESERVE)).filter(|safe| safe.0.has_second == least.0.has_second);
+        let (steps, gain) = safe.unwrap_or(least);
+        let [kernel, rest] = self.bounds(errors, steps);
         let all = || self.layers.iter().flat_map(|layer| &layer.batches).flatten();
         let moving = all().map(|batch| batch.num_moving).sum::<usize>();
         let still = all().map(|batch| batch.still.len()).sum::<usize>();
         let num_records: usize = all().map(|batch| batch.moving.len()).sum();
-        let mut plan = Plan::default();
+        let mut plan = Plan {
+            gain,
+            ..Plan::default()
+        };
         for (class, num_paths) in [(Class::Still, still), (Class::Moving, moving)] {
             if num_paths > 0 {
+                // Errors of classes add up in squares.
+                let share = (num_paths as f64 / (still + moving) as f64).sqrt();
                 plan.parts.push(Part {
                     class,
                     num_paths,
@@ -234,9 +251,10 @@ impl LaneSum {
                         width: steps.width,
                         has_second: steps.has_second,
                     },
-                    // Errors of classes add up in squares.
-                    error: error * (num_paths as f64 / (still + moving) as f64).sqrt(),
-                    interpolation: 0.0,
+                    kernel: share * kernel,
+                    rounding: 0.0,
+                    equal: share * SINGLE_EQUAL_SUM,
+                    series: share * rest,
                     cost: 0.0,
                     memory: num_records * size_of::<lanes::Record>(),
                 });
@@ -245,11 +263,15 @@ impl LaneSum {
         Some((steps, plan))
     }
 
-    /// Largest bound of the error of all channels; NaN if a number is not finite.
-    fn bound(&self, errors: &[Errors], steps: Steps) -> f64 {
-        let bound = |errors: &Errors| errors.bound(&self.tables, steps.width, steps.has_second);
+    /// Largest bounds of all channels: of the error of the kernel, and of what else is left out for independent phases;
+    /// NaN if a number is not finite.
+    fn bounds(&self, errors: &[Errors], steps: Steps) -> [f64; 2] {
         let larger = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
-        errors.iter().map(bound).fold(0.0, larger)
+        let largest = |bound: &dyn Fn(&Errors) -> f64| errors.iter().map(bound).fold(0.0, larger);
+        [
+            largest(&|errors| errors.kernel(steps.width, self.tables.num_samples)),
+            largest(&|errors| errors.rest(&self.tables, steps.has_second)),
+        ]
     }
 
     /// Samples times the scale and another factor.

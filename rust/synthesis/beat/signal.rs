@@ -55,8 +55,9 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
             return Err(too_large(job.statistics.largest));
         }
         let interpolation = outcome.interpolation(&job.statistics.power) * plan::fluctuation(waveform);
-        let error = plan.error_with(interpolation);
-        if error * gain.max(1.0) <= options.tolerance {
+        // Errors allow for what is due to few samples.
+        let coherent = (gain / plan::fluctuation(waveform)).max(1.0);
+        if plan.error_with(interpolation, coherent) <= options.tolerance {
             let report = Report {
                 plan,
                 rows: outcome.rows,
@@ -66,12 +67,12 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
             };
             return Ok((samples, report));
         }
-        if plan.error() * gain.max(1.0) > options.tolerance {
+        if plan.error_with(0.0, coherent) > options.tolerance {
             // Paths add up in phase, and so do their errors.
-            known_gain = gain.max(1.01 * known_gain);
+            known_gain = coherent.max(1.01 * known_gain);
         }
-        if interpolation > plan.interpolation() {
-            job.learn(&outcome.worst, interpolation / plan.interpolation());
+        if interpolation > plan.series() {
+            job.learn(&outcome.worst, interpolation / plan.series());
         }
     }
 }
@@ -82,7 +83,7 @@ pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Resu
     series.check_shapes()?;
     let lanes = LaneSum::of(waveform, series, options);
     if let Some(lanes) = &lanes
-        && let Some((_, plan)) = lanes.plan(&lanes.errors(), options.tolerance)
+        && let Some((_, plan)) = lanes.plan(&lanes.errors(), options.tolerance, 1.0)
     {
         return Ok(plan);
     }
@@ -114,7 +115,7 @@ impl<'a> Job<'a> {
         } else {
             let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
             let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
-            let statistics = PathStatistics::new(series, &frame, carrier, options.level, options.is_parallel);
+            let statistics = PathStatistics::new(waveform, series, &frame, carrier, options.level, options.is_parallel);
             if !statistics.is_finite {
                 series.check_numbers()?;
             }
@@ -203,7 +204,7 @@ impl<'a> Job<'a> {
         )
     }
 
-    /// Plan for a known gain, which divides the tolerance.
+    /// Plan for a known gain.
     fn plan(&self, gain: f64) -> Result<Plan> {
         if self.is_lost && self.options.method != Method::Auto {
             return Err(self.refused(None));
@@ -211,7 +212,7 @@ impl<'a> Job<'a> {
         let is_unplanned = self.is_lost || !self.series.can_be_planned(self.waveform);
         let is_direct = is_unplanned && self.options.method == Method::Auto;
         let method = if is_direct { Method::Direct } else { self.options.method };
-        let try_plan = |reserve: f64| self.try_plan(self.options.tolerance * gain / gain.max(reserve), gain, method);
+        let try_plan = |reserve: f64| self.try_plan(self.options.tolerance, gain.max(reserve), method);
         let is_single = |plan: &Plan| plan.parts.iter().all(|part| part.step.is_single());
         let safe = if self.options.tolerance > LEAST_RESERVED {
             try_plan(RESERVE).filter(is_single)
@@ -225,7 +226,7 @@ impl<'a> Job<'a> {
         let request = Request {
             waveform: self.waveform,
             series: self.series,
-            tolerance: tolerance / gain,
+            tolerance,
             method,
             gain,
             safety_factor: self.safety_factor,

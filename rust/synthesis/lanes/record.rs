@@ -8,6 +8,7 @@ use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::angle;
 use crate::numeric::wide::{self, mul, narrow, neg_mul_add, sub};
 use crate::synthesis::block::{Lane, SingleLane};
+use crate::synthesis::coherence::Coherence;
 
 /// Coefficients of the phase that every path has; further ones only where they count.
 pub const FEWEST_TURNS: usize = 3;
@@ -67,6 +68,25 @@ pub struct Batch {
     pub num_moving: usize,
     /// Errors of these paths.
     pub errors: Errors,
+}
+
+impl Batch {
+    /// Add the paths to cells of range and velocity.
+    pub fn add_to(&self, cells: &mut Coherence, tables: &Tables) {
+        let per_cell = (tables.num_cells as f64).recip();
+        let range = |cell: u32, offset: f32| per_cell * (f64::from(cell) + f64::from(offset));
+        for path in &self.moving {
+            let velocity = 2.0 * f64::from(path.turns[0]);
+            cells.add(
+                range(path.cell, path.offset),
+                velocity,
+                f64::from(path.amplitude[0].abs()),
+            );
+        }
+        for path in &self.still {
+            cells.add(range(path.cell, path.offset), 0.0, f64::from(path.amplitude.abs()));
+        }
+    }
 }
 
 /// Coefficients of up to 128 paths of a channel over the frame of the tables, by degree: delays [s], real and imaginary
@@ -440,6 +460,7 @@ impl<V: Vector<Scalar = f32>> Sums<V> {
             beyond_third: total(self.beyond[0]),
             beyond_fourth: total(self.beyond[1]),
             longest: f64::from(self.longest.largest()),
+            coherence: 1.0,
         }
     }
 }

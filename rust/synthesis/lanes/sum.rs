@@ -13,7 +13,7 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 /// Steps of a sum: width of the kernel, and a second grid or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Steps {
-    /// Width of the kernel [cells], 3 to 6.
+    /// Width of the kernel [cells], 4 to 7.
     pub width: usize,
     /// Follow the curvature of phases within a chirp to first order: a second strength per path, on a grid of its own
     /// that is multiplied by the square of time.
@@ -128,10 +128,10 @@ impl Kernel for SpreadStill<'_> {
             grid.resize(2 * (self.num_cells + self.spreading.width), 0.0);
             let (spreading, paths, num_cells) = (self.spreading, &batch.still, self.num_cells);
             match spreading.width {
-                3 => add_still::<I, 3>(spreading, paths, num_cells, &mut grid),
                 4 => add_still::<I, 4>(spreading, paths, num_cells, &mut grid),
                 5 => add_still::<I, 5>(spreading, paths, num_cells, &mut grid),
-                _ => add_still::<I, 6>(spreading, paths, num_cells, &mut grid),
+                6 => add_still::<I, 6>(spreading, paths, num_cells, &mut grid),
+                _ => add_still::<I, 7>(spreading, paths, num_cells, &mut grid),
             }
         }
         if !grid.is_empty() {
@@ -181,10 +181,10 @@ impl Kernel for AddGroup<'_> {
             }
             for batch in batches {
                 match width {
-                    3 => self.spread.add::<I, 3>(&batch.moving, &mut grid, &mut second),
                     4 => self.spread.add::<I, 4>(&batch.moving, &mut grid, &mut second),
                     5 => self.spread.add::<I, 5>(&batch.moving, &mut grid, &mut second),
-                    _ => self.spread.add::<I, 6>(&batch.moving, &mut grid, &mut second),
+                    6 => self.spread.add::<I, 6>(&batch.moving, &mut grid, &mut second),
+                    _ => self.spread.add::<I, 7>(&batch.moving, &mut grid, &mut second),
                 }
             }
             let num_grids = if self.has_second && is_moving { 2 } else { 1 };

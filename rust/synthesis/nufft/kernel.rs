@@ -50,19 +50,27 @@ impl KaiserBessel {
         }
     }
 
-    /// rms error of a sum over `num_points` points of equal strength on a grid of two axes, relative to the l2 norm of
-    /// their strengths.
+    /// Bound of the rms error of a sum over points on a grid of two axes, relative to the l2 norm of their strengths,
+    /// for points whose sum may have [`Coherence::gain`](crate::synthesis::coherence::Coherence::gain) times the rms of
+    /// independent phases, and outputs up to a frequency `end` in cycles per cell.
     ///
-    /// Measured: up to 7 cells 6.5 units of the last digit on average over the coordinates of points, 12 at the worst;
+    /// Measured: up to 7 cells 6.5 units of the last digit on average over the coordinates of a point, 12 at the worst;
     /// wider kernels differ less.
-    pub fn error(width: usize, num_points: f64) -> f64 {
+    pub fn error(width: usize, end: f64, coherence: f64) -> f64 {
         let units = match width {
-            ..=7 => 7.0 + 6.5 / num_points.max(1.0).sqrt(),
-            8 => 8.8 + 4.0 / num_points.max(1.0).sqrt(),
+            ..=8 => 13.5,
             9..=10 => 12.5,
             _ => 15.0,
         };
-        units * 10f64.powi(-(width.cast_signed() as i32))
+        let edge = Self::new(width).edge(end);
+        with_coherence(units * 10f64.powi(-(width.cast_signed() as i32)), edge, coherence)
+    }
+
+    /// Ratio of the aliases to a tone at an end of the outputs, which is a frequency in cycles per cell: the largest of
+    /// all outputs.
+    pub fn edge(&self, end: f64) -> f64 {
+        let aliases = [-2.0, -1.0, 1.0, 2.0].map(|period| self.transform(end + period).abs());
+        aliases.iter().sum::<f64>() / self.transform(end)
     }
 
     /// Value at a distance in cells.
@@ -126,6 +134,13 @@ impl KaiserBessel {
         }
         result
     }
+}
+
+/// Bound of the rms error of a kernel for paths that may add up in phase where the kernel is worst, from its error for
+/// one point, relative to the l2 norm of amplitudes. A group of paths on the border of two cells counts as half.
+pub fn with_coherence(of_point: f64, edge: f64, coherence: f64) -> f64 {
+    let beyond = 2.0 * (coherence * coherence - 1.0).max(0.0);
+    of_point.hypot(beyond.sqrt() * edge)
 }
 
 /// Tables of a kernel, see [`KaiserBessel::tables`].
@@ -217,7 +232,7 @@ mod tests {
                 for cell in 0..width {
                     let got = polynomials.iter().rev().fold(0.0, |sum, row| sum * z + row[cell]);
                     let exact = kernel.value(0.5 * (z + 1.0) + cell as f64 - 0.5 * width as f64);
-                    let bound = (0.1 * KaiserBessel::error(width, 1e6)).max(1e-13);
+                    let bound = (0.1 * KaiserBessel::error(width, 0.25, 1.0)).max(1e-13);
                     assert!((got - exact).abs() < bound, "{width} {cell} {z}: {}", got - exact);
                 }
             }

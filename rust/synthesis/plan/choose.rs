@@ -13,22 +13,24 @@ use crate::synthesis::statistics::PathStatistics;
 const SINGLE_RECURRENCE: f64 = 6e-6;
 const DOUBLE_RECURRENCE: f64 = 5e-13;
 
-/// Neighbours on a smooth surface that count as one path where errors of a kernel add up.
-const IN_PHASE: f64 = 64.0;
-
 impl Request<'_> {
     /// Plan of the sum. None if the allowed steps cannot reach the tolerance.
     ///
     /// `delay_ranges` returns the ranges of the coefficients of the delays of moving paths in blocks [s].
     pub fn plan(&self, frame: &PathStatistics, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
-        let mut plan = Plan::default();
+        let mut plan = Plan {
+            gain: self.gain,
+            ..Plan::default()
+        };
         if self.method == Method::Direct && self.series.num_paths > 0 {
             plan.parts.push(Part {
                 class: Class::All,
                 num_paths: self.series.num_channels * self.series.num_paths,
                 step: Step::Direct,
-                error: 0.0,
-                interpolation: 0.0,
+                kernel: 0.0,
+                rounding: 0.0,
+                equal: 0.0,
+                series: 0.0,
                 cost: 0.0,
                 memory: 0,
             });
@@ -45,12 +47,6 @@ impl Request<'_> {
             let tolerance = self.tolerance / (num_classes as f64).sqrt() / share.max(1e-30);
             let goal = Goal {
                 request: self,
-                // Paths in phase act as one path, whose coordinates may be the worst for the kernel.
-                effective_paths: if self.gain > 1.5 {
-                    1.0
-                } else {
-                    (frame.effective_paths() / IN_PHASE).max(1.0)
-                },
                 class,
                 group,
                 own: group.own_power(),
@@ -91,26 +87,23 @@ impl Goal<'_> {
             }
         };
         if allowed(Method::Direct) {
-            offer(Some(self.simple(Step::Direct, 0.0, 5.0)));
+            offer(Some(self.simple(Step::Direct, (0.0, 0.0), 5.0)));
         }
         if allowed(Method::Recurrence) {
             // Chunks are summed one by one, then added up.
-            let equal = SINGLE_EQUAL_SUM * (self.request.gain.powi(2) / CHUNK as f64);
+            let equal = SINGLE_EQUAL_SUM / CHUNK as f64;
             let [single_rest, double_rest] = self.recurrence_rest();
-            let single = SINGLE_RECURRENCE.hypot(equal).hypot(single_rest);
-            let double = DOUBLE_RECURRENCE.hypot(double_rest);
-            if single <= MARGIN * self.tolerance {
-                offer(Some(self.simple(
-                    Step::Recurrence { is_single: true },
-                    single,
-                    0.1 * self.detail(),
-                )));
-            } else if double <= MARGIN * self.tolerance {
-                offer(Some(self.simple(
-                    Step::Recurrence { is_single: false },
-                    double,
-                    0.2 * self.detail(),
-                )));
+            let single = (SINGLE_RECURRENCE.hypot(single_rest), equal);
+            let double = (DOUBLE_RECURRENCE.hypot(double_rest), 0.0);
+            let gain = self.request.gain;
+            let is_enough =
+                |(rounding, equal): (f64, f64)| gain * rounding.hypot(gain * gain * equal) <= MARGIN * self.tolerance;
+            if is_enough(single) {
+                let step = Step::Recurrence { is_single: true };
+                offer(Some(self.simple(step, single, 0.1 * self.detail())));
+            } else if is_enough(double) {
+                let step = Step::Recurrence { is_single: false };
+                offer(Some(self.simple(step, double, 0.2 * self.detail())));
             }
         }
         // Planning a NUFFT takes a fraction of a millisecond.
@@ -136,8 +129,8 @@ impl Goal<'_> {
         1.0 + 0.03 * (delays - 2.0).max(0.0) + 0.06 * (amplitudes - 1.0)
     }
 
-    /// Part of a step whose cost is a time per path and sample [ns].
-    fn simple(&self, step: Step, error: f64, nanoseconds: f64) -> Part {
+    /// Part of a step by its errors, [`Part::rounding`] and [`Part::equal`], and a time per path and sample [ns].
+    fn simple(&self, step: Step, (rounding, equal): (f64, f64), nanoseconds: f64) -> Part {
         let waveform = self.request.waveform;
         let chirps = if self.class == Class::Still && matches!(step, Step::Direct) {
             1
@@ -148,8 +141,10 @@ impl Goal<'_> {
             class: self.class,
             num_paths: self.group.num_paths,
             step,
-            error: error * self.share,
-            interpolation: 0.0,
+            kernel: 0.0,
+            rounding: rounding * self.share,
+            equal: equal * self.share,
+            series: 0.0,
             cost: 1e-9 * nanoseconds * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
             memory: 0,
         }

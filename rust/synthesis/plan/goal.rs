@@ -11,7 +11,7 @@ use crate::synthesis::low_rank::residual_phase::{Path, Sample};
 use crate::synthesis::statistics::Group;
 
 /// Relative rounding per addend of sums of nearly equal numbers in single precision, one after the other; measured.
-pub(super) const SINGLE_EQUAL_SUM: f64 = 6e-9;
+pub const SINGLE_EQUAL_SUM: f64 = 6e-9;
 
 /// Share of the tolerance that predicted errors may fill.
 pub(super) const MARGIN: f64 = 0.9;
@@ -24,6 +24,15 @@ pub fn fluctuation(waveform: &Waveform) -> f64 {
     (1.0 + 3.0 / num_samples.sqrt()).sqrt()
 }
 
+/// Largest error of a truncated series in a frame over its rms.
+const PEAK: f64 = 2.0;
+
+/// Factor of errors of truncated series in a sum whose rms is `gain` times that of independent phases: paths may add up in
+/// phase where errors are largest.
+pub fn in_phase(gain: f64) -> f64 {
+    (1.0 + (PEAK * PEAK) * (gain * gain - 1.0).max(0.0)).sqrt()
+}
+
 /// Request for a plan: waveform, paths, tolerance and allowed steps.
 pub struct Request<'a> {
     /// The waveform.
@@ -34,7 +43,7 @@ pub struct Request<'a> {
     pub tolerance: f64,
     /// Allowed steps.
     pub method: Method,
-    /// Largest known rms of the samples of a channel relative to its l2(amplitudes); at least 1.
+    /// Largest rms of the samples of a channel relative to its l2(amplitudes) that the plan allows for; at least 1.
     pub gain: f64,
     /// Safety factor of the error that the samples may have: above 1 after other paths turned out to have more.
     pub safety_factor: f64,
@@ -57,18 +66,23 @@ pub(super) struct Goal<'a> {
     pub(super) own: Vec<f64>,
     pub(super) tolerance: f64,
     pub(super) share: f64,
-    /// Effective number of paths, from `PathStatistics::effective_paths`; 1 for paths in phase.
-    pub(super) effective_paths: f64,
     /// True if the samples represent all paths; set when first needed.
     pub(super) are_alike: OnceCell<bool>,
     /// Scratch memory for the samples in a block.
     pub(super) room: RefCell<Vec<Path>>,
 }
 
-/// Spreading kernel and its error.
+/// Spreading kernel and its errors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kernel {
     pub(super) is_single: bool,
     pub(super) width: usize,
+    /// Bound of the error of the kernel, whatever the phases of the paths.
+    pub(super) bound: f64,
+    /// Rounding for paths of independent phases.
+    pub(super) rounding: f64,
+    /// Rounding per path of paths in phase.
+    pub(super) equal: f64,
+    /// Both, for the gain of the request.
     pub(super) error: f64,
 }

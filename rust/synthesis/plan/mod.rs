@@ -1,13 +1,14 @@
 //! Plans of a sum over paths: a method for every class of paths, chosen by a model of cost from statistics of the
 //! paths.
 //!
-//! Errors are relative to l2(amplitudes) of a channel and hold for paths of independent phases. Where many paths add up
-//! in phase, `beat` measures the gain in the result and asks for a smaller tolerance.
+//! Errors are relative to l2(amplitudes) of a channel. Those of a spreading kernel hold whatever the phases of the paths,
+//! see [`super::coherence`]; others for paths of independent phases, or with the gain that `beat` measures in the result
+//! where many paths add up in phase.
 
 mod choose;
 mod goal;
 mod nufft;
 mod parts;
 
-pub use goal::{Request, fluctuation};
+pub use goal::{Request, SINGLE_EQUAL_SUM, fluctuation, in_phase};
 pub use parts::{Method, Part, Plan, Step};

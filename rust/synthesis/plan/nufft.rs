@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
+use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation, in_phase};
 use super::parts::{Part, Step};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::interval::Interval;
@@ -71,7 +71,7 @@ impl Goal<'_> {
         }
         let cost = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, false)).sum();
         let largest = |number: fn(&Laid) -> f64| laid.iter().map(number).fold(0.0, f64::max);
-        let (error, interpolation) = (largest(|laid| laid.error), largest(|laid| laid.interpolation));
+        let interpolation = largest(|laid| laid.interpolation);
         let count = blocks.len();
         let block_plans: Vec<BlockPlan> = laid.into_iter().map(|laid| laid.block_plan).collect();
         // Parts of the paths, channels and blocks have separate grids, on as many threads as there may be.
@@ -93,8 +93,10 @@ impl Goal<'_> {
                 width: kernel.width,
                 block_plans,
             },
-            error: error * self.share,
-            interpolation: interpolation * self.share,
+            kernel: kernel.bound * self.share,
+            rounding: kernel.rounding * self.share,
+            equal: kernel.equal * self.share,
+            series: interpolation * self.share,
             cost,
             memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
         })
@@ -128,7 +130,7 @@ impl Goal<'_> {
                 let costs = laid.iter().map(|laid| self.cost(kernel, &laid.block_plan, is_halved));
                 share * costs.sum::<f64>()
             };
-            let kernels = self.kernels(num_chirps / count, allows_single);
+            let kernels = self.kernels(count, allows_single);
             let mut laid = kernels.first().and_then(|kernel| lay(*kernel));
             // A kernel of one cell more may save one of a few terms.
             let is_few = |(_, laid): &(Kernel, Vec<Laid>)| {
@@ -157,22 +159,35 @@ impl Goal<'_> {
         best
     }
 
-    /// All kernels, the fastest first; `stress` multiplies the error of the kernel itself.
-    fn all_kernels(&self, stress: f64) -> impl Iterator<Item = Kernel> + use<> {
-        let num_points = self.effective_paths;
+    /// All kernels for `count` blocks, the fastest first; `stress` multiplies the error of the kernel itself.
+    fn all_kernels(&self, count: usize, stress: f64) -> impl Iterator<Item = Kernel> + use<> {
+        let (coherence, gain) = (self.group.coherence(count), self.request.gain);
+        // What stands still is spread over range alone.
+        let num_samples = self.request.waveform.num_samples;
+        let end = match self.class {
+            Class::Still => (num_samples / 2) as f64 / (OVERSAMPLING * num_samples) as f64,
+            _ => 0.5 / OVERSAMPLING as f64,
+        };
         let widths = SINGLE_WIDTHS
             .map(|width| (true, width))
             .into_iter()
             .chain(DOUBLE_WIDTHS.map(|width| (false, width)));
         let single = self.single_rounding();
-        widths.map(move |(is_single, width)| Kernel {
-            is_single,
-            width,
-            error: (stress * KaiserBessel::error(width, num_points)).hypot(if is_single {
-                single
+        widths.map(move |(is_single, width)| {
+            let bound = stress * KaiserBessel::error(width, end, coherence);
+            let (rounding, equal) = if is_single {
+                (single, SINGLE_EQUAL_SUM)
             } else {
-                DOUBLE_ROUNDING
-            }),
+                (DOUBLE_ROUNDING, 0.0)
+            };
+            Kernel {
+                is_single,
+                width,
+                bound,
+                rounding,
+                equal,
+                error: bound.hypot(gain * rounding.hypot(gain * gain * equal)),
+            }
         })
     }
 
@@ -183,18 +198,14 @@ impl Goal<'_> {
         let span = 2.0 * self.group.delay[0].half() * (waveform.slope / waveform.sample_rate).abs();
         let cells = 1.0 + span.min(1.0) * (OVERSAMPLING * waveform.num_samples) as f64;
         let paths = self.group.num_paths as f64 / series.num_channels as f64;
-        // The paths of a cell that add up in phase are gain^2.
-        let equal = self.request.gain.powi(2);
-        SINGLE_ROUNDING
-            .hypot(SINGLE_SUM * (paths / cells).sqrt())
-            .hypot(SINGLE_EQUAL_SUM * equal)
+        SINGLE_ROUNDING.hypot(SINGLE_SUM * (paths / cells).sqrt())
     }
 
-    /// Narrowest kernel that leaves room for other errors in blocks of `num_chirps` chirps, and the next one of the
-    /// same precision.
-    fn kernels(&self, num_chirps: usize, allows_single: bool) -> Vec<Kernel> {
+    /// Narrowest kernel that leaves room for other errors in `count` blocks, and the next one of the same precision.
+    fn kernels(&self, count: usize, allows_single: bool) -> Vec<Kernel> {
+        let num_chirps = self.request.waveform.chirp_times.len() / count;
         let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
-        let fitting = self.all_kernels(stress);
+        let fitting = self.all_kernels(count, stress);
         let mut kernels: Vec<Kernel> = fitting
             .filter(|kernel| kernel.error <= 0.8 * self.tolerance && (allows_single || !kernel.is_single))
             .take(2)
@@ -328,7 +339,6 @@ impl Goal<'_> {
             };
             return Some(Laid {
                 block_plan,
-                error: kernel.error,
                 interpolation: 0.0,
             });
         }
@@ -378,8 +388,7 @@ impl Goal<'_> {
         };
         // The checks see this rounding as well.
         let interpolation = (left * fluctuation).hypot(rounding);
-        let error = kernel.error.hypot(interpolation);
-        if error > self.tolerance {
+        if kernel.error.hypot(in_phase(self.request.gain) * interpolation) > self.tolerance {
             return None;
         }
         let block_plan = BlockPlan {
@@ -394,7 +403,6 @@ impl Goal<'_> {
         };
         let laid = Laid {
             block_plan,
-            error,
             interpolation,
         };
         self.fit(laid, delay, kernel)
@@ -421,7 +429,7 @@ impl Goal<'_> {
     /// Errors are relative to the amplitudes in the block, whose mean square over all blocks is that in the frame.
     fn budget(&self, kernel: Kernel) -> f64 {
         let square = (MARGIN * self.tolerance).powi(2) - kernel.error.powi(2);
-        square.max(0.0).sqrt()
+        square.max(0.0).sqrt() / in_phase(self.request.gain)
     }
 
     /// Velocity axis of a block. None if its span is not finite or too large.
@@ -475,8 +483,6 @@ type Estimate = (f64, Vec<Block>, Kernel, Vec<Laid>);
 /// Plan of a block and its predicted error.
 struct Laid {
     block_plan: BlockPlan,
-    /// Predicted error.
-    error: f64,
-    /// Part of the error due to the interpolation of residuals and their rounding.
+    /// Error due to the interpolation of residuals and their rounding.
     interpolation: f64,
 }

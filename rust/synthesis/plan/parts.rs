@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::goal::in_phase;
 use crate::synthesis::block::Class;
 use crate::synthesis::low_rank::block_plan::BlockPlan;
 
@@ -71,10 +72,15 @@ pub struct Part {
     pub num_paths: usize,
     /// Step that sums them.
     pub step: Step,
-    /// Predicted error relative to l2(amplitudes).
-    pub error: f64,
-    /// Part of the error due to the interpolation of residuals, estimated from samples of the paths.
-    pub interpolation: f64,
+    /// Bound of the error of a spreading kernel relative to l2(amplitudes), whatever the phases of the paths.
+    pub kernel: f64,
+    /// Predicted rounding, for paths of independent phases; of recurrences with what they leave out.
+    pub rounding: f64,
+    /// Rounding per path of a sum of equal numbers: with a gain g, g^2 paths add up in phase.
+    pub equal: f64,
+    /// Predicted error of truncated series, for paths of independent phases; of the NUFFT, whose series interpolate
+    /// residuals, estimated from samples of the paths.
+    pub series: f64,
     /// Predicted time on one thread [s], of use for comparison only.
     pub cost: f64,
     /// Working memory, beside the input and the result [bytes].
@@ -86,6 +92,8 @@ pub struct Part {
 pub struct Plan {
     /// Parts, in the order of summation.
     pub parts: Vec<Part>,
+    /// Rms of the samples of a channel relative to its l2(amplitudes) that the plan allows for.
+    pub gain: f64,
 }
 
 /// Methods: the steps that a plan may take.
@@ -104,24 +112,21 @@ pub enum Method {
 }
 
 impl Plan {
-    /// Predicted error, relative to l2(amplitudes).
+    /// Predicted error relative to l2(amplitudes), for the gain that the plan allows for.
     pub fn error(&self) -> f64 {
-        self.parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt()
+        self.error_with(0.0, self.gain)
     }
 
-    /// Part of the error due to the interpolation of residuals, estimated from samples of the paths.
-    pub fn interpolation(&self) -> f64 {
-        self.parts
-            .iter()
-            .map(|part| part.interpolation.powi(2))
-            .sum::<f64>()
-            .sqrt()
+    /// Predicted error of truncated series, for paths of independent phases.
+    pub fn series(&self) -> f64 {
+        self.parts.iter().map(|part| part.series.powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Error with the measured error of the interpolation in place of the estimate, if it is larger.
-    pub fn error_with(&self, interpolation: f64) -> f64 {
-        let more = interpolation.powi(2) - self.interpolation().powi(2);
-        (self.error().powi(2) + more.max(0.0)).sqrt()
+    /// Error for a gain, with the measured error of truncated series in place of the estimate if it is larger.
+    pub fn error_with(&self, series: f64, gain: f64) -> f64 {
+        let more = series.powi(2) - self.series().powi(2);
+        let squares = self.parts.iter().map(|part| part.error(gain).powi(2)).sum::<f64>();
+        (squares + in_phase(gain).powi(2) * more.max(0.0)).sqrt()
     }
 
     /// Working memory, beside the input and the result [bytes].
@@ -136,7 +141,7 @@ impl fmt::Display for Plan {
             if i > 0 {
                 f.write_str("\n")?;
             }
-            write!(f, "{part}")?;
+            part.write(f, self.gain)?;
         }
         if self.parts.is_empty() {
             f.write_str("no paths")?;
@@ -145,8 +150,15 @@ impl fmt::Display for Plan {
     }
 }
 
-impl fmt::Display for Part {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Part {
+    /// Predicted error relative to l2(amplitudes), for a gain.
+    pub fn error(&self, gain: f64) -> f64 {
+        let rounding = gain * self.rounding.hypot(gain * gain * self.equal);
+        self.kernel.hypot(rounding).hypot(in_phase(gain) * self.series)
+    }
+
+    /// Text with the error for a gain.
+    fn write(&self, f: &mut fmt::Formatter<'_>, gain: f64) -> fmt::Result {
         let precision = |is_single: bool| if is_single { "single" } else { "double" };
         let class = match self.class {
             Class::Still => "still ",
@@ -180,6 +192,6 @@ impl fmt::Display for Part {
                 )
             }
         }?;
-        write!(f, ", error {:.1e}", self.error)
+        write!(f, ", error {:.1e}", self.error(gain))
     }
 }

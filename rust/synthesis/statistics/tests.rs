@@ -33,7 +33,7 @@ fn bounding_paths_are_those_that_bend_most_one_of_neighbours() {
     };
     let frame = Block::new(&waveform, &series, 0..10);
     for level in Level::available() {
-        let statistics = PathStatistics::new(&series, &frame, 60e9, level, false);
+        let statistics = PathStatistics::new(&waveform, &series, &frame, 60e9, level, false);
         let bends: Vec<f64> = bounding_paths(&series, &statistics)
             .iter()
             .map(|sample| sample.delay(&frame).nth(2).unwrap() / frame.delay[2][2])

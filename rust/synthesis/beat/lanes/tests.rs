@@ -163,12 +163,12 @@ fn sums_keep_their_predicted_errors_on_every_instruction_set() {
         };
         for (name, paths, finest) in [
             ("accelerating", Paths::accelerating(300), 2e-4),
-            ("swinging", Paths::swinging(&waveform, 300, 0.0), 1e-3),
-            ("turning", Paths::swinging(&waveform, 300, turn), 1e-3),
+            ("swinging", Paths::swinging(&waveform, 300, 0.0), 2e-3),
+            ("turning", Paths::swinging(&waveform, 300, turn), 2e-3),
             ("one", Paths::accelerating(1), 2e-4),
         ] {
             let exact = paths.exact(&waveform);
-            for tolerance in [1e-2, 1e-3, 2e-4].into_iter().filter(|tolerance| *tolerance >= finest) {
+            for tolerance in [1e-2, 2e-3, 2e-4].into_iter().filter(|tolerance| *tolerance >= finest) {
                 for level in Level::available() {
                     let (samples, report) = paths.sum(&waveform, options(tolerance, level));
                     let (error, case) = (paths.error(&samples, &exact), (num_chirps, num_samples, name, level));
@@ -187,7 +187,7 @@ fn steady_amplitudes_are_summed_to_the_finest_tolerance() {
         let mut paths = Paths::swinging(&waveform, 300, 0.0);
         paths.amplitude.truncate(1);
         let exact = paths.exact(&waveform);
-        for (tolerance, has_second) in [(1e-2, false), (1e-3, false), (1e-4, true), (2e-5, true)] {
+        for (tolerance, has_second) in [(1e-2, false), (1e-3, false), (1e-4, true), (5e-5, true)] {
             let (samples, report) = paths.sum(&waveform, options(tolerance, Level::best()));
             let error = paths.error(&samples, &exact);
             assert!(error <= report.plan.error(), "{tolerance:e}: {error:e} {}", report.plan);

@@ -1,0 +1,82 @@
+//! Sums of amplitudes over cells of range and velocity: bound of what paths can add up to, whatever their phases.
+//!
+//! A spreading kernel leaves aliases: samples of other times, a period of the grid away, times a small factor. Paths whose
+//! phases are unrelated within the frame may add up there, as the echo of a plate does that faces the radar a frame later.
+//! Paths of different cells cannot keep in phase for long: over any interval as long as the frame, the energy of a sum is
+//! about that of its cells, each with the sum of its amplitudes (large sieve).
+
+/// Most cells along velocity and along range: what is finer is merged, which the bound allows.
+const MOST_ROWS: usize = 64;
+const MOST_COLUMNS: usize = 128;
+
+/// Sums of amplitudes over cells of velocity and range of some paths of a channel; no memory before the first path.
+#[derive(Clone, Debug, Default)]
+pub struct Coherence {
+    /// Cells along velocity, a power of two: at most one per turn of phase over the frame.
+    rows: usize,
+    /// Cells along range: at most one per turn of phase over a chirp.
+    columns: usize,
+    /// Rows per turn of phase over the frame.
+    rows_per_turn: f64,
+    /// Sums of amplitudes, (row, column).
+    cells: Vec<f32>,
+    /// Sum of the squares of amplitudes.
+    squares: f64,
+}
+
+impl Coherence {
+    /// Cells of a frame.
+    pub fn new(num_chirps: usize, num_samples: usize) -> Self {
+        let most = num_chirps.clamp(1, MOST_ROWS);
+        let rows = 1 << most.ilog2();
+        Self {
+            rows,
+            columns: num_samples.clamp(1, MOST_COLUMNS),
+            rows_per_turn: rows as f64 / num_chirps.max(1) as f64,
+            ..Self::default()
+        }
+    }
+
+    /// Add paths: turns of phase from sample to sample, turns over the frame, amplitudes.
+    #[inline(always)] // within loops over paths
+    pub fn add(&mut self, range: f64, velocity: f64, amplitude: f64) {
+        if self.cells.is_empty() {
+            self.cells.resize(self.rows * self.columns, 0.0);
+        }
+        // Phases of samples repeat after a turn.
+        let column = (range - range.floor()) * self.columns as f64;
+        let column = (column as usize).min(self.columns - 1);
+        let row = (velocity * self.rows_per_turn).floor() as i64;
+        let row = row.cast_unsigned() as usize & (self.rows - 1);
+        self.cells[row * self.columns + column] += amplitude as f32;
+        self.squares += amplitude * amplitude;
+    }
+
+    /// Add the paths of another one of the same frame.
+    pub fn join(&mut self, other: &Self) {
+        if self.cells.is_empty() {
+            *self = other.clone();
+            return;
+        }
+        for (sum, cell) in self.cells.iter_mut().zip(&other.cells) {
+            *sum += cell;
+        }
+        self.squares += other.squares;
+    }
+
+    /// Root of the ratio of the largest energy of the sum to that of independent phases, for parts of the frame that are
+    /// `count` times as short; at least 1.
+    pub fn gain(&self, count: usize) -> f64 {
+        if self.cells.is_empty() {
+            return 1.0;
+        }
+        // Over a shorter time neighbouring velocities keep in phase.
+        let merged = count.next_power_of_two().min(self.rows);
+        let sums = self.cells.chunks(merged * self.columns).flat_map(|rows| {
+            (0..self.columns).map(|column| rows.iter().skip(column).step_by(self.columns).sum::<f32>())
+        });
+        let energy: f64 = sums.map(|sum| f64::from(sum) * f64::from(sum)).sum();
+        let ratio = energy / self.squares;
+        if ratio.is_finite() { ratio.max(1.0).sqrt() } else { 1.0 }
+    }
+}
