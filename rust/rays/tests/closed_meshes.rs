@@ -98,9 +98,9 @@ fn a_million_single_rays_at_edges_and_vertices_of_spheres_do_not_leak() {
                         direction: to.normalize(),
                         start: 0.0,
                     };
-                    let answer = Answer::from(scene.snapshot.cast(&ray));
-                    let verdict = scene.is_closed(&ray, &answer);
-                    if let Err(reason) = verdict.and_then(|()| is_near(answer.distance, to.length())) {
+                    let answer = Answer::from(scene.posed.cast(&ray));
+                    let result = scene.is_closed(&ray, &answer);
+                    if let Err(reason) = result.and_then(|()| is_near(answer.distance, to.length())) {
                         panic!("seed {seed}: {reason}");
                     }
                 }
@@ -173,8 +173,8 @@ fn single_rays_at_edges_of_needles_do_not_leak() {
                         direction: (a + share * (b - a) - origin).normalize(),
                         start: 0.0,
                     };
-                    let verdict = scene.is_closed(&ray, &scene.snapshot.cast(&ray).into());
-                    if let Err(reason) = verdict {
+                    let result = scene.is_closed(&ray, &scene.posed.cast(&ray).into());
+                    if let Err(reason) = result {
                         panic!("width {width}: {reason}");
                     }
                 }

@@ -26,7 +26,7 @@ fn of_coinciding_triangles_the_first_is_hit_whatever_the_level() {
                 if answer.triangle >= num || answer.body != 0 {
                     return Err(format!("{answer:?} is not the first of several"));
                 }
-                let alone = Answer::from(scene.snapshot.cast(ray));
+                let alone = Answer::from(scene.posed.cast(ray));
                 if (alone.triangle, alone.body) != (answer.triangle, 0) {
                     return Err(format!("{answer:?}, but alone {alone:?}"));
                 }

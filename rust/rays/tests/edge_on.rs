@@ -82,7 +82,7 @@ fn single_rays_in_the_plane_of_a_triangle_hit_the_triangle_itself_or_what_is_beh
             })
             .collect();
         for (ray, farthest) in rays.iter().zip(scene.truth.farthest(&rays)) {
-            let answer = scene.snapshot.cast(ray).into();
+            let answer = scene.posed.cast(ray).into();
             if let Err(reason) = scene.truth.is_right(ray, farthest, &answer) {
                 panic!("seed {seed}: {reason}");
             }

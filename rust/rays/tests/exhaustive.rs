@@ -1,7 +1,7 @@
 //! The slow truth: every ray against every triangle, in f64, by the sides on which the ray passes the three edges.
 //!
 //! Edges and rays are lines in Plücker coordinates; their reciprocal product is the distance between them times the sine of
-//! the angle between them. An answer is judged by two questions, both with a margin for rounding, so that no answer is
+//! the angle between them. An answer has to pass two tests, both with a margin for rounding, so that no answer is
 //! refused because the truth itself is rounded: does the ray meet the triangle that it is said to hit, there? And is there
 //! no triangle, met clearly inside its edges, that is clearly nearer?
 

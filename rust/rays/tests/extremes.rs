@@ -80,8 +80,7 @@ fn a_scene_a_kilometre_from_the_origin_is_the_same_scene() {
         let (moved, pose) = moved(&mesh, DMat3::IDENTITY, -shift);
         let there = Scene::of(&moved, pose);
         for level in Level::available() {
-            let [here, there] =
-                [&here, &there].map(|scene| scene.snapshot.cast_image_at(&plane, level).unwrap().distance);
+            let [here, there] = [&here, &there].map(|scene| scene.posed.cast_image_at(&plane, level).unwrap().distance);
             for (here, there) in here.iter().zip(&there) {
                 is_near(*there, *here).unwrap();
             }
@@ -119,7 +118,7 @@ fn rays_along_the_axes_hit_edges_and_vertices_of_a_grid_of_squares() {
             rotation: turn,
             translation: DVec3::ZERO,
         };
-        let snapshot = PosedScene::new(vec![cube.clone()], vec![pose]);
+        let scene = PosedScene::new(vec![cube.clone()], vec![pose]);
         for row in -3..=3 {
             for column in -3..=3 {
                 let [y, z] = [column, row].map(|i| f64::from(i) / 4.0);
@@ -130,7 +129,7 @@ fn rays_along_the_axes_hit_edges_and_vertices_of_a_grid_of_squares() {
                             direction: DVec3::new(1.0, zero, zero),
                             start: 0.0,
                         };
-                        assert_eq!(snapshot.cast(&ray).distance, distance, "{ray:?}");
+                        assert_eq!(scene.cast(&ray).distance, distance, "{ray:?}");
                     }
                 }
             }

@@ -20,7 +20,7 @@ const START: f64 = 1e-9;
 
 /// A scene as the ray engine has it, and as the exhaustive search has it.
 struct Scene {
-    snapshot: PosedScene,
+    posed: PosedScene,
     truth: Exhaustive,
 }
 
@@ -30,7 +30,7 @@ impl Scene {
         let truth = Exhaustive::new(&bodies, origins);
         let (surfaces, poses) = bodies.into_iter().unzip();
         Self {
-            snapshot: PosedScene::new(surfaces, poses),
+            posed: PosedScene::new(surfaces, poses),
             truth,
         }
     }
@@ -39,8 +39,8 @@ impl Scene {
         Self::new(vec![(surface(mesh), pose)], 0.0)
     }
 
-    /// Answers to all pixels: `judge` sees the level, the pixel's ray, its number and its answer.
-    fn cast(&self, plane: &ImagePlane, mut judge: impl FnMut(Level, &Ray, usize, Answer) -> Result<(), String>) {
+    /// Answers to all pixels: `criterion` sees the level, the pixel's ray, its number and its answer.
+    fn cast(&self, plane: &ImagePlane, mut criterion: impl FnMut(Level, &Ray, usize, Answer) -> Result<(), String>) {
         let rays = rays(plane);
         for level in Level::available() {
             let [hits, together, apart] =
@@ -50,7 +50,7 @@ impl Scene {
                         traversals,
                         ..Cast::default()
                     };
-                    self.snapshot.cast_image_with(plane, &cast).unwrap()
+                    self.posed.cast_image_with(plane, &cast).unwrap()
                 });
             assert_eq!(hits.distance.len(), rays.len());
             for other in [together, apart] {
@@ -63,7 +63,7 @@ impl Scene {
                     body: hits.body[pixel],
                     triangle: hits.triangle[pixel],
                 };
-                if let Err(reason) = judge(level, ray, pixel, answer) {
+                if let Err(reason) = criterion(level, ray, pixel, answer) {
                     panic!("{level:?}, pixel {pixel} of {plane:?}: {reason}");
                 }
             }

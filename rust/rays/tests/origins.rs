@@ -74,8 +74,8 @@ fn a_ray_that_leaves_a_surface_does_not_hit_it_again() {
             direction: random.direction(),
             start: 0.0,
         };
-        let hit = scene.snapshot.cast(&first);
-        let [a, b, c] = scene.snapshot.surface(0).corners(hit.triangle).map(|v| pose.point(v));
+        let hit = scene.posed.cast(&first);
+        let [a, b, c] = scene.posed.surface(0).corners(hit.triangle).map(|v| pose.point(v));
         let normal = (b - a).cross(c - a).normalize();
         let ray = Ray {
             origin: hit.distance * first.direction,
@@ -90,7 +90,7 @@ fn a_ray_that_leaves_a_surface_does_not_hit_it_again() {
     let (rays, from): (Vec<Ray>, Vec<u32>) = leaving.into_iter().unzip();
     let farthest = scene.truth.farthest(&rays);
     for (i, ray) in rays.iter().enumerate() {
-        let answer = Answer::from(scene.snapshot.cast(ray));
+        let answer = Answer::from(scene.posed.cast(ray));
         assert_ne!(answer.triangle, from[i], "{ray:?} {answer:?}");
         if let Err(reason) = scene.truth.is_right(ray, farthest[i], &answer) {
             panic!("{reason}");

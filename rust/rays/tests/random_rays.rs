@@ -79,7 +79,7 @@ fn five_million_random_rays_one_by_one_hit_what_the_exhaustive_search_finds() {
             let scene = Scene::new(bodies, 3.0 * scale);
             let mut num_hits = 0;
             for (ray, farthest) in rays.iter().zip(scene.truth.farthest(&rays)) {
-                let answer = Answer::from(scene.snapshot.cast(ray));
+                let answer = Answer::from(scene.posed.cast(ray));
                 num_hits += usize::from(answer.is_hit());
                 if let Err(reason) = scene.truth.is_right(ray, farthest, &answer) {
                     panic!("seed {seed}: {reason}");
