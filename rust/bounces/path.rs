@@ -53,9 +53,9 @@ pub struct BouncePath {
 
 impl Point {
     /// Material point at an interaction, in coordinates of its body.
-    fn new(snapshot: &PosedScene, interaction: &Interaction) -> Self {
-        let surface = snapshot.surface(interaction.body);
-        let position = snapshot.pose(interaction.body).point_to_body(interaction.point);
+    fn new(scene: &PosedScene, interaction: &Interaction) -> Self {
+        let surface = scene.surface(interaction.body);
+        let position = scene.pose(interaction.body).point_to_body(interaction.point);
         if !surface.is_deformed() {
             return Self {
                 body: interaction.body,
@@ -73,10 +73,10 @@ impl Point {
 
 impl BouncePath {
     /// Path over these interactions for all antennas where tubes start, with weights of zero.
-    pub fn new(direction: Direction, array: &Array, snapshot: &PosedScene, interactions: &[Interaction]) -> Self {
+    pub fn new(direction: Direction, array: &Array, scene: &PosedScene, interactions: &[Interaction]) -> Self {
         let points: Vec<Point> = interactions
             .iter()
-            .map(|interaction| Point::new(snapshot, interaction))
+            .map(|interaction| Point::new(scene, interaction))
             .collect();
         Self {
             direction,
@@ -95,12 +95,12 @@ impl BouncePath {
     pub fn set(
         &mut self,
         array: &Array,
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         start: usize,
         interactions: &[Interaction],
         weights: &[Complex64],
     ) {
-        let points = interactions.iter().map(|interaction| Point::new(snapshot, interaction));
+        let points = interactions.iter().map(|interaction| Point::new(scene, interaction));
         for (i, point) in points.enumerate() {
             self.points[start * self.order + i] = point;
         }
@@ -111,7 +111,7 @@ impl BouncePath {
 }
 
 impl Bounces {
-    pub(super) fn of_paths(snapshot: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
+    pub(super) fn of_paths(scene: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
         let mut bounces = Self::empty(array);
         for path in paths {
             bounces.push(path.direction, &path.points, &path.weights);
@@ -120,7 +120,7 @@ impl Bounces {
         let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
         bodies.sort_unstable();
         bodies.dedup();
-        let with_number = |body: u32| (body, snapshot.surface(body).vertices().len());
+        let with_number = |body: u32| (body, scene.surface(body).vertices().len());
         bounces.deforming = bodies.into_iter().map(with_number).collect();
         bounces
     }

@@ -29,7 +29,7 @@ use crate::scattering::sampling::Tiles;
 impl Scatterers {
     /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         hits: &Hits,
         smooth: &SmoothHits,
         materials: &[Material],
@@ -39,17 +39,17 @@ impl Scatterers {
     ) -> Self {
         Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
             if let Some(patch) = patch(hits, smooth, pixel) {
-                let frame = MaterialFrame::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                let frame = MaterialFrame::of_mesh(scene, patch.body, hits.triangle[pixel], seed);
                 weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
             }
         })
-        .with_vertices(|body| snapshot.surface(body).vertices().len())
+        .with_vertices(|body| scene.surface(body).vertices().len())
     }
 
     /// Material points of adaptive samples: specular ones, and diffuse ones. Those of tiles are ordered by `rank` of the
     /// body, and by body.
     pub fn of_samples(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         samples: &Samples,
         materials: &[Material],
         array: Array,
@@ -67,7 +67,7 @@ impl Scatterers {
                 distance: leaf.found.distance,
                 normal: leaf.found.normal,
             };
-            let frame = MaterialFrame::of_mesh(snapshot, patch.body, leaf.found.triangle, 0);
+            let frame = MaterialFrame::of_mesh(scene, patch.body, leaf.found.triangle, 0);
             weigh.leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
         };
         let mut points = match &samples.specular {
@@ -80,15 +80,15 @@ impl Scatterers {
             let Some(speckle) = speckle else { continue };
             points.append(gather(speckle.normal.len(), |point, points| {
                 if speckle.normal[point] != DVec3::ZERO {
-                    weigh.diffuse_point(snapshot, body as u32, speckle, point, &materials[body], points);
+                    weigh.diffuse_point(scene, body as u32, speckle, point, &materials[body], points);
                 }
             }));
         }
         let mut scatterers = points.with_array(array);
         if let Specular::Tiles(tiles) = &samples.specular {
-            scatterers.append(of_tiles(snapshot, tiles, scatterers.array.clone(), rank));
+            scatterers.append(of_tiles(scene, tiles, scatterers.array.clone(), rank));
         }
-        scatterers.with_vertices(|body| snapshot.surface(body).vertices().len())
+        scatterers.with_vertices(|body| scene.surface(body).vertices().len())
     }
 
     /// Material points of all surface elements that return power; `seed` for the diffuse phases.

@@ -27,15 +27,15 @@ pub(crate) struct MaterialFrame<'a> {
 
 impl<'a> MaterialFrame<'a> {
     /// Material frame of a triangle of a body.
-    pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
-        let surface = snapshot.surface(body);
+    pub(crate) fn of_mesh(scene: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
+        let surface = scene.surface(body);
         let moved = surface.is_deformed().then(|| MovedFacet {
             vertices: surface.vertices_of(triangle),
             facet: MovingTriangle::new(surface.corners(triangle)),
             rest: MovingTriangle::new(surface.rest_corners(triangle)),
         });
         Self {
-            pose: snapshot.pose(body),
+            pose: scene.pose(body),
             moved,
             speckle: mix(seed ^ surface.content_hash()),
         }

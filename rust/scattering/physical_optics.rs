@@ -157,7 +157,7 @@ impl Weigh<'_> {
     /// Append a diffuse point of a surface.
     pub(crate) fn diffuse_point(
         &self,
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         body: u32,
         speckle: &Speckle,
         point: usize,
@@ -167,8 +167,8 @@ impl Weigh<'_> {
         let Speckle {
             points: spread, normal, ..
         } = speckle;
-        let frame = MaterialFrame::of_mesh(snapshot, body, spread.triangle[point], 0);
-        let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
+        let frame = MaterialFrame::of_mesh(scene, body, spread.triangle[point], 0);
+        let (surface, triangle) = (scene.surface(body), spread.triangle[point]);
         let position = spread.position(surface, point);
         let place = frame.pose.point(position);
         // A surface that stretches keeps its points; the area of each grows.

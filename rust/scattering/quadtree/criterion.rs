@@ -15,7 +15,7 @@ use crate::scattering::refinement::Refinement;
 
 /// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {
-    pub(super) snapshot: &'a PosedScene,
+    pub(super) scene: &'a PosedScene,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
     pub(super) refinement: &'a Refinement<'a>,
@@ -56,7 +56,7 @@ impl Criterion<'_> {
 
     /// Parts of meshes that have the smallest cross-section of interest and may be missed by the base grid.
     pub(super) fn targets(&self) -> Vec<MeshPart> {
-        MeshPart::small(self.snapshot, self.refinement, self.wavelength, CELLS_ACROSS)
+        MeshPart::small(self.scene, self.refinement, self.wavelength, CELLS_ACROSS)
     }
 }
 

@@ -21,7 +21,7 @@ use crate::scattering::refinement::Refinement;
 impl Quadtree {
     /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.
     pub fn grow(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
@@ -29,7 +29,7 @@ impl Quadtree {
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
         let criterion = Criterion {
-            snapshot,
+            scene,
             materials,
             array,
             refinement,
@@ -325,7 +325,7 @@ impl Quadtree {
             },
         });
         let (found, counts) = criterion
-            .snapshot
+            .scene
             .cast_batch(&points, &bundles(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         self.num_cast += new.len();
