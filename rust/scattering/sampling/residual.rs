@@ -69,19 +69,19 @@ pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usiz
     field.mul(share).mul(a.valid).mul(b.valid)
 }
 
-/// Cells of a tile row by row, with room for cells below the last row.
-const ROOM: usize = MOST_RAYS + PACKET;
+/// Cells of a tile row by row, and of cells below the last row.
+const CAPACITY: usize = MOST_RAYS + PACKET;
 
 /// Numbers of [`Look`] of the cells of a tile, row by row.
 #[repr(C, align(64))]
 pub(super) struct Looks {
-    pub(super) phase: [f32; ROOM],
-    pub(super) slope: [[f32; ROOM]; 2],
-    pub(super) least: [[f32; ROOM]; 2],
-    pub(super) shrink: [f32; ROOM],
-    pub(super) field: [f32; ROOM],
-    pub(super) body: [f32; ROOM],
-    pub(super) valid: [f32; ROOM],
+    pub(super) phase: [f32; CAPACITY],
+    pub(super) slope: [[f32; CAPACITY]; 2],
+    pub(super) least: [[f32; CAPACITY]; 2],
+    pub(super) shrink: [f32; CAPACITY],
+    pub(super) field: [f32; CAPACITY],
+    pub(super) body: [f32; CAPACITY],
+    pub(super) valid: [f32; CAPACITY],
 }
 
 impl Looks {
@@ -90,13 +90,13 @@ impl Looks {
     pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
         const HALF: usize = TILE / 2;
         let mut looks = Self {
-            phase: [0.0; ROOM],
-            slope: [[0.0; ROOM]; 2],
-            least: [[0.0; ROOM]; 2],
-            shrink: [1.0; ROOM],
-            field: [0.0; ROOM],
-            body: [NOTHING; ROOM],
-            valid: [0.0; ROOM],
+            phase: [0.0; CAPACITY],
+            slope: [[0.0; CAPACITY]; 2],
+            least: [[0.0; CAPACITY]; 2],
+            shrink: [1.0; CAPACITY],
+            field: [0.0; CAPACITY],
+            body: [NOTHING; CAPACITY],
+            valid: [0.0; CAPACITY],
         };
         // Packet by packet.
         let (mut body, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
@@ -137,8 +137,8 @@ impl Looks {
         for axis in 0..2 {
             let slope = &self.slope[axis];
             // Changes to the right, with those to the left in front, and downwards, with those upwards in front.
-            let mut right = [0.0_f32; ROOM];
-            let mut below = [0.0_f32; ROOM];
+            let mut right = [0.0_f32; CAPACITY];
+            let mut below = [0.0_f32; CAPACITY];
             for first in (0..MOST_RAYS).step_by(PACKET) {
                 let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&self.body[first..]));
                 let is_same = body.equal(I::F32::load(&self.body[first + 1..])) & INNER;
@@ -200,8 +200,8 @@ impl Blocks {
     #[inline(always)] // part of a kernel
     pub(super) fn new<I: Isa>(looks: &Looks) -> Self {
         let zero = <I::F32 as Vector>::splat(0.0);
-        let mut right = [0.0_f32; ROOM];
-        let mut below = [0.0_f32; ROOM];
+        let mut right = [0.0_f32; CAPACITY];
+        let mut below = [0.0_f32; CAPACITY];
         let mut bright = 0_u64;
         for first in (0..MOST_RAYS).step_by(PACKET) {
             let here = looks.load::<I::F32>(first);
