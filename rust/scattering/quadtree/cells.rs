@@ -164,7 +164,7 @@ pub(super) struct Node {
     pub(super) found: Found,
     pub(super) look: CellEcho,
     /// Residual error relative to the allowed one, once known.
-    pub(super) open: f64,
+    pub(super) residual: f64,
 }
 
 /// A cell that was not split.

@@ -25,7 +25,7 @@ impl Quadtree {
     /// Axes along which a cell has edge terms.
     pub(super) fn ends(&self, index: usize) -> Ends {
         let node = &self.nodes[index];
-        if self.parts[index] != NONE || !node.found.is_hit() || node.open > self.allowed {
+        if self.parts[index] != NONE || !node.found.is_hit() || node.residual > self.allowed {
             return Ends::default();
         }
         Ends {

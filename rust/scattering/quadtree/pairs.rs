@@ -6,7 +6,7 @@ use super::cells::{CellEcho, Ends, NONE, Node, PLANE, Pair, Quadtree, SMOOTH};
 
 impl Quadtree {
     /// Bound on the residual error of a cell, relative to the allowed one.
-    pub(super) fn left_open(&self, index: usize) -> f64 {
+    pub(super) fn residual_error(&self, index: usize) -> f64 {
         let node = &self.nodes[index];
         if !node.found.is_seen {
             return 0.0;

@@ -78,14 +78,14 @@ impl Quadtree {
         tree.link(&all);
         tree.measure(&all);
         tree.raise(&all);
-        tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
+        tree.allowed = tree.nodes.iter().map(|node| node.residual).fold(1.0, f64::max);
         let (mut step, most) = (FIRST_STEP, refinement.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
             let before = tree.allowed;
             tree.allowed = (before / step).max(1.0);
-            let open: Vec<f64> = tree.nodes.iter().map(|node| node.open).collect();
+            let residual: Vec<f64> = tree.nodes.iter().map(|node| node.residual).collect();
             if !tree.refine(most, add)? {
-                tree.go_back(&open);
+                tree.go_back(&residual);
                 tree.allowed = before;
                 step = step.sqrt();
             }
@@ -126,16 +126,16 @@ impl Quadtree {
     }
 
     /// Remove the last cells, and restore the residual errors of the others.
-    pub(super) fn go_back(&mut self, open: &[f64]) {
-        let number = open.len();
+    pub(super) fn go_back(&mut self, residual: &[f64]) {
+        let number = residual.len();
         self.spare
             .extend(self.nodes.drain(number..).map(|node| (node.place, node.found)));
         self.wholes.truncate((number - self.roots.len()) / 4);
         self.parts.truncate(number);
         self.links.truncate(number);
         let mut changed = Vec::new();
-        for (node, open) in open.iter().enumerate() {
-            self.nodes[node].open = *open;
+        for (node, residual) in residual.iter().enumerate() {
+            self.nodes[node].residual = *residual;
             if self.parts[node] != NONE && self.parts[node] as usize >= number {
                 self.parts[node] = NONE;
             }
@@ -203,17 +203,17 @@ impl Quadtree {
 
     /// Update the residual errors of cells.
     pub(super) fn measure(&mut self, nodes: &[u32]) {
-        let left_open = |node: &u32| {
+        let residual_error = |node: &u32| {
             let node = *node as usize;
             if self.parts[node] == NONE {
-                self.left_open(node)
+                self.residual_error(node)
             } else {
                 0.0
             }
         };
-        let open: Vec<f64> = nodes.par_iter().map(left_open).collect();
-        for (node, open) in nodes.iter().zip(open) {
-            self.nodes[*node as usize].open = open;
+        let residual: Vec<f64> = nodes.par_iter().map(residual_error).collect();
+        for (node, residual) in nodes.iter().zip(residual) {
+            self.nodes[*node as usize].residual = residual;
         }
     }
 
@@ -242,8 +242,8 @@ impl Quadtree {
     pub(super) fn raise(&mut self, nodes: &[u32]) {
         let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
         for (node, raised) in nodes.iter().zip(raised) {
-            let open = &mut self.nodes[*node as usize].open;
-            *open = open.max(raised);
+            let residual = &mut self.nodes[*node as usize].residual;
+            *residual = residual.max(raised);
         }
     }
 
@@ -267,7 +267,7 @@ impl Quadtree {
             for node in finer
                 .iter()
                 .map(|node| *node as usize)
-                .filter(|node| self.nodes[*node].open > 1.0)
+                .filter(|node| self.nodes[*node].residual > 1.0)
             {
                 let pair = self.links[node][2 * axis + 1 - side].pair;
                 let residual = if is_shared { pair.together } else { pair.apart };
@@ -280,7 +280,7 @@ impl Quadtree {
     /// True if the residual error of a cell is too large and the cell can be split.
     pub(super) fn is_open(&self, node: u32) -> bool {
         let node = node as usize;
-        self.nodes[node].open > self.allowed && self.could_be_split(node)
+        self.nodes[node].residual > self.allowed && self.could_be_split(node)
     }
 
     /// True if a cell has no parts and can be split.
@@ -349,7 +349,7 @@ impl Quadtree {
                 solid_angle: cell.solid_angle(),
                 look: criterion.look(&cell, &found),
                 found,
-                open: 0.0,
+                residual: 0.0,
             }
         };
         self.parts.resize(number, NONE);

@@ -114,7 +114,7 @@ fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
     let alike = |a: &Quadtree, b: &Quadtree| {
         assert_eq!(a.parts, b.parts);
         for (a, b) in a.nodes.iter().zip(&b.nodes) {
-            assert_eq!((a.place, a.found, a.open), (b.place, b.found, b.open));
+            assert_eq!((a.place, a.found, a.residual), (b.place, b.found, b.residual));
         }
     };
     let surfaces = [plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])];
@@ -176,8 +176,8 @@ fn a_budget_is_kept_and_cells_leave_as_little_open_as_it_pays_for() {
             tree.nodes.len()
         );
         let could_be = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node));
-        let open = could_be.map(|node| tree.nodes[node].open).fold(0.0, f64::max);
-        assert!(open <= tree.allowed && tree.allowed < last);
+        let residual = could_be.map(|node| tree.nodes[node].residual).fold(0.0, f64::max);
+        assert!(residual <= tree.allowed && tree.allowed < last);
         last = tree.allowed;
     }
     assert_eq!(last, 1.0);
