@@ -59,7 +59,7 @@ pub struct Known<'a, F> {
 type AnyKnown<'a> = Known<'a, &'a (dyn Fn(usize) -> Option<Found> + Sync)>;
 
 /// Ends of groups of 64 rays, the last perhaps smaller, that hold `number` rays in order.
-pub fn whole_bundles(number: usize) -> Vec<usize> {
+pub fn whole_groups(number: usize) -> Vec<usize> {
     let ends = (1..=number.div_ceil(MOST_RAYS)).map(|group| number.min(group * MOST_RAYS));
     ends.collect()
 }
@@ -230,7 +230,7 @@ mod tests {
                 .iter()
                 .map(|pixel| plane.center(pixel / plane.columns, pixel % plane.columns).into())
                 .collect();
-            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_bundles(points.len()), &cast, None);
+            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_groups(points.len()), &cast, None);
             assert!(counts.rays + 64 * counts.tiles_skipped >= points.len() && counts.rays > 3000);
             let mut num_hits = 0;
             for (pixel, found) in pixels.into_iter().zip(found) {
