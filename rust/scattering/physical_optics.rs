@@ -104,7 +104,7 @@ impl Weigh<'_> {
         };
 
         // The specular part, by centre, ends or corners.
-        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
+        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_edge_terms[*axis]).collect();
         for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
             let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
             let sides = [0, 1].map(|axis| side(axis).map_or(0.0, |side| f64::from(side) - 0.5));
@@ -135,7 +135,7 @@ impl Weigh<'_> {
                 let diffuse = Complex64::ZERO;
                 points.weights.push(Weight { specular, diffuse });
             }
-            let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
+            let is_across = |axis: usize| leaf.is_linear && !leaf.has_edge_terms[axis];
             let across = [0, 1].map(|axis| {
                 if is_across(axis) {
                     edges_there[axis]

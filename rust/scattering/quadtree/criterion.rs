@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, MAX_LEVEL, Place, SHARE, STEEP, field};
+use super::cells::{CELLS_ACROSS, CellEcho, MAX_LEVEL, Place, SHARE, STEEP, TOGETHER, field};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::rays::batch::Found;
@@ -24,7 +24,7 @@ pub(super) struct Criterion<'a> {
 
 impl Criterion<'_> {
     /// Echo of a cell: its part of the sum.
-    pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
+    pub(super) fn echo(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
         let cosine = -found.normal.dot(direction);
         if !found.is_hit() || cosine <= 0.0 || found.distance <= 0.0 {
@@ -60,13 +60,13 @@ impl Criterion<'_> {
     }
 }
 
-/// Ends of the packets of cells in their order; the cells of a packet lie within a square of the image.
-pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
+/// Ends of the groups of cells in their order; the cells of a group lie within a square of the image.
+pub(super) fn groups(cells: &[Place]) -> Vec<usize> {
     let mut ends = Vec::with_capacity(cells.len() / MOST_RAYS + 1);
     let mut first = 0;
     for (index, cell) in cells.iter().enumerate() {
         let apart = cell.order() ^ cells[first].order();
-        let finer = (MAX_LEVEL as u32 - u32::from(cell.level)) + BUNDLE;
+        let finer = (MAX_LEVEL as u32 - u32::from(cell.level)) + TOGETHER;
         if index - first == MOST_RAYS || apart >> (2 * finer) != 0 {
             ends.push(index);
             first = index;

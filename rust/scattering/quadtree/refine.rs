@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, SIDES, base_cells};
-use super::criterion::{Criterion, bundles, cell};
+use super::criterion::{Criterion, cell, groups};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
@@ -184,7 +184,7 @@ impl Quadtree {
         node.found.is_seen.then_some(other)
     }
 
-    /// Neighbours of cells that were split: they may have lost what cancels their ends.
+    /// Neighbours of cells that were split: they may have lost what cancels their edge terms.
     pub(super) fn beside_all(&self, nodes: &[u32], cells: &mut Vec<u32>) {
         for (node, (axis, side)) in nodes.iter().flat_map(|node| SIDES.map(|side| (*node as usize, side))) {
             let Some(other) = self.neighbour(node, axis, side) else {
@@ -324,9 +324,7 @@ impl Quadtree {
                 (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = criterion
-            .scene
-            .cast_batch(&points, &bundles(&new), cast, known.as_ref());
+        let (found, counts) = criterion.scene.cast_batch(&points, &groups(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         self.num_cast += new.len();
         let mut found = found.into_iter();
@@ -347,7 +345,7 @@ impl Quadtree {
                 place: *place,
                 cell,
                 solid_angle: cell.solid_angle(),
-                look: criterion.look(&cell, &found),
+                echo: criterion.echo(&cell, &found),
                 found,
                 residual: 0.0,
             }

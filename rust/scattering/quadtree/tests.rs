@@ -210,7 +210,7 @@ fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
     let tree = grow(&wall, &REFINEMENT, None);
     assert_eq!(tree.nodes.len(), BASE.num_pixels());
     assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
-    // Without ends every cell has to be fine enough for its centre to stand for it.
+    // Without edge terms every cell has to be fine enough for its centre to stand for it.
     let centres = Refinement {
         end_points: false,
         ..REFINEMENT
@@ -224,7 +224,7 @@ fn ends_of_all_cells_add_up_to_those_that_are_kept() {
     let scene = scene(0.0);
     let tree = grow(&scene, &REFINEMENT, None);
     let (mut all, mut kept, mut size) = (Complex64::ZERO, Complex64::ZERO, 0.0);
-    for leaf in tree.leaves().iter().filter(|leaf| leaf.has_ends == [true, false]) {
+    for leaf in tree.leaves().iter().filter(|leaf| leaf.has_edge_terms == [true, false]) {
         let cell = leaf.cell;
         let edges = cell.edges(leaf.found.distance, leaf.found.normal);
         let wavenumber = TAU * 60e9 / SPEED_OF_LIGHT;

@@ -1,4 +1,4 @@
-//! Refinement: level by level, quarters of tiles are split where they leave too much open.
+//! Refinement: level by level, quarters of tiles are split where their residual error is large.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -332,7 +332,7 @@ impl Refine<'_> {
         }
     }
 
-    /// Split the quarters of a level that leave too much open; tiles of the next level.
+    /// Split the quarters of a level whose residual error is too large; tiles of the next level.
     fn split(&self, level: &mut Level, number: usize) -> Vec<Wanted> {
         if number >= MAX_LEVEL {
             return Vec::new();
@@ -357,15 +357,15 @@ impl Refine<'_> {
         next
     }
 
-    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters that leave too much open, those
-    /// that do so themselves or may return power there, and all of quarters that show a small part of a mesh.
+    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual error,
+    /// those with one themselves or that may return power there, and all of quarters that show a small part of a mesh.
     fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
         let allowed = self.allowed(number);
         let (set, wavenumber) = (self.scenery.cast.level, self.scenery.wavenumber);
-        let open = tile.open_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
+        let residual = tile.residual_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
         let mut wanted = 0_u16;
         for block in 0..BLOCKS {
-            wanted |= u16::from(f64::from(open[block]) > allowed) << block;
+            wanted |= u16::from(f64::from(residual[block]) > allowed) << block;
         }
         for quarter in 0..PACKETS {
             let all = u16::from(ALL) << (PACKETS * quarter);
@@ -379,7 +379,7 @@ impl Refine<'_> {
         wanted
     }
 
-    /// Field per solid angle that a quarter of a level may leave open, times distance squared [m^2].
+    /// Allowed residual field per solid angle of a quarter of a level, times distance squared [m^2].
     fn allowed(&self, level: usize) -> f64 {
         let plane = &self.scenery.planes[level];
         let floor = self.floor.unwrap_or(self.refinement.rcs_floor);

@@ -6,7 +6,7 @@ use crate::rays::camera::TILE;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::scattering::taper::STEEPEST;
 
-/// Share of a cell's field that an edge in the cell leaves open: where one cell hits and the adjacent one misses, or
+/// Residual share of a cell's field at an edge in the cell: where one cell hits and the adjacent one misses, or
 /// where distances step. The larger phase error of such pairs would double the rays for an equal error of the sum.
 const EDGE: f32 = 0.1;
 
@@ -20,12 +20,12 @@ const WITHIN: f32 = 0.5;
 /// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
 pub(super) const BLOCKS: usize = MOST_RAYS / 4;
 
-/// Number in which [`Look`] has bodies where there is none.
+/// Number in which [`Echo`] has bodies where there is none.
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Cells as adjacent ones compare them, 16 in the lanes.
 #[derive(Clone, Copy)]
-pub(super) struct Look<V> {
+pub(super) struct Echo<V> {
     /// Phase relative to others [rad], or zero where the turn is known.
     pub(super) phase: V,
     /// Half of what the phase turns over a cell, along u and v [rad], and least magnitudes.
@@ -40,20 +40,20 @@ pub(super) struct Look<V> {
     pub(super) valid: V,
 }
 
-/// Fields that adjacent cells along an axis leave open; u and v fall from the first to the second.
+/// Residual fields of adjacent cells along an axis; u and v fall from the first to the second.
 ///
 /// Phases of two cells that vary linearly agree with the mean of their slopes; the rest, the change of the slopes and
-/// of the body are left open. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
-/// these until cells are smaller, what the last split before that leaves open is decisive.
+/// of the body are the residual. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
+/// these until cells are smaller, the residual of the last split before that is decisive.
 #[inline(always)] // part of a kernel
-pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usize) -> V {
+pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis: usize) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let phase = b.phase.sub(a.phase).add(a.slope[axis]).add(b.slope[axis]);
     let bend = magnitude(b.slope[0].sub(a.slope[0])).add(magnitude(b.slope[1].sub(a.slope[1])));
     let other_body = zero.select(a.body.equal(b.body), V::splat(OTHER_BODY));
-    let open = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
+    let residual = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
     let is_silhouette = zero.at_most(a.body) ^ zero.at_most(b.body);
-    let is_edge = is_silhouette | one.at_most(open);
+    let is_edge = is_silhouette | one.at_most(residual);
     let shrink = one.select(is_edge, a.shrink.max(b.shrink));
     // A stationary point may lie between slopes of opposite signs.
     let mut damping = [one; 2];
@@ -65,16 +65,16 @@ pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usiz
     }
     let field = a.field.div(damping[0]).max(b.field.div(damping[1]));
     let area = shrink.mul(shrink);
-    let share = V::splat(EDGE).select(is_edge, open.mul(area).mul(area));
+    let share = V::splat(EDGE).select(is_edge, residual.mul(area).mul(area));
     field.mul(share).mul(a.valid).mul(b.valid)
 }
 
 /// Cells of a tile row by row, and of cells below the last row.
 const CAPACITY: usize = MOST_RAYS + PACKET;
 
-/// Numbers of [`Look`] of the cells of a tile, row by row.
+/// Numbers of [`Echo`] of the cells of a tile, row by row.
 #[repr(C, align(64))]
-pub(super) struct Looks {
+pub(super) struct Echoes {
     pub(super) phase: [f32; CAPACITY],
     pub(super) slope: [[f32; CAPACITY]; 2],
     pub(super) least: [[f32; CAPACITY]; 2],
@@ -84,12 +84,12 @@ pub(super) struct Looks {
     pub(super) valid: [f32; CAPACITY],
 }
 
-impl Looks {
-    /// Looks of evaluated cells.
+impl Echoes {
+    /// Echoes of evaluated cells.
     #[inline(always)]
     pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
         const HALF: usize = TILE / 2;
-        let mut looks = Self {
+        let mut echoes = Self {
             phase: [0.0; CAPACITY],
             slope: [[0.0; CAPACITY]; 2],
             least: [[0.0; CAPACITY]; 2],
@@ -114,19 +114,19 @@ impl Looks {
         for row in 0..TILE {
             for first in [0, HALF] {
                 let (to, from) = (row * TILE + first, TileRays::ray(row, first));
-                looks.phase[to..to + HALF].copy_from_slice(&cells.phase[from..from + HALF]);
-                looks.field[to..to + HALF].copy_from_slice(&cells.field[from..from + HALF]);
-                looks.body[to..to + HALF].copy_from_slice(&body[from..from + HALF]);
-                looks.valid[to..to + HALF].copy_from_slice(&valid[from..from + HALF]);
+                echoes.phase[to..to + HALF].copy_from_slice(&cells.phase[from..from + HALF]);
+                echoes.field[to..to + HALF].copy_from_slice(&cells.field[from..from + HALF]);
+                echoes.body[to..to + HALF].copy_from_slice(&body[from..from + HALF]);
+                echoes.valid[to..to + HALF].copy_from_slice(&valid[from..from + HALF]);
                 for axis in 0..2 {
                     let (slope, least) = (&cells.slope[axis], &cells.least_slope[axis]);
-                    looks.slope[axis][to..to + HALF].copy_from_slice(&slope[from..from + HALF]);
-                    looks.least[axis][to..to + HALF].copy_from_slice(&least[from..from + HALF]);
+                    echoes.slope[axis][to..to + HALF].copy_from_slice(&slope[from..from + HALF]);
+                    echoes.least[axis][to..to + HALF].copy_from_slice(&least[from..from + HALF]);
                 }
             }
         }
-        looks.steepen::<I>();
-        looks
+        echoes.steepen::<I>();
+        echoes
     }
 
     /// Sizes at which half cells pass the tapers.
@@ -162,10 +162,10 @@ impl Looks {
         }
     }
 
-    /// Looks of the 16 cells from one on.
+    /// Echoes of the 16 cells from one on.
     #[inline(always)]
-    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Look<V> {
-        Look {
+    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Echo<V> {
+        Echo {
             phase: V::load(&self.phase[first..]),
             slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
             least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
@@ -183,8 +183,8 @@ const INNER: u32 = 0x7f7f;
 /// Criteria of the blocks of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blocks {
-    /// Largest field that any pair of cells leaves open, per solid angle and times distance squared [m^2].
-    pub(super) open: [f32; BLOCKS],
+    /// Largest residual field of any pair of cells, per solid angle and times distance squared [m^2].
+    pub(super) residual: [f32; BLOCKS],
     /// A bit per block in which a cell of half the size may return power: one with slopes that the taper passes.
     pub(super) bright: u16,
 }
@@ -192,38 +192,38 @@ pub(super) struct Blocks {
 impl Blocks {
     /// Blocks without hits.
     pub(super) const DARK: Self = Self {
-        open: [0.0; BLOCKS],
+        residual: [0.0; BLOCKS],
         bright: 0,
     };
 
     /// Criteria of the blocks of evaluated cells.
     #[inline(always)] // part of a kernel
-    pub(super) fn new<I: Isa>(looks: &Looks) -> Self {
+    pub(super) fn new<I: Isa>(echoes: &Echoes) -> Self {
         let zero = <I::F32 as Vector>::splat(0.0);
         let mut right = [0.0_f32; CAPACITY];
         let mut below = [0.0_f32; CAPACITY];
         let mut bright = 0_u64;
         for first in (0..MOST_RAYS).step_by(PACKET) {
-            let here = looks.load::<I::F32>(first);
-            let open = pair(&here, &looks.load(first + 1), 0);
-            open.select(INNER, zero).store(&mut right[first + 1..]);
-            pair(&here, &looks.load(first + TILE), 1).store(&mut below[first + TILE..]);
+            let here = echoes.load::<I::F32>(first);
+            let residual = pair_error(&here, &echoes.load(first + 1), 0);
+            residual.select(INNER, zero).store(&mut right[first + 1..]);
+            pair_error(&here, &echoes.load(first + TILE), 1).store(&mut below[first + TILE..]);
             let one = <I::F32 as Vector>::splat(1.0);
             let is_bright = one.at_most(here.shrink) & zero.at_most(here.body);
             bright |= u64::from(is_bright) << first;
         }
-        let mut open = [0.0_f32; MOST_RAYS];
+        let mut residual = [0.0_f32; MOST_RAYS];
         for first in (0..MOST_RAYS).step_by(PACKET) {
             let across = I::F32::load(&right[first..]).max(I::F32::load(&right[first + 1..]));
             let along = I::F32::load(&below[first..]).max(I::F32::load(&below[first + TILE..]));
-            across.max(along).store(&mut open[first..]);
+            across.max(along).store(&mut residual[first..]);
         }
         let mut blocks = Self::DARK;
         for row in (0..TILE).step_by(2) {
             for column in (0..TILE).step_by(2) {
                 let (block, cell) = (block(row, column), row * TILE + column);
                 let [a, b] = [cell, cell + TILE];
-                blocks.open[block] = open[a].max(open[a + 1]).max(open[b].max(open[b + 1]));
+                blocks.residual[block] = residual[a].max(residual[a + 1]).max(residual[b].max(residual[b + 1]));
                 let is_bright = bright >> a & 0b11 != 0 || bright >> b & 0b11 != 0;
                 blocks.bright |= u16::from(is_bright) << block;
             }
