@@ -166,19 +166,19 @@ impl Kernel for CastBlock<'_> {
                 continue;
             }
             counts.rays += points.len();
-            scene.measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
-            let (best, distance) = (&scratch.best, &scratch.distance);
+            scene.measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
+            let (hits, distance) = (&scratch.hits, &scratch.distance);
             scratch
                 .shade
-                .fill::<I, true>(scene, &scratch.rays, &best.body, &best.triangle, distance);
+                .fill::<I, true>(scene, &scratch.rays, &hits.body, &hits.triangle, distance);
             for (ray, found) in found.iter_mut().enumerate() {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {
                     to_facet: scratch.distance[ray],
                     distance: scratch.shade.distance[ray],
                     normal: scratch.shade.normal_of(ray),
-                    body: scratch.best.body[packet][lane],
-                    triangle: scratch.best.triangle[packet][lane],
+                    body: scratch.hits.body[packet][lane],
+                    triangle: scratch.hits.triangle[packet][lane],
                     is_seen: true,
                 };
             }

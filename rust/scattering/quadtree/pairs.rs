@@ -150,7 +150,7 @@ impl Quadtree {
         let from_planes = wavenumber * height(node).max(height(other));
         let jump = from_slopes.abs().min(from_planes) / square;
 
-        // The difference of the slopes. Where the cell has edge terms, that is so much less as these have slopes: of the
+        // The difference of the slopes. Where the cell has edge terms, that is less by their slopes: of the
         // cell, or in a plane their own. Amplitudes of one material only differ smoothly.
         let is_plane = from_planes < PLANE;
         let steep = node.echo.steep;

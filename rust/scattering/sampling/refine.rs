@@ -357,8 +357,9 @@ impl Refine<'_> {
         next
     }
 
-    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual error,
-    /// those with one themselves or that may return power there, and all of quarters that show a small part of a mesh.
+    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual
+    /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
+    /// of a mesh.
     fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
         let allowed = self.allowed(number);
         let (set, wavenumber) = (self.scenery.cast.level, self.scenery.wavenumber);

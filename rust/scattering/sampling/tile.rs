@@ -155,11 +155,11 @@ impl Kernel for Evaluate<'_> {
         }
         scenery
             .scene
-            .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
-        let (best, distance) = (&scratch.best, &scratch.distance);
+            .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
+        let (hits, distance) = (&scratch.hits, &scratch.distance);
         scratch
             .shade
-            .fill::<I, true>(scenery.scene, &scratch.rays, &best.body, &best.triangle, distance);
+            .fill::<I, true>(scenery.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
 
         let gain = scenery.gain(plane, &pixels);
         cells.evaluate::<I>(
