@@ -1,4 +1,4 @@
-"""What the compiled core refuses, with the error that is documented and words that name it."""
+"""Refusals of the compiled core: the error that is documented, in words that name the argument."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::DVec3;
 use meshes::{Bodies, Mesh, surface};
 
-/// Where rays of images start [m].
+/// Distance at which rays of images start [m].
 const START: f64 = 1e-9;
 
 /// A scene as the ray engine has it, and as the exhaustive search has it.
