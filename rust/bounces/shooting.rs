@@ -16,11 +16,11 @@ use crate::scattering::physical_optics::Sampling;
 use crate::scattering::taper::taper;
 
 use super::direction::Direction;
-use super::field::transverse;
 use super::interaction::Interaction;
 use super::launch::Launch;
 use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
+use crate::antennas::polarization::transverse;
 
 /// The part of the image plane where tubes start.
 struct View {
