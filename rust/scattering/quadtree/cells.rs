@@ -8,14 +8,7 @@ use crate::antennas::beam::Beam;
 use crate::rays::batch::Found;
 use crate::rays::camera::{Cell, ImagePlane, morton};
 use crate::rays::hits::Counts;
-use crate::scattering::refinement::{Refinement, field_of};
-
-/// Largest number of times that a cell of the base grid is halved.
-pub const MAX_LEVEL: usize = 6;
-
-/// Residual error of a cell relative to the field of the smallest cross-section of interest, at which splitting stops.
-/// Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to 20 cm).
-pub(super) const SHARE: f64 = 1e-2;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
 
 /// Parts of meshes that are smaller than a cell get as many cells across.
 pub(super) const CELLS_ACROSS: f64 = 2.0;

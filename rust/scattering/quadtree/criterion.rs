@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::cells::{CELLS_ACROSS, CellEcho, MAX_LEVEL, Place, SHARE, STEEP, TOGETHER, field};
+use super::cells::{CELLS_ACROSS, CellEcho, Place, STEEP, TOGETHER, field};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::rays::batch::Found;
@@ -11,7 +11,7 @@ use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE};
 
 /// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {

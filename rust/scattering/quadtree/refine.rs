@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, SIDES, base_cells};
+use super::cells::{FIRST_STEP, LAST_STEP, Link, NONE, Node, Place, Quadtree, SIDES, base_cells};
 use super::criterion::{Criterion, cell, groups};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
@@ -16,7 +16,7 @@ use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement};
 
 impl Quadtree {
     /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::{MAX_LEVEL, NONE, SHARE, SIDES};
+use super::cells::{NONE, SIDES};
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -16,7 +16,7 @@ use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::rays::tree::Tree;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE};
 
 fn plate(half: [f64; 2]) -> Arc<Surface> {
     let corner = |y: f64, z: f64| DVec3::new(0.0, y * half[0], z * half[1]);

@@ -8,7 +8,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::join::Join;
-use super::place::{MAX_LEVEL, Place, base_tiles, planes};
+use super::place::{Place, base_tiles, planes};
 use super::points::Channels;
 use super::residual::BLOCKS;
 use super::small_parts::SmallParts;
@@ -24,13 +24,9 @@ use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
-use crate::scattering::refinement::{Refinement, field_of};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::reflection_table::Reflection;
 use crate::scattering::tile_point::TilePoint;
-
-/// Residual error of a quarter relative to the field of the smallest cross-section of interest, at which splitting
-/// stops. Thousands of cells together then have a residual error of a tenth to a third of it.
-const SHARE: f64 = 1e-2;
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget.
 const STEP: f64 = 4.0;

@@ -3,7 +3,7 @@
 use super::cells::{Cells, magnitude};
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::TILE;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, SIDE, TileRays};
 use crate::scattering::taper::STEEPEST;
 
 /// Residual share of a cell's field at an edge in the cell: where one cell hits and the adjacent one misses, or
@@ -88,7 +88,6 @@ impl Echoes {
     /// Echoes of evaluated cells.
     #[inline(always)]
     pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
-        const HALF: usize = TILE / 2;
         let mut echoes = Self {
             phase: [0.0; CAPACITY],
             slope: [[0.0; CAPACITY]; 2],
@@ -112,16 +111,16 @@ impl Echoes {
             splat(1.0).select(bits, splat(0.0)).store(&mut valid[first..]);
         }
         for row in 0..TILE {
-            for first in [0, HALF] {
+            for first in [0, SIDE] {
                 let (to, from) = (row * TILE + first, TileRays::ray(row, first));
-                echoes.phase[to..to + HALF].copy_from_slice(&cells.phase[from..from + HALF]);
-                echoes.field[to..to + HALF].copy_from_slice(&cells.field[from..from + HALF]);
-                echoes.body[to..to + HALF].copy_from_slice(&body[from..from + HALF]);
-                echoes.valid[to..to + HALF].copy_from_slice(&valid[from..from + HALF]);
+                echoes.phase[to..to + SIDE].copy_from_slice(&cells.phase[from..from + SIDE]);
+                echoes.field[to..to + SIDE].copy_from_slice(&cells.field[from..from + SIDE]);
+                echoes.body[to..to + SIDE].copy_from_slice(&body[from..from + SIDE]);
+                echoes.valid[to..to + SIDE].copy_from_slice(&valid[from..from + SIDE]);
                 for axis in 0..2 {
                     let (slope, least) = (&cells.slope[axis], &cells.least_slope[axis]);
-                    echoes.slope[axis][to..to + HALF].copy_from_slice(&slope[from..from + HALF]);
-                    echoes.least[axis][to..to + HALF].copy_from_slice(&least[from..from + HALF]);
+                    echoes.slope[axis][to..to + SIDE].copy_from_slice(&slope[from..from + SIDE]);
+                    echoes.least[axis][to..to + SIDE].copy_from_slice(&least[from..from + SIDE]);
                 }
             }
         }
@@ -234,7 +233,6 @@ impl Blocks {
 
 /// Number of the block of a row and a column of the tile: quarter by quarter.
 pub(super) const fn block(row: usize, column: usize) -> usize {
-    const HALF: usize = TILE / 2;
-    let quarter = row / HALF * 2 + column / HALF;
-    4 * quarter + row % HALF / 2 * 2 + column % HALF / 2
+    let quarter = row / SIDE * 2 + column / SIDE;
+    4 * quarter + row % SIDE / 2 * 2 + column % SIDE / 2
 }
