@@ -167,7 +167,7 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
         scatterers.patch = vec![Edges::default(); number];
     }
     if is_deformed {
-        scatterers.facet = vec![None; number];
+        scatterers.corners = vec![None; number];
     }
     let blocks: Vec<_> = origin
         .chunks(BLOCK)
@@ -176,10 +176,10 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
         .zip(scatterers.normal.chunks_mut(BLOCK))
         .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
         .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
-        .zip(blocks_or_none(&mut scatterers.facet, number, BLOCK))
+        .zip(blocks_or_none(&mut scatterers.corners, number, BLOCK))
         .collect();
     blocks.into_par_iter().for_each(|block| {
-        let ((((((origin, body), position), normal), weights), patch), facet) = block;
+        let ((((((origin, body), position), normal), weights), patch), corners) = block;
         for (i, (piece, number)) in origin.iter().enumerate() {
             let piece = &tiles.pieces[*piece as usize];
             let point = &piece.points()[*number as usize];
@@ -202,8 +202,8 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
             if !patch.is_empty() && point.edges != [DVec3::ZERO; 2] {
                 patch[i] = frame.edges(point.edges);
             }
-            if !facet.is_empty() {
-                facet[i] = frame.moved.as_ref().map(|moved| moved.vertices);
+            if !corners.is_empty() {
+                corners[i] = frame.moved.as_ref().map(|moved| moved.vertices);
             }
         }
     });
