@@ -30,20 +30,20 @@ fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {
 }
 
 /// Rays per second through `PosedScene::cast_image` on one thread, at every level and on two; and of rays one by one.
-fn cast(criterion: &mut Criterion, name: &str, snapshot: &PosedScene) {
+fn cast(criterion: &mut Criterion, name: &str, scene: &PosedScene) {
     let plane = plane();
     let mut group = criterion.benchmark_group("trace");
     group.throughput(Throughput::Elements(plane.num_pixels() as u64));
     for threads in [1, 2] {
         let pool = common::pool(threads);
         group.bench_function(BenchmarkId::new(name, common::threads_id(threads)), |bencher| {
-            bencher.iter(|| pool.install(|| snapshot.cast_image(&plane).unwrap()));
+            bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
         });
     }
     let pool = common::pool(1);
     for level in Level::available() {
         group.bench_function(BenchmarkId::new(name, level.name()), |bencher| {
-            bencher.iter(|| pool.install(|| snapshot.cast_image_at(&plane, level).unwrap()));
+            bencher.iter(|| pool.install(|| scene.cast_image_at(&plane, level).unwrap()));
         });
     }
     group.bench_function(BenchmarkId::new(name, "one_by_one"), |bencher| {
@@ -54,7 +54,7 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &PosedScene) {
                     direction: plane.direction(pixel / plane.columns, pixel % plane.columns),
                     start: 1e-9,
                 };
-                snapshot.cast(&ray).distance
+                scene.cast(&ray).distance
             };
             (0..plane.num_pixels()).map(cast).fold(0.0, f64::max)
         });
@@ -65,8 +65,8 @@ fn cast(criterion: &mut Criterion, name: &str, snapshot: &PosedScene) {
 /// One body of more and more triangles.
 fn rooms(criterion: &mut Criterion) {
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {
-        let snapshot = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
-        cast(criterion, &format!("room_{}", common::size_id(size)), &snapshot);
+        let scene = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
+        cast(criterion, &format!("room_{}", common::size_id(size)), &scene);
     }
 }
 
@@ -121,7 +121,7 @@ fn traversals(criterion: &mut Criterion) {
     for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
         let room = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
         let sphere = PosedScene::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
-        for (name, snapshot) in [("room", room), ("sphere", sphere)] {
+        for (name, scene) in [("room", room), ("sphere", sphere)] {
             for side in common::sizes([128, 256, 512], 8) {
                 let plane = square(side);
                 group.throughput(Throughput::Elements(plane.num_pixels() as u64));
@@ -136,7 +136,7 @@ fn traversals(criterion: &mut Criterion) {
                     };
                     let id = BenchmarkId::new(format!("{name}_{}_{side}", common::size_id(size)), way);
                     group.bench_function(id, |bencher| {
-                        bencher.iter(|| pool.install(|| snapshot.cast_image_with(&plane, &cast).unwrap()));
+                        bencher.iter(|| pool.install(|| scene.cast_image_with(&plane, &cast).unwrap()));
                     });
                 }
             }
@@ -158,18 +158,18 @@ fn people(criterion: &mut Criterion) {
         .map(|(vertices, triangles)| Arc::new(Surface::new(vertices, triangles, mode).unwrap()))
         .collect();
     let poses = vec![ahead; surfaces.len()];
-    let snapshot = PosedScene::new(surfaces, poses);
+    let scene = PosedScene::new(surfaces, poses);
     let pool = common::pool(1);
     let mut group = criterion.benchmark_group("person");
     for side in common::sizes([64, 128, 256, 512, 1024], 8) {
         let plane = square(side);
         group.throughput(Throughput::Elements(plane.num_pixels() as u64));
         group.bench_function(BenchmarkId::new("hits", side), |bencher| {
-            bencher.iter(|| pool.install(|| snapshot.cast_image(&plane).unwrap()));
+            bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
         });
-        let hits = snapshot.cast_image(&plane).unwrap();
+        let hits = scene.cast_image(&plane).unwrap();
         group.bench_function(BenchmarkId::new("smooth_hits", side), |bencher| {
-            bencher.iter(|| pool.install(|| SmoothHits::new(&snapshot, &hits)));
+            bencher.iter(|| pool.install(|| SmoothHits::new(&scene, &hits)));
         });
     }
     group.finish();
@@ -221,10 +221,10 @@ fn occluded(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(points.len() as u64));
     for num_bodies in common::sizes([10, 200], 3) {
         let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
-        let snapshot = PosedScene::new(surfaces, poses);
+        let scene = PosedScene::new(surfaces, poses);
         for (name, ends_early) in [("first", true), ("nearest", false)] {
             group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
-                bencher.iter(|| pool.install(|| snapshot.occluded(&points, ends_early)));
+                bencher.iter(|| pool.install(|| scene.occluded(&points, ends_early)));
             });
         }
     }

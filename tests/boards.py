@@ -62,7 +62,7 @@ def number_of(codes: NDArray[np.uint16]) -> int:
 
 @contextmanager
 def plugged(controller: Controller, transport: str) -> Iterator[tuple[dict[str, Any], Any]]:
-    """How to open an emulated board, and the board; `replug` of it puts it on the bus again."""
+    """Arguments that open an emulated board, and the board; `replug` of it puts it on the bus again."""
     if transport == "pty":
         board: Any = CdcBoard(controller)
         with PtyPort(board) as port:

@@ -82,7 +82,7 @@ def relative_error(got: NDArray[Any], exact: NDArray[Any], paths: Paths) -> Real
 
 
 def allowance(exact: NDArray[Any], paths: Paths, waveform: rc.Waveform, tolerance: float) -> float:
-    """What is beyond the tolerance by contract: rounding of complex64 samples, and of the delays.
+    """Error beyond the tolerance by contract: rounding of complex64 samples, and of the delays.
 
     Samples: 2^-24 of each. Delays: eps/2 of 2 pi f tau in each of a few steps, in the reference as in the result, more
     where they pass through a series; of paths that add up in phase the errors do so too.

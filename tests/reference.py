@@ -99,7 +99,7 @@ class Patches:
 
 
 def double_scattering_reference(first: Patches, second: Patches, radar: ArrayLike, frequency: float) -> complex:
-    """What goes from an antenna over one surface to another and back to it, by physical optics at both, for 1 W.
+    """Echo of 1 W from an antenna over one surface to another and back to it, by physical optics at both.
 
     The integral over all pairs of patches of a wave without polarisation: every patch sends on -1 times what arrives,
     (j k / 2 pi) (cos_in + cos_out) / 2 dA exp(-j k R) / R, where both cosines are positive. Both ways round.

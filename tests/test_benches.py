@@ -1,4 +1,4 @@
-"""What the benches share: their meshes, the page that several of them write, and what criterion leaves for it."""
+"""Parts that the benches share: their meshes, the page that several of them write, and the results of criterion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may import whom: folders one way, files of a folder without circles, private names within their file."""
+"""Imports within the package: folders one way, files of a folder without circles, private names within their file."""
 
 from __future__ import annotations
 

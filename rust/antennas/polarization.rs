@@ -3,7 +3,12 @@
 use glam::DVec3;
 
 /// Square of the sine of the angle to the normal below which a direction has no plane of incidence.
-const NORMAL: f64 = 1e-20;
+pub(crate) const NORMAL: f64 = 1e-20;
+
+/// Transverse part of a unit vector to a unit direction, normalised; zero where both are parallel.
+pub(crate) fn transverse(e: DVec3, direction: DVec3) -> DVec3 {
+    (e - direction * e.dot(direction)).normalize_or_zero()
+}
 
 /// Weights of the two polarisations in the reflection coefficient between antennas: `Gamma = te r_TE - tm r_TM`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +35,7 @@ impl Seen {
     /// With `t = r` this is `|e.s|^2` and `|e.p|^2`, with the mirror's directions what `E_r = r_TE (E.s) s + r_TM (E.p)
     /// p'` leaves in the receiver; transmitter and receiver may change places.
     pub fn by(polarization: DVec3, normal: DVec3, t: DVec3, r: DVec3) -> Self {
-        let transverse = |d: DVec3| (polarization - d * polarization.dot(d)).normalize_or_zero();
-        let (e_t, e_r) = (transverse(t), transverse(r));
+        let (e_t, e_r) = (transverse(polarization, t), transverse(polarization, r));
 
         // Normals of the planes of incidence and of departure, turned alike.
         let across = |d: DVec3| {

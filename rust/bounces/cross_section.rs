@@ -78,9 +78,9 @@ pub(super) fn far_fields(
     if surface.num_triangles() == 0 {
         return vec![Complex64::ZERO; aspects.len()];
     }
-    let snapshot = PosedScene::new(vec![surface.clone()], vec![Pose::IDENTITY]);
+    let scene = PosedScene::new(vec![surface.clone()], vec![Pose::IDENTITY]);
     let shooter = Shooter {
-        snapshot: &snapshot,
+        scene: &scene,
         materials: &[material],
         wavelength,
         limits: Limits {
@@ -94,7 +94,7 @@ pub(super) fn far_fields(
 impl Shooter<'_> {
     fn far_field(&self, aspect: &Aspect, rays: Rays) -> Complex64 {
         let k = -aspect.directions[0];
-        let bounds = self.snapshot.surface(0).bounds();
+        let bounds = self.scene.surface(0).bounds();
         let corners = bounds.corners();
 
         // A rectangle across the wave that covers the body, one side of it horizontal where there is one.
@@ -133,7 +133,7 @@ impl Shooter<'_> {
     /// Field radiated by one cell towards the receiver.
     fn cell(&self, aspect: &Aspect, origin: DVec3, axes: [DVec3; 2], size: [f64; 2]) -> Complex64 {
         let ([from, to], polarizations) = (aspect.directions, aspect.polarizations);
-        let Some(tube) = Tube::plane_wave(self.snapshot, origin, -from, axes, polarizations.map(|e| e[0])) else {
+        let Some(tube) = Tube::plane_wave(self.scene, origin, -from, axes, polarizations.map(|e| e[0])) else {
             return Complex64::ZERO;
         };
         let radiate = |tube: &Tube| {

@@ -3,8 +3,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-/// Square of the sine to the normal up to which a direction has no plane of incidence.
-const NORMAL: f64 = 1e-20;
+use crate::antennas::polarization::{NORMAL, transverse};
 
 /// Field relative to the launched field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,11 +102,6 @@ impl Field {
             (Self::Vector(_), None) => Complex64::ZERO,
         }
     }
-}
-
-/// Transverse part of a unit vector to a unit direction, normalised; zero where both are parallel.
-pub fn transverse(e: DVec3, direction: DVec3) -> DVec3 {
-    (e - direction * e.dot(direction)).normalize_or_zero()
 }
 
 fn times([re, im]: [DVec3; 2], factor: Complex64) -> [DVec3; 2] {

@@ -36,14 +36,8 @@ pub struct Interaction {
 impl Interaction {
     /// Interaction of a ray with a unit direction and the plane of a triangle, also beyond its edges, and its distance
     /// [m]. None where the ray is parallel to the triangle, or comes from behind the surface.
-    pub fn new(
-        snapshot: &PosedScene,
-        body: u32,
-        triangle: u32,
-        origin: DVec3,
-        direction: DVec3,
-    ) -> Option<(Self, f64)> {
-        let (surface, pose) = (snapshot.surface(body), snapshot.pose(body));
+    pub fn new(scene: &PosedScene, body: u32, triangle: u32, origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
+        let (surface, pose) = (scene.surface(body), scene.pose(body));
         let (o, d) = (pose.point_to_body(origin), pose.direction_to_body(direction));
         let corners @ [a, b, c] = surface.corners(triangle);
 

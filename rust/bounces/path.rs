@@ -37,7 +37,7 @@ pub struct Bounces {
 struct Point {
     body: u32,
     /// Vertices of the triangle that carries the point, where the body deforms.
-    facet: Option<[u32; 3]>,
+    corners: Option<[u32; 3]>,
     /// Position in coordinates of the body [m], or of the triangle.
     position: DVec3,
 }
@@ -53,19 +53,19 @@ pub struct BouncePath {
 
 impl Point {
     /// Material point at an interaction, in coordinates of its body.
-    fn new(snapshot: &PosedScene, interaction: &Interaction) -> Self {
-        let surface = snapshot.surface(interaction.body);
-        let position = snapshot.pose(interaction.body).point_to_body(interaction.point);
+    fn new(scene: &PosedScene, interaction: &Interaction) -> Self {
+        let surface = scene.surface(interaction.body);
+        let position = scene.pose(interaction.body).point_to_body(interaction.point);
         if !surface.is_deformed() {
             return Self {
                 body: interaction.body,
-                facet: None,
+                corners: None,
                 position,
             };
         }
         Self {
             body: interaction.body,
-            facet: Some(surface.vertices_of(interaction.triangle)),
+            corners: Some(surface.vertices_of(interaction.triangle)),
             position: MovingTriangle::new(surface.corners(interaction.triangle)).coordinates(position),
         }
     }
@@ -73,10 +73,10 @@ impl Point {
 
 impl BouncePath {
     /// Path over these interactions for all antennas where tubes start, with weights of zero.
-    pub fn new(direction: Direction, array: &Array, snapshot: &PosedScene, interactions: &[Interaction]) -> Self {
+    pub fn new(direction: Direction, array: &Array, scene: &PosedScene, interactions: &[Interaction]) -> Self {
         let points: Vec<Point> = interactions
             .iter()
-            .map(|interaction| Point::new(snapshot, interaction))
+            .map(|interaction| Point::new(scene, interaction))
             .collect();
         Self {
             direction,
@@ -95,12 +95,12 @@ impl BouncePath {
     pub fn set(
         &mut self,
         array: &Array,
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         start: usize,
         interactions: &[Interaction],
         weights: &[Complex64],
     ) {
-        let points = interactions.iter().map(|interaction| Point::new(snapshot, interaction));
+        let points = interactions.iter().map(|interaction| Point::new(scene, interaction));
         for (i, point) in points.enumerate() {
             self.points[start * self.order + i] = point;
         }
@@ -111,16 +111,16 @@ impl BouncePath {
 }
 
 impl Bounces {
-    pub(super) fn of_paths(snapshot: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
+    pub(super) fn of_paths(scene: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
         let mut bounces = Self::empty(array);
         for path in paths {
             bounces.push(path.direction, &path.points, &path.weights);
         }
-        let on_facets = bounces.points.iter().filter(|point| point.facet.is_some());
-        let mut bodies: Vec<u32> = on_facets.map(|point| point.body).collect();
+        let on_triangles = bounces.points.iter().filter(|point| point.corners.is_some());
+        let mut bodies: Vec<u32> = on_triangles.map(|point| point.body).collect();
         bodies.sort_unstable();
         bodies.dedup();
-        let with_number = |body: u32| (body, snapshot.surface(body).vertices().len());
+        let with_number = |body: u32| (body, scene.surface(body).vertices().len());
         bounces.deforming = bodies.into_iter().map(with_number).collect();
         bounces
     }
@@ -214,7 +214,9 @@ impl Bounces {
                 let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
                 let (mut rate, mut from) = (0.0, start);
                 let points = self.points(path, channel);
-                let moving = points.iter().map(|point| self.motion(kinematics, rates, point));
+                let moving = points
+                    .iter()
+                    .map(|point| kinematics.motion(rates, &self.deforming, point.body, point.corners, point.position));
                 for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
@@ -262,33 +264,7 @@ impl Bounces {
     /// Position of a material point at a node, sensor frame [m].
     fn position(&self, kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
         let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
-        let facet = self.facet_of(kinematics, node, point);
-        pose.point(facet.map_or(point.position, |facet| facet.point(point.position)))
-    }
-
-    /// Position [m] and velocity [m/s] of a material point at the first node, sensor frame.
-    fn motion(&self, kinematics: &Kinematics, rates: &Kinematics, point: &Point) -> (DVec3, DVec3) {
-        let (pose, rate) = (
-            &kinematics.poses[point.body as usize],
-            &rates.poses[point.body as usize],
-        );
-        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, point));
-        let (position, velocity) = match facets {
-            [Some(facet), Some(facet_rate)] => {
-                (facet.point(point.position), facet.velocity(&facet_rate, point.position))
-            }
-            _ => (point.position, DVec3::ZERO),
-        };
-        (pose.point(position), rate.point(position) + pose.direction(velocity))
-    }
-
-    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
-    fn facet_of(&self, kinematics: &Kinematics, node: usize, point: &Point) -> Option<MovingTriangle> {
-        let corners = point.facet?;
-        let index = self.deforming.iter().position(|deforming| deforming.0 == point.body)?;
-        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
-        Some(MovingTriangle::new(
-            corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
-        ))
+        let triangle = kinematics.moving_triangle(&self.deforming, node, point.body, point.corners);
+        pose.point(triangle.map_or(point.position, |triangle| triangle.point(point.position)))
     }
 }

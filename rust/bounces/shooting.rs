@@ -16,11 +16,11 @@ use crate::scattering::physical_optics::Sampling;
 use crate::scattering::taper::taper;
 
 use super::direction::Direction;
-use super::field::transverse;
 use super::interaction::Interaction;
 use super::launch::Launch;
 use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
+use crate::antennas::polarization::transverse;
 
 /// The part of the image plane where tubes start.
 struct View {
@@ -87,7 +87,7 @@ impl Counts {
 
 /// Scene, materials and limits that ray tubes are traced with.
 pub(super) struct Shooter<'a> {
-    pub(super) snapshot: &'a PosedScene,
+    pub(super) scene: &'a PosedScene,
     /// Material of every body.
     pub(super) materials: &'a [Material],
     pub(super) wavelength: f64,
@@ -107,7 +107,7 @@ impl Shooter<'_> {
                 break;
             }
             counts.rays += 1;
-            if !tube.advance(self.snapshot) {
+            if !tube.advance(self.scene) {
                 break;
             }
             interactions.push(tube.interaction);
@@ -182,7 +182,7 @@ impl Shooter<'_> {
             direction,
             start: 0.0,
         };
-        self.snapshot.blocks(&ray, far)
+        self.scene.blocks(&ray, far)
     }
 }
 
@@ -202,9 +202,9 @@ struct Sensor<'a> {
 }
 
 impl<'a> Sensor<'a> {
-    fn new(snapshot: &'a PosedScene, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
+    fn new(scene: &'a PosedScene, materials: &'a [Material], array: &'a Array, limits: Limits) -> Self {
         let shooter = Shooter {
-            snapshot,
+            scene,
             materials,
             wavelength: SPEED_OF_LIGHT / array.frequency,
             limits,
@@ -219,7 +219,7 @@ impl<'a> Sensor<'a> {
         (antenna, pattern): (DVec3, &Pattern),
         arrive: impl FnMut(&Tube, &[Interaction]),
     ) -> Counts {
-        let Some(tube) = Tube::launch(self.shooter.snapshot, launch, antenna, self.array.polarization) else {
+        let Some(tube) = Tube::launch(self.shooter.scene, launch, antenna, self.array.polarization) else {
             return Counts::default();
         };
         let share = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
@@ -236,14 +236,14 @@ impl<'a> Sensor<'a> {
 impl Bounces {
     /// Paths of two and more reflections of all cells, in the order of the cells, and counts; one material per body.
     pub fn new(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         launches: &[Launch],
         materials: &[Material],
         array: Array,
         limits: Limits,
         sampling: Sampling,
     ) -> (Self, Counts) {
-        let sensor = Sensor::new(snapshot, materials, &array, limits);
+        let sensor = Sensor::new(scene, materials, &array, limits);
         let (directions, view) = (Direction::of(&array), View::of(launches));
         let twice = 2.0 / directions.len() as f64; // of shares that add up to one
         let of = |launch: &Launch| {
@@ -269,10 +269,10 @@ impl Bounces {
                         let kind = (*direction, interactions.len());
                         let known = paths.iter().position(|path| path.kind() == kind);
                         let index = known.unwrap_or_else(|| {
-                            paths.push(BouncePath::new(*direction, &array, snapshot, interactions));
+                            paths.push(BouncePath::new(*direction, &array, scene, interactions));
                             paths.len() - 1
                         });
-                        paths[index].set(&array, snapshot, start, interactions, &weights);
+                        paths[index].set(&array, scene, start, interactions, &weights);
                     };
                     counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
                 }
@@ -281,7 +281,7 @@ impl Bounces {
         };
         let (paths, counts): (Vec<Vec<BouncePath>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
         let counts = counts.into_iter().fold(Counts::default(), Counts::plus);
-        (Self::of_paths(snapshot, array, paths.into_iter().flatten()), counts)
+        (Self::of_paths(scene, array, paths.into_iter().flatten()), counts)
     }
 }
 

@@ -30,12 +30,12 @@ pub struct Tube {
 
 impl Tube {
     /// Tube from an antenna to the hit of the centre of a cell, which was cast from the centre of the array.
-    pub fn launch(snapshot: &PosedScene, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
+    pub fn launch(scene: &PosedScene, launch: &Launch, antenna: DVec3, polarization: Option<DVec3>) -> Option<Self> {
         // The patch of surface behind the cell.
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
         let ray = DVec3::new(1.0, u, v) / w;
-        let (interaction, distance) = Interaction::new(snapshot, launch.body, launch.triangle, DVec3::ZERO, ray)?;
+        let (interaction, distance) = Interaction::new(scene, launch.body, launch.triangle, DVec3::ZERO, ray)?;
         let edges = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| {
             let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
             land(distance * turn, ray, interaction.normal)
@@ -64,7 +64,7 @@ impl Tube {
     /// Tube of a plane wave in a unit direction, from a point in front of the scene to the hit of the ray; plane
     /// coordinates are lengths along `axes` [m].
     pub fn plane_wave(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         origin: DVec3,
         direction: DVec3,
         axes: [DVec3; 2],
@@ -75,11 +75,11 @@ impl Tube {
             direction,
             start: 0.0,
         };
-        let hit = snapshot.cast(&ray);
+        let hit = scene.cast(&ray);
         if hit.body == NO_BODY {
             return None;
         }
-        let (interaction, _) = Interaction::new(snapshot, hit.body, hit.triangle, origin, direction)?;
+        let (interaction, _) = Interaction::new(scene, hit.body, hit.triangle, origin, direction)?;
         Some(Self {
             direction,
             interaction,
@@ -131,13 +131,13 @@ impl Tube {
     }
 
     /// Advance to the next surface; false if there is none.
-    pub fn advance(&mut self, snapshot: &PosedScene) -> bool {
+    pub fn advance(&mut self, scene: &PosedScene) -> bool {
         if self.interaction.face.dot(self.direction) <= 0.0 {
             return false;
         }
         // The ray starts before the triangle, the length counts from the curved surface.
         let origin = self.interaction.before;
-        let hit = snapshot.cast(&Ray {
+        let hit = scene.cast(&Ray {
             origin,
             direction: self.direction,
             start: 0.0,
@@ -146,7 +146,7 @@ impl Tube {
             return false;
         }
         let Some((mut interaction, distance)) =
-            Interaction::new(snapshot, hit.body, hit.triangle, self.interaction.point, self.direction)
+            Interaction::new(scene, hit.body, hit.triangle, self.interaction.point, self.direction)
         else {
             return false;
         };

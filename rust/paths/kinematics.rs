@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 
 /// Poses, points and vertices at node times, in the sensor frame; borrowed.
@@ -20,4 +21,45 @@ pub struct Kinematics<'a> {
     /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates
     /// [m].
     pub vertices: &'a [&'a [[f64; 3]]],
+}
+
+impl Kinematics<'_> {
+    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
+    ///
+    /// `deforming`: the bodies of `vertices` and their numbers of vertices; `corners`: vertices of the triangle, none on
+    /// bodies that do not deform.
+    pub(crate) fn moving_triangle(
+        &self,
+        deforming: &[(u32, usize)],
+        node: usize,
+        body: u32,
+        corners: Option<[u32; 3]>,
+    ) -> Option<MovingTriangle> {
+        let corners = corners?;
+        let index = deforming.iter().position(|deforming| deforming.0 == body)?;
+        let vertices = &self.vertices[index][node * deforming[index].1..];
+        Some(MovingTriangle::new(
+            corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
+        ))
+    }
+
+    /// Position [m] and velocity [m/s] of a material point at the first node, sensor frame; `rates` are the time
+    /// derivatives. See [`Self::moving_triangle`].
+    pub(crate) fn motion(
+        &self,
+        rates: &Kinematics,
+        deforming: &[(u32, usize)],
+        body: u32,
+        corners: Option<[u32; 3]>,
+        mut position: DVec3,
+    ) -> (DVec3, DVec3) {
+        let (pose, rate) = (&self.poses[body as usize], &rates.poses[body as usize]);
+        let triangles = [self, rates].map(|kinematics| kinematics.moving_triangle(deforming, 0, body, corners));
+        let mut velocity = DVec3::ZERO;
+        if let [Some(triangle), Some(triangle_rate)] = triangles {
+            velocity = triangle.velocity(&triangle_rate, position);
+            position = triangle.point(position);
+        }
+        (pose.point(position), rate.point(position) + pose.direction(velocity))
+    }
 }

@@ -9,7 +9,6 @@ use rayon::prelude::*;
 
 use crate::antennas::array::{Array, Sight};
 use crate::constants::SPEED_OF_LIGHT;
-use crate::geometry::moving_triangle::MovingTriangle;
 use crate::numeric::trig::sinc;
 use crate::paths::kinematics::Kinematics;
 
@@ -23,7 +22,7 @@ pub struct Scatterers {
     /// Power of the frequency by which the field falls; empty: zero.
     pub(crate) order: Vec<u8>,
     /// Vertices of the triangle that carries the point, where the body deforms; empty: no body does.
-    pub(crate) facet: Vec<Option<[u32; 3]>>,
+    pub(crate) corners: Vec<Option<[u32; 3]>>,
     /// Position in coordinates of the body [m], or of the triangle.
     pub(crate) position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the triangle.
@@ -102,8 +101,10 @@ impl Weight {
 impl Scatterers {
     /// Add the numbers of vertices of the bodies that deform.
     pub fn with_vertices(mut self, number: impl Fn(u32) -> usize) -> Self {
-        let on_facets = self.body.iter().zip(&self.facet);
-        let mut bodies: Vec<u32> = on_facets.filter_map(|(body, facet)| facet.and(Some(*body))).collect();
+        let on_triangles = self.body.iter().zip(&self.corners);
+        let mut bodies: Vec<u32> = on_triangles
+            .filter_map(|(body, corners)| corners.and(Some(*body)))
+            .collect();
         bodies.sort_unstable();
         bodies.dedup();
         self.deforming = bodies.into_iter().map(|body| (body, number(body))).collect();
@@ -127,7 +128,7 @@ impl Scatterers {
             }
             of.cell.resize(number, u32::MAX);
             of.order.resize(number, 0);
-            of.facet.resize(number, None);
+            of.corners.resize(number, None);
             of.patch.resize(number, Edges::default());
         }
         self.body.append(&mut others.body);
@@ -136,7 +137,7 @@ impl Scatterers {
         self.weights.append(&mut others.weights);
         self.cell.append(&mut others.cell);
         self.order.append(&mut others.order);
-        self.facet.append(&mut others.facet);
+        self.corners.append(&mut others.corners);
         self.patch.append(&mut others.patch);
     }
 
@@ -155,7 +156,7 @@ impl Scatterers {
         permute(&mut self.cell, &rows);
         permute(&mut self.body, &rows);
         permute(&mut self.order, &rows);
-        permute(&mut self.facet, &rows);
+        permute(&mut self.corners, &rows);
         permute(&mut self.position, &rows);
         permute(&mut self.normal, &rows);
         permute(&mut self.patch, &rows);
@@ -232,9 +233,9 @@ impl Scatterers {
         let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
         let mut edges = self.patch.get(path).copied().unwrap_or_default();
-        if let Some(facet) = self.facet_of(kinematics, node, path) {
-            (position, normal) = (facet.point(position), facet.normal(normal));
-            edges = edges.map(|edge| facet.vector(edge));
+        if let Some(triangle) = kinematics.moving_triangle(&self.deforming, node, body, self.corners_of(path)) {
+            (position, normal) = (triangle.point(position), triangle.normal(normal));
+            edges = edges.map(|edge| triangle.vector(edge));
         }
         let (t, r) = self.array.pair(channel, pose.point(position));
         let (normal, edges) = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
@@ -244,15 +245,9 @@ impl Scatterers {
         )
     }
 
-    /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
-    fn facet_of(&self, kinematics: &Kinematics, node: usize, path: usize) -> Option<MovingTriangle> {
-        let corners = (*self.facet.get(path)?)?;
-        let body = self.body[path];
-        let index = self.deforming.iter().position(|deforming| deforming.0 == body)?;
-        let vertices = &kinematics.vertices[index][node * self.deforming[index].1..];
-        Some(MovingTriangle::new(
-            corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
-        ))
+    /// Triangle that carries a scatterer; none on bodies that do not deform.
+    fn corners_of(&self, path: usize) -> Option<[u32; 3]> {
+        self.corners.get(path).copied().flatten()
     }
 
     /// Rate of every delay of the members [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the
@@ -266,14 +261,7 @@ impl Scatterers {
                 let (channel, path) = (i / num_paths, members.number(self, i % num_paths));
                 let (position, velocity) = match self.body.get(path) {
                     Some(&body) => {
-                        let (pose, rate) = (&kinematics.poses[body as usize], &rates.poses[body as usize]);
-                        let (mut position, mut velocity) = (self.position[path], DVec3::ZERO);
-                        let facets = [kinematics, rates].map(|kinematics| self.facet_of(kinematics, 0, path));
-                        if let [Some(facet), Some(facet_rate)] = facets {
-                            velocity = facet.velocity(&facet_rate, position);
-                            position = facet.point(position);
-                        }
-                        (pose.point(position), rate.point(position) + pose.direction(velocity))
+                        kinematics.motion(rates, &self.deforming, body, self.corners_of(path), self.position[path])
                     }
                     None => (kinematics.points[path - self.len()], rates.points[path - self.len()]),
                 };

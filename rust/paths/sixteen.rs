@@ -74,7 +74,7 @@ impl Scatterers {
         for lane in 0..STEP {
             let number = numbers[lane];
             points.bodies[lane] = *self.body.get(number)? as usize;
-            if self.facet.get(number).is_some_and(Option::is_some) {
+            if self.corners.get(number).is_some_and(Option::is_some) {
                 return None;
             }
             for axis in 0..3 {

@@ -59,7 +59,7 @@ pub struct Known<'a, F> {
 type AnyKnown<'a> = Known<'a, &'a (dyn Fn(usize) -> Option<Found> + Sync)>;
 
 /// Ends of groups of 64 rays, the last perhaps smaller, that hold `number` rays in order.
-pub fn whole_bundles(number: usize) -> Vec<usize> {
+pub fn whole_groups(number: usize) -> Vec<usize> {
     let ends = (1..=number.div_ceil(MOST_RAYS)).map(|group| number.min(group * MOST_RAYS));
     ends.collect()
 }
@@ -166,19 +166,19 @@ impl Kernel for CastBlock<'_> {
                 continue;
             }
             counts.rays += points.len();
-            scene.measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
-            let (best, distance) = (&scratch.best, &scratch.distance);
+            scene.measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
+            let (hits, distance) = (&scratch.hits, &scratch.distance);
             scratch
                 .shade
-                .fill::<I, true>(scene, &scratch.rays, &best.body, &best.triangle, distance);
+                .fill::<I, true>(scene, &scratch.rays, &hits.body, &hits.triangle, distance);
             for (ray, found) in found.iter_mut().enumerate() {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {
                     to_facet: scratch.distance[ray],
                     distance: scratch.shade.distance[ray],
                     normal: scratch.shade.normal_of(ray),
-                    body: scratch.best.body[packet][lane],
-                    triangle: scratch.best.triangle[packet][lane],
+                    body: scratch.hits.body[packet][lane],
+                    triangle: scratch.hits.triangle[packet][lane],
                     is_seen: true,
                 };
             }
@@ -230,7 +230,7 @@ mod tests {
                 .iter()
                 .map(|pixel| plane.center(pixel / plane.columns, pixel % plane.columns).into())
                 .collect();
-            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_bundles(points.len()), &cast, None);
+            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_groups(points.len()), &cast, None);
             assert!(counts.rays + 64 * counts.tiles_skipped >= points.len() && counts.rays > 3000);
             let mut num_hits = 0;
             for (pixel, found) in pixels.into_iter().zip(found) {

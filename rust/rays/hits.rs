@@ -58,7 +58,7 @@ pub struct Cast<'a> {
     pub outside: Option<&'a Outside<'a>>,
     /// Option to compute cosines of incidence.
     pub with_cosines: bool,
-    /// Way of the rays of a tile through the tree of a body.
+    /// Traversal of the tree of a body by the rays of a tile.
     pub traversals: Traversals,
     /// Scene and hits of another time with the same directions outside. Tiles where no body has moved are copied.
     pub previous: Option<(&'a PosedScene, &'a Hits)>,

@@ -3,7 +3,7 @@
 //! A tile of 8 x 8 pixels is cast by these steps, on one `Scratch` per thread that is used for tile after tile:
 //!
 //! 1. [`TileRays::aim`] sets the rays, four packets of 4 x 4; `keep` drops packets that are not wanted.
-//! 2. [`PosedScene::search`] finds the nearest triangles (`scratch.best`), or says that no body is in the tile.
+//! 2. [`PosedScene::search`] finds the nearest triangles (`scratch.hits`), or says that no body is in the tile.
 //! 3. [`PosedScene::measure`] computes their distances in double precision (`scratch.distance`).
 //! 4. `Shade::fill` adds distance, cosine and normal of the curved surface (`scratch.shade`).
 
@@ -160,12 +160,12 @@ impl Kernel for CastBand<'_> {
             }
             counts.rays += tile.rows * tile.columns;
             self.scene
-                .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
+                .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
             if self.cosine.is_some() {
-                let (best, distance) = (&scratch.best, &scratch.distance);
+                let (hits, distance) = (&scratch.hits, &scratch.distance);
                 scratch
                     .shade
-                    .fill::<I, false>(self.scene, &scratch.rays, &best.body, &best.triangle, distance);
+                    .fill::<I, false>(self.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
             }
             self.write(&tile, &scratch);
         }
@@ -209,7 +209,7 @@ impl CastBand<'_> {
     /// Write the hits of a tile.
     #[inline(always)]
     fn write(&mut self, tile: &Tile, scratch: &Scratch) {
-        let best = &scratch.best;
+        let hits = &scratch.hits;
         for row in 0..tile.rows {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
@@ -217,8 +217,8 @@ impl CastBand<'_> {
                 let (from, to) = (TileRays::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
                 copy(&mut self.distance[to..], &scratch.distance[from..], number);
-                copy(&mut self.body[to..], &best.body.as_flattened()[from..], number);
-                copy(&mut self.triangle[to..], &best.triangle.as_flattened()[from..], number);
+                copy(&mut self.body[to..], &hits.body.as_flattened()[from..], number);
+                copy(&mut self.triangle[to..], &hits.triangle.as_flattened()[from..], number);
                 if let Some(cosine) = &mut self.cosine {
                     copy(&mut cosine[to..], &scratch.shade.cosine[from..], number);
                 }

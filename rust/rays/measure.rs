@@ -9,14 +9,14 @@ use crate::rays::scene::{NO_BODY, PosedScene};
 impl PosedScene {
     /// Measure the distances of the triangles that were found [m]; infinite where there is none.
     #[inline(always)]
-    pub(crate) fn measure<I: Isa>(&self, rays: &TileRays, best: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
+    pub(crate) fn measure<I: Isa>(&self, rays: &TileRays, hits: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         // Normals of planes, not of unit length, and their scalar products with points in them.
         let mut planes = [([splat(0.0); 3], splat(0.0)); HELD + 1];
         let mut held = Held::NOTHING;
         for first in (0..MOST_RAYS).step_by(HALF) {
             let (packet, half) = (first / PACKET, first % PACKET / HALF);
-            let (bodies, triangles) = (&best.body[packet], &best.triangle[packet]);
+            let (bodies, triangles) = (&hits.body[packet], &hits.triangle[packet]);
             let hit = rays.valid[packet] & !I::equal(bodies, NO_BODY);
             let mut rest = hit >> (half * HALF) & 0xff;
             splat(f64::INFINITY).store(&mut distance[first..]);
@@ -46,12 +46,12 @@ impl PosedScene {
             }
         }
         for packet in 0..PACKETS {
-            let mut edge_on = best.edge_on[packet];
+            let mut edge_on = hits.edge_on[packet];
             while edge_on != 0 {
                 let lane = edge_on.trailing_zeros() as usize;
                 edge_on &= edge_on - 1;
                 let direction = rays.direction(packet * PACKET + lane);
-                let crossing = self.cross(direction, best.body[packet][lane], best.triangle[packet][lane]);
+                let crossing = self.cross(direction, hits.body[packet][lane], hits.triangle[packet][lane]);
                 let t = crossing.map_or(f64::INFINITY, |crossing| crossing.distance);
                 distance[packet * PACKET + lane] = t * direction.length();
             }

@@ -17,7 +17,7 @@ pub const PACKETS: usize = 4;
 pub const MOST_RAYS: usize = PACKET * PACKETS;
 
 /// Side of the square of pixels that a packet holds.
-const SIDE: usize = TILE / 2;
+pub const SIDE: usize = TILE / 2;
 
 /// Row and column of every ray in the tile, packet by packet.
 const PLACES: [[f64; MOST_RAYS]; 2] = {

@@ -28,7 +28,7 @@ const FEW_LEAVES: usize = 16;
 /// what tests of 16 rays do for half a leaf (`cargo bench --bench trace -- person`).
 const FEW_RAYS: u32 = 5;
 
-/// Way of the rays of a tile through the tree of a body.
+/// Traversal of the tree of a body by the rays of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Traversals {
     /// The faster choice at every node.
@@ -56,17 +56,17 @@ pub struct Search<'a, E> {
     /// Rays in the frame of the body.
     pub rays: &'a mut BodyRays,
     /// Triangle block of every leaf.
-    pub leaves: &'a [TriangleBlock],
+    pub blocks: &'a [TriangleBlock],
     /// Bound of the coordinates of the triangles.
     pub reach: f32,
     /// Number of the body.
     pub body: u32,
-    /// Way through the tree.
+    /// Traversal of the tree.
     pub traversals: Traversals,
     /// Distance at or below which there are no hits.
     pub start: f32,
     /// Hits so far.
-    pub best: &'a mut PacketHits,
+    pub hits: &'a mut PacketHits,
     /// Exact test.
     pub exact: &'a E,
     /// Planes of the triangle block at hand.
@@ -100,7 +100,7 @@ impl<E: Exact> Search<'_, E> {
             return;
         }
         let slabs = self.rays.slabs(PACKETS);
-        let mut far = self.best.farthest();
+        let mut far = self.hits.farthest();
         stack.clear();
         stack.push(Waiting { key: 0, rays });
         while let Some(Waiting { key, rays }) = stack.pop() {
@@ -111,7 +111,7 @@ impl<E: Exact> Search<'_, E> {
             match Child(key as u32).kind() {
                 Kind::Leaf(leaf, count) => {
                     self.visit::<I>(leaf, count, near, rays);
-                    far = self.best.farthest();
+                    far = self.hits.farthest();
                 }
                 Kind::Node(node) => self.open::<I>(tree, node, (rays, far), &slabs, stack),
             }
@@ -147,7 +147,7 @@ impl<E: Exact> Search<'_, E> {
             met = self
                 .rays
                 .slabs_of(packet)
-                .enter::<I>(node, self.best.farthest[packet], &mut nears);
+                .enter::<I>(node, self.hits.farthest[packet], &mut nears);
             is_fine = met.count_ones() > few;
             met_by[packet] = met;
         } else {
@@ -159,7 +159,7 @@ impl<E: Exact> Search<'_, E> {
                 for packet in 0..PACKETS {
                     if of_packet(rays, packet) != 0 {
                         let slabs = self.rays.slabs_of(packet);
-                        met_by[packet] = met & slabs.enter::<I>(node, self.best.farthest[packet], &mut entries);
+                        met_by[packet] = met & slabs.enter::<I>(node, self.hits.farthest[packet], &mut entries);
                         any |= met_by[packet];
                     }
                 }
@@ -181,7 +181,7 @@ impl<E: Exact> Search<'_, E> {
                     if met_by[packet] >> place & 1 == 0 {
                         rays &= !all;
                     } else if is_leaf && rays & all != 0 {
-                        let far = I::F32::load(&self.best.far[packet * PACKET..]);
+                        let far = I::F32::load(&self.hits.far[packet * PACKET..]);
                         let met = self.rays.meet::<I>(packet, node, place, pad, far);
                         rays &= !all | u64::from(met) << (packet * PACKET);
                     }
@@ -192,7 +192,7 @@ impl<E: Exact> Search<'_, E> {
             }
             match child.kind() {
                 Kind::Node(node) => prefetch(&tree.nodes[node]),
-                Kind::Leaf(leaf, _) => prefetch(&self.leaves[leaf]),
+                Kind::Leaf(leaf, _) => prefetch(&self.blocks[leaf]),
             }
             let key = u64::from(nears[place].to_bits()) << 32 | u64::from(child.0);
             let waiting = Waiting { key, rays };
@@ -210,7 +210,7 @@ impl<E: Exact> Search<'_, E> {
     #[inline(always)]
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32, rays: u64) {
         *self.num_leaves += 1;
-        let block = &self.leaves[leaf];
+        let block = &self.blocks[leaf];
         let planes = block.planes::<I>(&self.rays.origin, self.reach + self.rays.reach, self.rays.length);
         let real = (1 << count) - 1;
         let mut is_stored = false;
@@ -224,7 +224,7 @@ impl<E: Exact> Search<'_, E> {
         }
         for packet in 0..PACKETS {
             let wanted = of_packet(rays, packet);
-            if wanted == 0 || near > self.best.farthest[packet] {
+            if wanted == 0 || near > self.hits.farthest[packet] {
                 continue;
             }
             let has_changed = if wanted.count_ones() <= FEW_RAYS {
@@ -241,7 +241,7 @@ impl<E: Exact> Search<'_, E> {
                 self.test_triangles::<I>(block, planes.unclear, met, packet)
             };
             if has_changed {
-                self.best.farthest[packet] = I::F32::load(&self.best.far[packet * PACKET..]).largest();
+                self.hits.farthest[packet] = I::F32::load(&self.hits.far[packet * PACKET..]).largest();
             }
         }
     }
@@ -275,26 +275,26 @@ impl<E: Exact> Search<'_, E> {
                     continue;
                 }
                 let crossing = self.table.cross(lane, &directions, least);
-                let best_near = I::F32::load(&self.best.near[first..]);
-                let best_far = I::F32::load(&self.best.far[first..]);
-                let is_behind = best_far.at_most(crossing.near) & crossing.measured;
+                let hit_near = I::F32::load(&self.hits.near[first..]);
+                let hit_far = I::F32::load(&self.hits.far[first..]);
+                let is_behind = hit_far.at_most(crossing.near) & crossing.measured;
                 let is_nearest = unsure
                     & crossing.measured
                     & crossing.certain
-                    & crossing.far.at_most(best_near)
+                    & crossing.far.at_most(hit_near)
                     & <I::F32 as Vector>::splat(self.start).at_most(crossing.near);
                 if is_nearest != 0 {
                     crossing
                         .near
-                        .select(is_nearest, best_near)
-                        .store(&mut self.best.near[first..]);
+                        .select(is_nearest, hit_near)
+                        .store(&mut self.hits.near[first..]);
                     crossing
                         .far
-                        .select(is_nearest, best_far)
-                        .store(&mut self.best.far[first..]);
-                    I::put(&mut self.best.body[packet], is_nearest, self.body);
-                    I::put(&mut self.best.triangle[packet], is_nearest, number);
-                    self.best.edge_on[packet] &= !is_nearest;
+                        .select(is_nearest, hit_far)
+                        .store(&mut self.hits.far[first..]);
+                    I::put(&mut self.hits.body[packet], is_nearest, self.body);
+                    I::put(&mut self.hits.triangle[packet], is_nearest, number);
+                    self.hits.edge_on[packet] &= !is_nearest;
                     has_changed = true;
                 }
                 unsure &= !(is_behind | is_nearest);
@@ -302,7 +302,7 @@ impl<E: Exact> Search<'_, E> {
             while unsure != 0 {
                 let ray = unsure.trailing_zeros() as usize;
                 unsure &= unsure - 1;
-                has_changed |= self.best.decide(packet, ray, self.body, number, self.exact);
+                has_changed |= self.hits.decide(packet, ray, self.body, number, self.exact);
             }
         }
         has_changed
@@ -340,18 +340,18 @@ impl<E: Exact> Search<'_, E> {
                     met &= met - 1;
                     let number = block.triangles[place];
                     let is_measured = crossing.measured >> place & 1 == 1;
-                    if is_measured && self.best.far[ray] <= near[place] {
+                    if is_measured && self.hits.far[ray] <= near[place] {
                         continue;
                     }
                     let is_certain = is_measured && crossing.certain >> place & 1 == 1;
-                    if is_certain && far[place] <= self.best.near[ray] && self.start <= near[place] {
-                        (self.best.near[ray], self.best.far[ray]) = (near[place], far[place]);
-                        self.best.body[packet][lane] = self.body;
-                        self.best.triangle[packet][lane] = number;
-                        self.best.edge_on[packet] &= !(1 << lane);
+                    if is_certain && far[place] <= self.hits.near[ray] && self.start <= near[place] {
+                        (self.hits.near[ray], self.hits.far[ray]) = (near[place], far[place]);
+                        self.hits.body[packet][lane] = self.body;
+                        self.hits.triangle[packet][lane] = number;
+                        self.hits.edge_on[packet] &= !(1 << lane);
                         has_changed = true;
                     } else {
-                        has_changed |= self.best.decide(packet, lane, self.body, number, self.exact);
+                        has_changed |= self.hits.decide(packet, lane, self.body, number, self.exact);
                     }
                 }
             }
@@ -360,7 +360,7 @@ impl<E: Exact> Search<'_, E> {
                 while met != 0 {
                     let number = block.triangles[met.trailing_zeros() as usize];
                     met &= met - 1;
-                    has_changed |= self.best.decide(packet, lane, self.body, number, self.exact);
+                    has_changed |= self.hits.decide(packet, lane, self.body, number, self.exact);
                 }
             }
         }

@@ -212,7 +212,7 @@ impl Kernel for CastOne<'_> {
         let mut visitor = OneAtBodies {
             scene: self.scene,
             ray: self.ray,
-            best: Hit {
+            hit: Hit {
                 distance: self.far,
                 ..Hit::MISS
             },
@@ -226,7 +226,7 @@ impl Kernel for CastOne<'_> {
             &mut Vec::with_capacity(64),
             &mut visitor,
         );
-        (visitor.best, visitor.ended_early)
+        (visitor.hit, visitor.ended_early)
     }
 }
 
@@ -234,7 +234,7 @@ impl Kernel for CastOne<'_> {
 struct OneAtBodies<'a> {
     scene: &'a PosedScene,
     ray: &'a Ray,
-    best: Hit,
+    hit: Hit,
     is_any_enough: bool,
     ended_early: bool,
 }
@@ -257,30 +257,30 @@ impl Visit for OneAtBodies<'_> {
         let nearest = Nearest {
             surface: self.scene.surface(body),
             ray: &ray,
-            far: self.best.distance,
+            far: self.hit.distance,
             is_any_enough: self.is_any_enough,
         };
         let found = nearest.run::<I>();
         self.ended_early |= found.ended_early;
         if let Some(hit) = found.hit
-            && (hit.distance < self.best.distance || body < self.best.body)
+            && (hit.distance < self.hit.distance || body < self.hit.body)
         {
-            self.best = Hit {
+            self.hit = Hit {
                 distance: hit.distance,
                 body,
                 triangle: hit.triangle,
                 barycentric: hit.barycentric,
             };
         }
-        if self.is_any_enough && self.best.body != NO_BODY {
+        if self.is_any_enough && self.hit.body != NO_BODY {
             return -1.0;
         }
-        above(self.best.distance)
+        above(self.hit.distance)
     }
 
     #[inline(always)]
     fn leave_out(&mut self, near: f32) {
-        self.ended_early |= near <= above(self.best.distance);
+        self.ended_early |= near <= above(self.hit.distance);
     }
 }
 

@@ -17,7 +17,7 @@ pub(crate) struct Scratch {
     pub rays: TileRays,
     body_rays: BodyRays,
     /// Nearest triangles, from [`PosedScene::search`].
-    pub best: PacketHits,
+    pub hits: PacketHits,
     table: Table,
     pub(crate) top: Vec<u64>,
     stack: Vec<Waiting>,
@@ -33,7 +33,7 @@ impl Scratch {
         Self {
             rays: TileRays::EMPTY,
             body_rays: BodyRays::EMPTY,
-            best: PacketHits::EMPTY,
+            hits: PacketHits::EMPTY,
             table: Table::EMPTY,
             top: Vec::with_capacity(64),
             stack: Vec::with_capacity(256),
@@ -56,7 +56,7 @@ impl PosedScene {
             scene: self,
             rays,
             body_rays: &mut scratch.body_rays,
-            best: &mut scratch.best,
+            hits: &mut scratch.hits,
             table: &mut scratch.table,
             stack: &mut scratch.stack,
             traversals: cast.traversals,
@@ -67,7 +67,7 @@ impl PosedScene {
             rays.traverse::<I>(&self.top, &mut scratch.top, &mut bodies);
             return bodies.is_empty;
         }
-        bodies.best.clear::<I>(&rays.valid);
+        bodies.hits.clear::<I>(&rays.valid);
         bodies.is_empty = false;
         for leaf in 0..self.bodies.len() {
             bodies.visit::<I>(leaf, 1, 0.0);
@@ -81,7 +81,7 @@ struct Bodies<'a> {
     scene: &'a PosedScene,
     rays: &'a TileRays,
     body_rays: &'a mut BodyRays,
-    best: &'a mut PacketHits,
+    hits: &'a mut PacketHits,
     table: &'a mut Table,
     stack: &'a mut Vec<Waiting>,
     traversals: Traversals,
@@ -100,7 +100,7 @@ impl Visit for Bodies<'_> {
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
         if self.is_empty {
-            self.best.clear::<I>(&self.rays.valid);
+            self.hits.clear::<I>(&self.rays.valid);
             self.is_empty = false;
         }
         let body = self.scene.bodies[leaf];
@@ -111,10 +111,10 @@ impl Visit for Bodies<'_> {
             scene: self.scene,
             rays: self.rays,
         };
-        let way = (self.traversals, NEAREST as f32);
+        let traversal = (self.traversals, NEAREST as f32);
         let memory = (&mut *self.table, &mut *self.stack, &mut self.num_leaves);
-        surface.search::<I, _>(body, self.body_rays, way, self.best, &exact, memory);
-        self.best.farthest()
+        surface.search::<I, _>(body, self.body_rays, traversal, self.hits, &exact, memory);
+        self.hits.farthest()
     }
 }
 

@@ -45,7 +45,7 @@ pub struct Surface {
     vertices: Arc<Vec<DVec3>>,
     /// Tree over boxes relative to `middle`.
     tree: Tree,
-    leaves: Vec<TriangleBlock>,
+    blocks: Vec<TriangleBlock>,
     /// Cost of the tree when it was built.
     built_cost: f64,
     /// Largest coordinate relative to the middle.
@@ -157,7 +157,7 @@ impl Surface {
         let fitted = Fitted::new(&mesh, &vertices, middle, primitives.into_par_iter());
         report(1.0);
         Self {
-            leaves: fitted.leaves,
+            blocks: fitted.blocks,
             built_cost: tree.cost(),
             tree,
             reach: reach(&fitted.bounds),
@@ -189,7 +189,7 @@ impl Surface {
             }
         };
         let fit = |middle: DVec3| {
-            let primitives = self.leaves.par_iter().map(|leaf| leaf.triangles);
+            let primitives = self.blocks.par_iter().map(|block| block.triangles);
             Fitted::new(&mesh, &vertices, middle, primitives)
         };
         let (mut middle, mut fitted) = (self.middle, fit(self.middle));
@@ -204,7 +204,7 @@ impl Surface {
             return Ok(Self::build(mesh, vertices, shading, &|_| ()));
         }
         Ok(Self {
-            leaves: fitted.leaves,
+            blocks: fitted.blocks,
             tree,
             built_cost: self.built_cost,
             reach: reach(&fitted.bounds),
@@ -242,7 +242,7 @@ impl Surface {
                 .get()
                 .map_or(0, |bounds| size_of_val(bounds.as_slice()))
             + self.tree.memory()
-            + size_of_val(self.leaves.as_slice())
+            + size_of_val(self.blocks.as_slice())
             + self.shading.memory()
     }
 
@@ -334,7 +334,7 @@ impl Surface {
     /// `forward`; at most `limit`.
     pub fn distance_in_front(&self, point: DVec3, forward: DVec3, limit: f64) -> f64 {
         let corners = |leaf: usize, count: usize| {
-            let triangles = self.leaves[leaf].triangles[..count].iter();
+            let triangles = self.blocks[leaf].triangles[..count].iter();
             triangles.map(|triangle| self.mesh.relative(&self.vertices, *triangle as usize, self.middle))
         };
         nearest_point::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
@@ -363,18 +363,18 @@ impl Surface {
         body: u32,
         rays: &mut BodyRays,
         (traversals, start): (Traversals, f32),
-        best: &mut PacketHits,
+        hits: &mut PacketHits,
         exact: &E,
         (table, stack, num_leaves): (&mut Table, &mut Vec<Waiting>, &mut usize),
     ) {
         let mut search = Search {
             rays,
-            leaves: &self.leaves,
+            blocks: &self.blocks,
             reach: self.reach,
             body,
             traversals,
             start,
-            best,
+            hits,
             exact,
             table,
             num_leaves,
@@ -424,7 +424,7 @@ fn check_vertices(vertices: &[DVec3]) -> Result<()> {
 
 /// Triangle blocks of the leaves, relative to a point, and their boxes.
 struct Fitted {
-    leaves: Vec<TriangleBlock>,
+    blocks: Vec<TriangleBlock>,
     boxes: Vec<Bounds>,
     /// Box of all leaves.
     bounds: Bounds,
@@ -439,16 +439,16 @@ impl Fitted {
     ) -> Self {
         let fit = |triangles: Primitives| {
             let mut bounds = Bounds::EMPTY;
-            let leaf = TriangleBlock::new(triangles, |triangle| {
+            let block = TriangleBlock::new(triangles, |triangle| {
                 let corners = mesh.relative(vertices, triangle as usize, middle);
                 bounds = bounds.union(&Bounds::of_triangle(&corners));
                 corners
             });
-            (leaf, bounds)
+            (block, bounds)
         };
-        let (leaves, boxes): (Vec<TriangleBlock>, Vec<Bounds>) = primitives.map(fit).unzip();
+        let (blocks, boxes): (Vec<TriangleBlock>, Vec<Bounds>) = primitives.map(fit).unzip();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-        Self { leaves, boxes, bounds }
+        Self { blocks, boxes, bounds }
     }
 }
 
@@ -501,7 +501,7 @@ impl Kernel for Nearest<'_> {
             surface,
             single: &single,
             test: WatertightTest::new(self.ray),
-            best: None,
+            nearest: None,
             far: self.far,
             is_any_enough: self.is_any_enough,
             ended_early: false,
@@ -513,7 +513,7 @@ impl Kernel for Nearest<'_> {
             &mut visitor,
         );
         Found {
-            hit: visitor.best,
+            hit: visitor.nearest,
             ended_early: visitor.ended_early,
         }
     }
@@ -530,7 +530,7 @@ struct NearestVisitor<'a> {
     surface: &'a Surface,
     single: &'a Single,
     test: WatertightTest,
-    best: Option<TriangleHit>,
+    nearest: Option<TriangleHit>,
     far: f64,
     is_any_enough: bool,
     ended_early: bool,
@@ -539,16 +539,16 @@ struct NearestVisitor<'a> {
 impl Visit for NearestVisitor<'_> {
     #[inline(always)]
     fn expects<I: Isa>(&self, leaf: usize, _: &Node, _: usize) -> bool {
-        prefetch(&self.surface.leaves[leaf]);
+        prefetch(&self.surface.blocks[leaf]);
         true
     }
 
     #[inline(always)] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, _near: f32) -> f32 {
-        let leaf = &self.surface.leaves[leaf];
-        let mut met = self.single.may_meet::<I>(leaf, count, self.surface.reach);
+        let block = &self.surface.blocks[leaf];
+        let mut met = self.single.may_meet::<I>(block, count, self.surface.reach);
         while met != 0 {
-            let triangle = leaf.triangles[met.trailing_zeros() as usize];
+            let triangle = block.triangles[met.trailing_zeros() as usize];
             met &= met - 1;
             let Some(crossing) = self.test.intersect(&self.surface.corners(triangle)) else {
                 continue;
@@ -557,18 +557,18 @@ impl Visit for NearestVisitor<'_> {
                 distance, barycentric, ..
             } = crossing;
             let is_first = self
-                .best
-                .is_none_or(|best| distance < best.distance || triangle < best.triangle);
+                .nearest
+                .is_none_or(|hit| distance < hit.distance || triangle < hit.triangle);
             if distance < self.far || (distance <= self.far && is_first) {
                 self.far = distance;
-                self.best = Some(TriangleHit {
+                self.nearest = Some(TriangleHit {
                     distance,
                     triangle,
                     barycentric,
                 });
             }
         }
-        if self.is_any_enough && self.best.is_some() {
+        if self.is_any_enough && self.nearest.is_some() {
             return -1.0;
         }
         above(self.far)

@@ -103,8 +103,8 @@ impl Single {
 
     /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.
     #[inline(always)]
-    pub fn may_meet<I: Isa>(&self, leaf: &TriangleBlock, count: usize, reach: f32) -> u32 {
-        let planes = leaf.planes::<I>(&self.origin, reach + self.reach, self.length);
+    pub fn may_meet<I: Isa>(&self, block: &TriangleBlock, count: usize, reach: f32) -> u32 {
+        let planes = block.planes::<I>(&self.origin, reach + self.reach, self.length);
         planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
     }
 }

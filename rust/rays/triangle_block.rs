@@ -46,18 +46,18 @@ pub struct TriangleBlock {
 impl TriangleBlock {
     /// Block from the corners of [`WIDTH`] triangles, relative to the middle of the surface.
     pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
-        let mut leaf = Self {
+        let mut block = Self {
             corners: [[[0.0; WIDTH]; 3]; 3],
             triangles,
         };
         for (lane, triangle) in triangles.into_iter().enumerate() {
             for (corner, position) in corners(triangle).into_iter().enumerate() {
                 for axis in 0..3 {
-                    leaf.corners[corner][axis][lane] = position[axis] as f32;
+                    block.corners[corner][axis][lane] = position[axis] as f32;
                 }
             }
         }
-        leaf
+        block
     }
 
     /// Planes through the origin and each edge, of all triangles; `reach` bounds the coordinates of origin and corners

@@ -29,7 +29,7 @@ use crate::scattering::sampling::Tiles;
 impl Scatterers {
     /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
     pub fn new(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         hits: &Hits,
         smooth: &SmoothHits,
         materials: &[Material],
@@ -39,17 +39,17 @@ impl Scatterers {
     ) -> Self {
         Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
             if let Some(patch) = patch(hits, smooth, pixel) {
-                let frame = MaterialFrame::of_mesh(snapshot, patch.body, hits.triangle[pixel], seed);
+                let frame = MaterialFrame::of_mesh(scene, patch.body, hits.triangle[pixel], seed);
                 weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
             }
         })
-        .with_vertices(|body| snapshot.surface(body).vertices().len())
+        .with_vertices(|body| scene.surface(body).vertices().len())
     }
 
     /// Material points of adaptive samples: specular ones, and diffuse ones. Those of tiles are ordered by `rank` of the
     /// body, and by body.
     pub fn of_samples(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         samples: &Samples,
         materials: &[Material],
         array: Array,
@@ -67,7 +67,7 @@ impl Scatterers {
                 distance: leaf.found.distance,
                 normal: leaf.found.normal,
             };
-            let frame = MaterialFrame::of_mesh(snapshot, patch.body, leaf.found.triangle, 0);
+            let frame = MaterialFrame::of_mesh(scene, patch.body, leaf.found.triangle, 0);
             weigh.leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
         };
         let mut points = match &samples.specular {
@@ -80,15 +80,15 @@ impl Scatterers {
             let Some(speckle) = speckle else { continue };
             points.append(gather(speckle.normal.len(), |point, points| {
                 if speckle.normal[point] != DVec3::ZERO {
-                    weigh.diffuse_point(snapshot, body as u32, speckle, point, &materials[body], points);
+                    weigh.diffuse_point(scene, body as u32, speckle, point, &materials[body], points);
                 }
             }));
         }
         let mut scatterers = points.with_array(array);
         if let Specular::Tiles(tiles) = &samples.specular {
-            scatterers.append(of_tiles(snapshot, tiles, scatterers.array.clone(), rank));
+            scatterers.append(of_tiles(scene, tiles, scatterers.array.clone(), rank));
         }
-        scatterers.with_vertices(|body| snapshot.surface(body).vertices().len())
+        scatterers.with_vertices(|body| scene.surface(body).vertices().len())
     }
 
     /// Material points of all surface elements that return power; `seed` for the diffuse phases.
@@ -167,7 +167,7 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
         scatterers.patch = vec![Edges::default(); number];
     }
     if is_deformed {
-        scatterers.facet = vec![None; number];
+        scatterers.corners = vec![None; number];
     }
     let blocks: Vec<_> = origin
         .chunks(BLOCK)
@@ -176,10 +176,10 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
         .zip(scatterers.normal.chunks_mut(BLOCK))
         .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
         .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
-        .zip(blocks_or_none(&mut scatterers.facet, number, BLOCK))
+        .zip(blocks_or_none(&mut scatterers.corners, number, BLOCK))
         .collect();
     blocks.into_par_iter().for_each(|block| {
-        let ((((((origin, body), position), normal), weights), patch), facet) = block;
+        let ((((((origin, body), position), normal), weights), patch), corners) = block;
         for (i, (piece, number)) in origin.iter().enumerate() {
             let piece = &tiles.pieces[*piece as usize];
             let point = &piece.points()[*number as usize];
@@ -202,8 +202,8 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
             if !patch.is_empty() && point.edges != [DVec3::ZERO; 2] {
                 patch[i] = frame.edges(point.edges);
             }
-            if !facet.is_empty() {
-                facet[i] = frame.moved.as_ref().map(|moved| moved.vertices);
+            if !corners.is_empty() {
+                corners[i] = frame.moved.as_ref().map(|moved| moved.vertices);
             }
         }
     });

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
-use crate::rays::batch::{Found, Known, whole_bundles};
+use crate::rays::batch::{Found, Known, whole_groups};
 use crate::rays::camera::morton;
 use crate::rays::hits::{Cast, Counts};
 use crate::rays::scene::PosedScene;
@@ -138,7 +138,7 @@ impl Speckle {
     /// Points of a body and their visibility within the image of the refinement. `before`: result at an earlier time;
     /// `moved`: boxes where bodies have moved since.
     pub fn new(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         body: u32,
         cast: &Cast,
         refinement: &Refinement,
@@ -146,7 +146,7 @@ impl Speckle {
         before: Option<&Self>,
         moved: Option<&Tree>,
     ) -> (Self, Counts) {
-        let surface = snapshot.surface(body);
+        let surface = scene.surface(body);
         let floor = refinement.rcs_floor.min(FLOOR);
         let before = before.filter(|before| before.points.is_of(surface, floor, seed));
         let points = before.map_or_else(
@@ -156,7 +156,7 @@ impl Speckle {
 
         // Rays to the points within the image, near ones after each other.
         let sight = |point: usize| {
-            let position = snapshot.pose(body).point(points.position(surface, point));
+            let position = scene.pose(body).point(points.position(surface, point));
             let place = [position.y / position.x, position.z / position.x];
             let (row, column) = refinement.base.pixel(place);
             let (rows, columns) = (refinement.base.rows as f64, refinement.base.columns as f64);
@@ -179,7 +179,7 @@ impl Speckle {
             moved,
             found: |ray: usize| before.found.get(ray).copied(),
         });
-        let (found, counts) = snapshot.cast_batch(&places, &whole_bundles(places.len()), cast, known.as_ref());
+        let (found, counts) = scene.cast_batch(&places, &whole_groups(places.len()), cast, known.as_ref());
         let mut normal = vec![DVec3::ZERO; points.turns.len()];
         for (sight, found) in sights.iter().zip(&found) {
             let point = sight.point as usize;

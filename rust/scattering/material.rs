@@ -168,8 +168,9 @@ fn root(z: Complex64) -> Complex64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT;
 
-    const WAVELENGTH: f64 = 299_792_458.0 / 60e9;
+    const WAVELENGTH: f64 = SPEED_OF_LIGHT / 60e9;
 
     fn half_space(permittivity: Complex64) -> Dielectric {
         Dielectric {

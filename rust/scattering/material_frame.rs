@@ -20,22 +20,22 @@ pub(crate) const SPECKLE_ORIGIN: DVec3 = DVec3::new(0.381_966, 0.414_214, 0.302_
 pub(crate) struct MaterialFrame<'a> {
     pub(crate) pose: &'a Pose,
     /// Triangle that carries the points, where the body deforms.
-    pub(crate) moved: Option<MovedFacet>,
+    pub(crate) moved: Option<MovedTriangle>,
     /// Seed of the diffuse phases.
     pub(crate) speckle: u64,
 }
 
 impl<'a> MaterialFrame<'a> {
     /// Material frame of a triangle of a body.
-    pub(crate) fn of_mesh(snapshot: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
-        let surface = snapshot.surface(body);
-        let moved = surface.is_deformed().then(|| MovedFacet {
+    pub(crate) fn of_mesh(scene: &'a PosedScene, body: u32, triangle: u32, seed: u64) -> Self {
+        let surface = scene.surface(body);
+        let moved = surface.is_deformed().then(|| MovedTriangle {
             vertices: surface.vertices_of(triangle),
-            facet: MovingTriangle::new(surface.corners(triangle)),
+            triangle: MovingTriangle::new(surface.corners(triangle)),
             rest: MovingTriangle::new(surface.rest_corners(triangle)),
         });
         Self {
-            pose: snapshot.pose(body),
+            pose: scene.pose(body),
             moved,
             speckle: mix(seed ^ surface.content_hash()),
         }
@@ -46,13 +46,15 @@ impl<'a> MaterialFrame<'a> {
         let position = self.pose.point_to_body(point);
         self.moved
             .as_ref()
-            .map_or(position, |moved| moved.facet.coordinates(position))
+            .map_or(position, |moved| moved.triangle.coordinates(position))
     }
 
     /// Map a unit normal of the sensor frame to the material frame: a vector, or slopes along the triangle.
     pub(crate) fn normal(&self, normal: DVec3) -> DVec3 {
         let normal = self.pose.direction_to_body(normal);
-        self.moved.as_ref().map_or(normal, |moved| moved.facet.slopes(normal))
+        self.moved
+            .as_ref()
+            .map_or(normal, |moved| moved.triangle.slopes(normal))
     }
 
     /// Map the edges of a patch [m] to the material frame.
@@ -61,7 +63,7 @@ impl<'a> MaterialFrame<'a> {
             let edge = self.pose.direction_to_body(edge);
             self.moved
                 .as_ref()
-                .map_or(edge, |moved| moved.facet.coordinates_of_vector(edge))
+                .map_or(edge, |moved| moved.triangle.coordinates_of_vector(edge))
         })
     }
 
@@ -73,10 +75,10 @@ impl<'a> MaterialFrame<'a> {
 }
 
 /// Triangle that carries a material point of a body that deforms.
-pub(crate) struct MovedFacet {
+pub(crate) struct MovedTriangle {
     pub(crate) vertices: [u32; 3],
     /// Triangle at the time of the rays.
-    pub(crate) facet: MovingTriangle,
+    pub(crate) triangle: MovingTriangle,
     /// Triangle of the undeformed body.
     pub(crate) rest: MovingTriangle,
 }

@@ -22,7 +22,7 @@ pub(crate) struct Points {
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
     pub(crate) order: Vec<u8>,
-    pub(crate) facet: Vec<Option<[u32; 3]>>,
+    pub(crate) corners: Vec<Option<[u32; 3]>>,
     pub(crate) position: Vec<DVec3>,
     pub(crate) normal: Vec<DVec3>,
     pub(crate) patch: Vec<Edges>,
@@ -57,7 +57,7 @@ impl Points {
         self.cell.push(patch.index as u32);
         self.body.push(patch.body);
         self.order.push(sample.order);
-        self.facet.push(frame.moved.as_ref().map(|moved| moved.vertices));
+        self.corners.push(frame.moved.as_ref().map(|moved| moved.vertices));
         self.position.push(sample.position);
         self.normal.push(frame.normal(patch.normal));
         self.patch.push(sample.edges);
@@ -70,7 +70,7 @@ impl Points {
             cell: self.cell,
             body: self.body,
             order: self.order,
-            facet: self.facet,
+            corners: self.corners,
             position: self.position,
             normal: self.normal,
             patch: self.patch,
@@ -84,7 +84,7 @@ impl Points {
         self.cell.append(&mut other.cell);
         self.body.append(&mut other.body);
         self.order.append(&mut other.order);
-        self.facet.append(&mut other.facet);
+        self.corners.append(&mut other.corners);
         self.position.append(&mut other.position);
         self.normal.append(&mut other.normal);
         self.patch.append(&mut other.patch);

@@ -63,9 +63,9 @@ impl Patch {
 }
 
 /// Vertices of the triangle that the ray of a cell hit, and barycentric weights of the hit.
-pub fn place_on_mesh(snapshot: &PosedScene, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
-    let weights = snapshot.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
-    (snapshot.surface(body).vertices_of(triangle), weights)
+pub fn place_on_mesh(scene: &PosedScene, cell: &Cell, body: u32, triangle: u32) -> ([u32; 3], [f64; 3]) {
+    let weights = scene.barycentric(body, triangle, DVec3::new(1.0, cell.u, cell.v));
+    (scene.surface(body).vertices_of(triangle), weights)
 }
 
 /// Patch of the hit of one pixel; none where nothing was hit.

@@ -104,7 +104,7 @@ impl Weigh<'_> {
         };
 
         // The specular part, by centre, ends or corners.
-        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_ends[*axis]).collect();
+        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_edge_terms[*axis]).collect();
         for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
             let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
             let sides = [0, 1].map(|axis| side(axis).map_or(0.0, |side| f64::from(side) - 0.5));
@@ -135,7 +135,7 @@ impl Weigh<'_> {
                 let diffuse = Complex64::ZERO;
                 points.weights.push(Weight { specular, diffuse });
             }
-            let is_across = |axis: usize| leaf.is_linear && !leaf.has_ends[axis];
+            let is_across = |axis: usize| leaf.is_linear && !leaf.has_edge_terms[axis];
             let across = [0, 1].map(|axis| {
                 if is_across(axis) {
                     edges_there[axis]
@@ -157,7 +157,7 @@ impl Weigh<'_> {
     /// Append a diffuse point of a surface.
     pub(crate) fn diffuse_point(
         &self,
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         body: u32,
         speckle: &Speckle,
         point: usize,
@@ -167,8 +167,8 @@ impl Weigh<'_> {
         let Speckle {
             points: spread, normal, ..
         } = speckle;
-        let frame = MaterialFrame::of_mesh(snapshot, body, spread.triangle[point], 0);
-        let (surface, triangle) = (snapshot.surface(body), spread.triangle[point]);
+        let frame = MaterialFrame::of_mesh(scene, body, spread.triangle[point], 0);
+        let (surface, triangle) = (scene.surface(body), spread.triangle[point]);
         let position = spread.position(surface, point);
         let place = frame.pose.point(position);
         // A surface that stretches keeps its points; the area of each grows.

@@ -10,6 +10,14 @@ use crate::scattering::reflection_table::Reflection;
 /// Largest number of cells of the base grid, along either side: rows and columns of the finest have 32 bits.
 const MAX_SIDE: usize = 1 << 14;
 
+/// Largest number of times that a cell of the base grid is halved.
+pub(crate) const MAX_LEVEL: usize = 6;
+
+/// Residual error of a cell or quarter relative to the field of the smallest cross-section of interest, at which
+/// splitting stops. Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to
+/// 20 cm).
+pub(crate) const SHARE: f64 = 1e-2;
+
 /// Settings of the refinement.
 #[derive(Clone, Copy, Debug)]
 pub struct Refinement<'a> {

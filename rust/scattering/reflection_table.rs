@@ -68,9 +68,10 @@ impl Reflection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT;
     use crate::scattering::material::{Dielectric, Response, Roughness};
 
-    const WAVELENGTH: f64 = 299_792_458.0 / 60e9;
+    const WAVELENGTH: f64 = SPEED_OF_LIGHT / 60e9;
 
     #[test]
     fn tables_are_the_response_of_the_material_to_a_thousandth() {

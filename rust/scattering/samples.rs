@@ -34,7 +34,7 @@ impl Samples {
     /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are
     /// reused where no body has moved since.
     pub fn new(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
@@ -44,7 +44,7 @@ impl Samples {
     ) -> Result<Self> {
         refinement.check()?;
         let [u, v] = refinement.base.ranges();
-        let in_front = |beam: &Beam| beam.in_front(|| snapshot.nearest_in_front(), u, v);
+        let in_front = |beam: &Beam| beam.in_front(|| scene.nearest_in_front(), u, v);
         let beam = refinement.beam.and_then(in_front);
         let refinement = &Refinement {
             beam: beam.as_ref(),
@@ -55,10 +55,10 @@ impl Samples {
             outside: beam.is_some().then_some(&is_outside),
             ..*cast
         };
-        let moved = before.and_then(|(before, _)| snapshot.moved(before));
+        let moved = before.and_then(|(before, _)| scene.moved(before));
         let previous = before.map(|(_, samples)| samples);
         let known = previous.map(|samples| &samples.specular);
-        let specular = Specular::new(snapshot, cast, materials, array, refinement, known.zip(moved.as_ref()))?;
+        let specular = Specular::new(scene, cast, materials, array, refinement, known.zip(moved.as_ref()))?;
         let mut counts = specular.counts();
         let mut speckles = Vec::with_capacity(materials.len());
         for (body, material) in materials.iter().enumerate() {
@@ -67,7 +67,7 @@ impl Samples {
                 continue;
             }
             let known = previous.and_then(|samples| samples.speckles[body].as_ref());
-            let (speckle, more) = Speckle::new(snapshot, body as u32, cast, refinement, seed, known, moved.as_ref());
+            let (speckle, more) = Speckle::new(scene, body as u32, cast, refinement, seed, known, moved.as_ref());
             counts = counts.plus(more);
             speckles.push(Some(speckle));
         }

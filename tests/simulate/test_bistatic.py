@@ -59,13 +59,13 @@ def integral(points: Array, normals: Array, areas: Array, frequency: float, tx: 
 
 
 def center(tx: Any = TX, rx: Any = RX) -> Array:
-    """Where rays start."""
+    """Centre of the array, from which rays start."""
     middle: Array = 0.5 * (np.mean(tx, axis=0) + np.mean(rx, axis=0))
     return middle
 
 
 def sphere_patches(radius: float, middle: Any) -> tuple[Array, Array, Array]:
-    """What the centre of the array sees of a sphere."""
+    """Patches of a sphere that the centre of the array sees."""
     offset = np.asarray(middle) - center()
     distance = np.linalg.norm(offset)
     # Gauss in 40 pieces of the cosine from the tangent circle to the nearest point, trapezoids round the axis.

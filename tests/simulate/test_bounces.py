@@ -72,7 +72,7 @@ def bounce_paths(sim: rc.Simulator, time: float = 0.0) -> rc.Paths:
 
 
 def phasors(paths: rc.Paths, frequency: float = FREQUENCY) -> NDArray[np.complex128]:
-    """What every path contributes to the transfer function, (channel, path)."""
+    """Contribution of every path to the transfer function, (channel, path)."""
     return paths.amplitude * np.exp(-2j * np.pi * frequency * paths.delay)
 
 
@@ -200,7 +200,7 @@ def image_of(position: Any) -> NDArray[np.float64]:
 
 
 def touched(start: Any, end: Any, center: NDArray[np.float64] = BALL) -> NDArray[np.float64]:
-    """Where the shortest way from one place over the ball to another touches the ball."""
+    """Point of the ball on the shortest path from one place over the ball to another."""
 
     def place(angles: NDArray[np.float64]) -> NDArray[np.float64]:
         azimuth, elevation = angles
@@ -220,7 +220,7 @@ def ghost_length(center: NDArray[np.float64] = BALL) -> float:
 
 
 def reflected_by_ball(start: Any, end: Any) -> complex:
-    """What geometrical optics says of a wave from an antenna at one place that the ball reflects to another."""
+    """Wave from an antenna at one place that the ball reflects to another, by geometrical optics."""
     point = touched(start, end)
     there, back = np.linalg.norm(point - start), np.linalg.norm(point - end)
     cosine = (BALL - point) @ (point - start) / (RADIUS * there)

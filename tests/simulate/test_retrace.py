@@ -33,7 +33,7 @@ def casts(
 
 
 def moving(position: Any, velocity: Any, turns: Any = (0.0, 0.0, 0.0)) -> rc.Linear:
-    """There in the middle of the frame; it turns about its own origin."""
+    """Motion that is at a position in the middle of the frame and turns about its own origin."""
     start = np.asarray(position) - 0.5 * DURATION * np.asarray(velocity)
     return rc.Linear(rc.Pose(start), velocity=velocity, angular_velocity=turns)
 

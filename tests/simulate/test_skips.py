@@ -1,4 +1,4 @@
-"""What is not cast changes nothing: rays of empty, unmoved and unseen tiles, and searches that end early."""
+"""Rays that are not cast change nothing: those of empty, unmoved and unseen tiles, and searches that end early."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
 
 
 def whole(sim: rc.Simulator) -> rc.Simulator:
-    """The same without leaving anything out."""
+    """The simulator, which leaves out nothing from now on."""
     vars(sim)["_engine"] = sim._new_engine(reuse_tiles=False, skip_empty=False)
     return sim
 

@@ -29,7 +29,7 @@ struct Echo {
 /// Echoes of every cell at the centre of the array by two and more reflections, with the patterns of the first
 /// antennas; one material per body.
 fn echoes(
-    snapshot: &PosedScene,
+    scene: &PosedScene,
     launches: &[Launch],
     materials: &[Material],
     array: &Array,
@@ -38,7 +38,7 @@ fn echoes(
     let (Some(transmitter), Some(receiver)) = (array.tx_patterns.first(), array.rx_patterns.first()) else {
         return launches.iter().map(|_| Vec::new()).collect();
     };
-    let sensor = Sensor::new(snapshot, materials, array, limits);
+    let sensor = Sensor::new(scene, materials, array, limits);
     let of = |launch: &Launch| {
         let mut echoes = Vec::new();
         sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, interactions| {
@@ -118,13 +118,13 @@ fn corner() -> PosedScene {
     scene(vec![left, right])
 }
 
-fn launches(snapshot: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
-    Launch::of_image(&snapshot.cast_image(plane).unwrap())
+fn launches(scene: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
+    Launch::of_image(&scene.cast_image(plane).unwrap())
 }
 
 /// Hit of a cell, if any.
-fn cell(snapshot: &PosedScene, u: f64, v: f64) -> Option<Launch> {
-    let hit = snapshot.cast(&Ray {
+fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
+    let hit = scene.cast(&Ray {
         origin: DVec3::ZERO,
         direction: DVec3::new(1.0, u, v),
         start: 0.0,
@@ -139,15 +139,15 @@ fn cell(snapshot: &PosedScene, u: f64, v: f64) -> Option<Launch> {
 
 #[test]
 fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() {
-    let (snapshot, array) = (corner(), array(vec![DVec3::ZERO], None));
+    let (scene, array) = (corner(), array(vec![DVec3::ZERO], None));
     // The left wall is x + y = 2, the right one x - y = 2, met in `last`.
     let (image, normal) = (DVec3::new(2.0, 2.0, 0.0), DVec3::new(-0.5, 0.5, 0.0).normalize());
     let last = |u: f64, v: f64| image - 2.0 / (1.0 - u) * DVec3::new(u, 1.0, -v);
     let half_path = |u: f64, v: f64| 0.5 * (last(u, v).distance(image) + last(u, v).length());
     let step = 1e-5;
     for (u, v) in [(0.01, 0.0), (0.05, 0.07), (0.11, -0.1), (0.2, 0.02)] {
-        let launch = cell(&snapshot, u, v).unwrap();
-        let echoes = echoes(&snapshot, &[launch], &[CONDUCTOR; 2], &array, LIMITS);
+        let launch = cell(&scene, u, v).unwrap();
+        let echoes = echoes(&scene, &[launch], &[CONDUCTOR; 2], &array, LIMITS);
         let [echo] = echoes[0][..] else { panic!("{echoes:?}") };
         assert_eq!((echo.order, echo.gain), (2, 1.0));
         assert!((echo.half_path - half_path(u, v)).abs() < 1e-13);
@@ -180,15 +180,15 @@ fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
         (vec![left.clone(), right.clone()], 2, 0.13),
         (vec![left, right, floor], 3, -0.25), // onto the apex
     ] {
-        let snapshot = scene(surfaces);
+        let scene = scene(surfaces);
         let materials = vec![CONDUCTOR; 3];
         let limits = Limits {
             max_bounces: 5,
             floor: 0.0,
         };
         let echo = |u: f64, v: f64| {
-            let launch = cell(&snapshot, u, v).unwrap();
-            let echoes = echoes(&snapshot, &[launch], &materials, &array, limits);
+            let launch = cell(&scene, u, v).unwrap();
+            let echoes = echoes(&scene, &[launch], &materials, &array, limits);
             assert_eq!(
                 echoes[0].iter().filter(|echo| echo.order == order).count(),
                 1,
@@ -217,10 +217,10 @@ fn slopes_are_derivatives_of_half_the_path() {
         120,
     );
     let wall = rectangle(DVec3::new(0.0, 0.4, -1.0), DVec3::X * 3.0, DVec3::Z * 2.0);
-    let snapshot = scene(vec![ball, wall]);
+    let scene = scene(vec![ball, wall]);
     let array = array(vec![DVec3::ZERO], None);
     let echo = |u: f64, v: f64| {
-        let echoes = echoes(&snapshot, &[cell(&snapshot, u, v)?], &[CONDUCTOR; 2], &array, LIMITS);
+        let echoes = echoes(&scene, &[cell(&scene, u, v)?], &[CONDUCTOR; 2], &array, LIMITS);
         echoes[0].first().copied()
     };
     let (mut count, step) = (0, 1e-6);
@@ -259,11 +259,11 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
     ] {
         let ball = patch_of_sphere(center, 0.5, towards, 0.6, 100);
         let wall = rectangle(DVec3::new(-2.0, 1.2, -3.0), DVec3::X * 6.0, DVec3::Z * 6.0);
-        let snapshot = scene(vec![ball, wall]);
+        let scene = scene(vec![ball, wall]);
         let twice = |u: f64, v: f64| {
-            let mut tube = Tube::launch(&snapshot, &cell(&snapshot, u, v)?, DVec3::ZERO, None)?;
+            let mut tube = Tube::launch(&scene, &cell(&scene, u, v)?, DVec3::ZERO, None)?;
             tube.reflect([Complex64::ONE; 2]);
-            tube.advance(&snapshot).then_some(tube)
+            tube.advance(&scene).then_some(tube)
         };
         let (step, mut count) = (1e-6, 0);
         for (u, v) in [(0.05, 0.01), (0.02, -0.03), (-0.03, 0.04), (-0.06, 0.0), (0.001, 0.02)] {
@@ -350,14 +350,14 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
             DVec3::new(0.0, 2.0, 0.0),
             DVec3::new(0.0, 0.0, 2.0),
         );
-        let snapshot = scene(vec![bowl.clone(), back]);
+        let scene = scene(vec![bowl.clone(), back]);
         let launch = Launch {
             body: 0,
-            ..on_bowl(&snapshot)
+            ..on_bowl(&scene)
         };
-        let mut tube = Tube::launch(&snapshot, &launch, DVec3::ZERO, None).unwrap();
+        let mut tube = Tube::launch(&scene, &launch, DVec3::ZERO, None).unwrap();
         tube.reflect([Complex64::ONE, -Complex64::ONE]);
-        assert!(tube.advance(&snapshot));
+        assert!(tube.advance(&scene));
         assert_eq!(tube.interaction.body, 1);
         let Field::Scalar(field) = tube.field else {
             unreachable!()
@@ -374,8 +374,8 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
 }
 
 /// The cell that looks beside the wall onto the bowl, so that what comes back meets the wall.
-fn on_bowl(snapshot: &PosedScene) -> Launch {
-    let surface = snapshot.surface(0);
+fn on_bowl(scene: &PosedScene) -> Launch {
+    let surface = scene.surface(0);
     let ray = Ray {
         origin: DVec3::ZERO,
         direction: DVec3::new(1.0, -0.02, 0.005),
@@ -392,9 +392,9 @@ fn on_bowl(snapshot: &PosedScene) -> Launch {
 
 #[test]
 fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
-    let snapshot = corner();
+    let scene = corner();
     let plane = ImagePlane::centered(40, 40, 0.2, 0.2);
-    let launches = launches(&snapshot, &plane);
+    let launches = launches(&scene, &plane);
     let wood = Material::Constant(Response {
         reflection: Complex64::new(0.0, -0.1),
         albedo: 0.0,
@@ -405,7 +405,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
         let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
         pool.install(|| {
             Bounces::new(
-                &snapshot,
+                &scene,
                 &launches,
                 &[CONDUCTOR, wood],
                 antennas,
@@ -445,12 +445,12 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
 
 #[test]
 fn routes_split_by_their_bodies() {
-    let snapshot = corner();
+    let scene = corner();
     let plane = ImagePlane::centered(20, 20, 0.2, 0.2);
-    let launches = launches(&snapshot, &plane);
+    let launches = launches(&scene, &plane);
     let antennas = array(vec![DVec3::ZERO], None);
     let (all, _) = Bounces::new(
-        &snapshot,
+        &scene,
         &launches,
         &[CONDUCTOR; 2],
         antennas,

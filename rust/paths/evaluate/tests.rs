@@ -107,14 +107,14 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
     });
     let plane = ImagePlane::centered(20, 20, 0.6, 0.6);
     let poses = vec![pose(1.0, -0.3, 0.1), pose(1.5, 0.4, -0.3)];
-    let snapshot = PosedScene::new(vec![plate(), plate()], poses.clone());
+    let scene = PosedScene::new(vec![plate(), plate()], poses.clone());
     for pattern in [beam, all_round, table] {
         let array = array(&pattern);
         let materials = vec![half_matt; 2];
-        let hits = snapshot.cast_image(&plane).unwrap();
-        let smooth = SmoothHits::at(&snapshot, &hits, Level::best());
+        let hits = scene.cast_image(&plane).unwrap();
+        let smooth = SmoothHits::at(&scene, &hits, Level::best());
         let of_pixels = Scatterers::new(
-            &snapshot,
+            &scene,
             &hits,
             &smooth,
             &materials,
@@ -135,8 +135,8 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
                 turns: &[],
                 reflections: &[],
             };
-            let samples = Samples::new(&snapshot, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
-            Scatterers::of_samples(&snapshot, &samples, &materials, array.clone(), |_| 0)
+            let samples = Samples::new(&scene, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
+            Scatterers::of_samples(&scene, &samples, &materials, array.clone(), |_| 0)
         });
         let [of_tiles, of_leaves] = of_cells;
         for scatterers in [of_pixels, of_tiles, of_leaves] {

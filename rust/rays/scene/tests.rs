@@ -58,7 +58,7 @@ fn random(state: &mut u64) -> f64 {
 }
 
 #[test]
-fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
+fn groups_of_rays_hit_what_rays_hit_one_by_one() {
     let mut count = 0;
     for seed in 0..60 {
         let mut state = 1000 + seed;
@@ -102,7 +102,7 @@ fn bundles_of_rays_hit_what_rays_hit_one_by_one() {
 }
 
 #[test]
-fn rays_at_edges_and_corners_of_a_grid_are_met_by_bundles() {
+fn rays_at_edges_and_corners_of_a_grid_are_met_by_groups() {
     // A wall of squares whose edges and corners are where pixels look, at several distances and from its plane.
     for (distance, cells) in [(1.0, 16), (1e3, 16), (1e-3, 32), (7.3, 8)] {
         let mut vertices = Vec::new();

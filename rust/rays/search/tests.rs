@@ -28,7 +28,7 @@ impl Kernel for Both<'_> {
             }
             is_empty[i] = self.scene.search::<I>(scratch, &Cast::default());
             self.scene
-                .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
+                .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
         }
         let [whole, part] = both;
         [(!is_empty[0]).then_some(whole), (!is_empty[1]).then_some(part)]
@@ -54,7 +54,7 @@ fn packets_that_are_kept_hit_what_they_hit_in_the_whole_tile() {
                 // Nothing is there, or nothing is wanted.
                 let whole = whole.is_some_and(|whole| {
                     (0..PACKETS)
-                        .any(|i| packets >> i & 1 == 1 && whole.best.body[i].iter().any(|body| *body != NO_BODY))
+                        .any(|i| packets >> i & 1 == 1 && whole.hits.body[i].iter().any(|body| *body != NO_BODY))
                 });
                 assert!(!whole);
                 continue;
@@ -67,10 +67,10 @@ fn packets_that_are_kept_hit_what_they_hit_in_the_whole_tile() {
                     assert!(part.distance[rays].iter().all(|distance| distance.is_infinite()));
                     continue;
                 }
-                assert_eq!(part.best.body[packet], whole.best.body[packet]);
-                assert_eq!(part.best.triangle[packet], whole.best.triangle[packet]);
+                assert_eq!(part.hits.body[packet], whole.hits.body[packet]);
+                assert_eq!(part.hits.triangle[packet], whole.hits.triangle[packet]);
                 assert_eq!(part.distance[rays.clone()], whole.distance[rays]);
-                num_hits += part.best.body[packet].iter().filter(|body| **body != NO_BODY).count();
+                num_hits += part.hits.body[packet].iter().filter(|body| **body != NO_BODY).count();
             }
         }
     }

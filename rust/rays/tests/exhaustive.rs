@@ -1,7 +1,7 @@
 //! The slow truth: every ray against every triangle, in f64, by the sides on which the ray passes the three edges.
 //!
 //! Edges and rays are lines in Plücker coordinates; their reciprocal product is the distance between them times the sine of
-//! the angle between them. An answer is judged by two questions, both with a margin for rounding, so that no answer is
+//! the angle between them. An answer has to pass two tests, both with a margin for rounding, so that no answer is
 //! refused because the truth itself is rounded: does the ray meet the triangle that it is said to hit, there? And is there
 //! no triangle, met clearly inside its edges, that is clearly nearer?
 
@@ -14,13 +14,13 @@ use rayon::prelude::*;
 /// Relative error of a distance that is not forgiven.
 pub const TOLERANCE: f64 = 1e-9;
 
-/// What coordinates, poses and products may be rounded by, relative to the largest coordinate: some 5000 roundings.
+/// Rounding of coordinates, poses and products, relative to the largest coordinate: some 5000 roundings.
 const MARGIN: f64 = 1e-12;
 
 /// Rays that are compared with a triangle at once.
 const BLOCK: usize = 64;
 
-/// What a ray is said to have hit.
+/// Hit of a ray, as the search under test says.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
     pub distance: f64,
@@ -60,9 +60,9 @@ struct Facet {
     normal: DVec3,
     /// Distance of the plane from the origin, along the normal.
     offset: f64,
-    /// How well positions are known [m].
+    /// Error of positions [m].
     margin: f64,
-    /// How well the plane is known at the triangle [m].
+    /// Error of the plane at the triangle [m].
     slack: f64,
     /// Rays at a smaller cosine of the angle of incidence are not clear.
     least_cosine: f64,
@@ -112,7 +112,7 @@ impl Facet {
         }
     }
 
-    /// Whether a ray of unit direction meets the triangle at this distance.
+    /// Fails unless a ray of unit direction meets the triangle at this distance.
     fn is_met(&self, ray: &Ray, distance: f64) -> Result<(), String> {
         if distance <= ray.start {
             return Err("before the start".to_owned());
@@ -207,7 +207,7 @@ impl Exhaustive {
         farthest
     }
 
-    /// Whether a ray meets what it is said to hit, there. A miss is none of this function's business.
+    /// Fails unless a ray meets the triangle of its answer, there. A miss is none of this function's business.
     pub fn is_met(&self, ray: &Ray, answer: &Answer) -> Result<(), String> {
         if !answer.is_hit() {
             return if answer.distance == f64::INFINITY {
@@ -222,7 +222,7 @@ impl Exhaustive {
             .map_err(|reason| format!("{answer:?}: {reason}; {ray:?} {:?}", facet.corners))
     }
 
-    /// The same, and that nothing nearer was missed: `farthest` is the ray's own of [`Self::farthest`].
+    /// Fails unless [`Self::is_met`] holds and nothing nearer was missed: `farthest` is the ray's own of [`Self::farthest`].
     pub fn is_right(&self, ray: &Ray, farthest: f64, answer: &Answer) -> Result<(), String> {
         if answer.distance > farthest {
             return Err(format!("{answer:?}: nearer than {farthest} there is another; {ray:?}"));

@@ -8,14 +8,7 @@ use crate::antennas::beam::Beam;
 use crate::rays::batch::Found;
 use crate::rays::camera::{Cell, ImagePlane, morton};
 use crate::rays::hits::Counts;
-use crate::scattering::refinement::{Refinement, field_of};
-
-/// Largest number of times that a cell of the base grid is halved.
-pub const MAX_LEVEL: usize = 6;
-
-/// Residual error of a cell relative to the field of the smallest cross-section of interest, at which splitting stops.
-/// Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to 20 cm).
-pub(super) const SHARE: f64 = 1e-2;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
 
 /// Parts of meshes that are smaller than a cell get as many cells across.
 pub(super) const CELLS_ACROSS: f64 = 2.0;
@@ -40,7 +33,7 @@ pub(super) const LAST_STEP: f64 = 1.4;
 pub(super) const SIDES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
 /// Rays of cells that lie in a square of so many cells along either side, as a power of two, are cast together.
-pub(super) const BUNDLE: u32 = 4;
+pub(super) const TOGETHER: u32 = 4;
 
 /// A number that is no node's.
 pub(super) const NONE: u32 = u32::MAX;
@@ -88,7 +81,7 @@ pub(super) enum Partner {
 
 /// Pair error: difference between two neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pair {
+pub(super) struct PairError {
     /// Field per solid angle over the allowed residual field.
     pub(super) field: f32,
     /// Part that may be other than one smooth surface.
@@ -107,18 +100,18 @@ pub(super) struct Link {
     /// known.
     pub(super) other: u32,
     /// Pair error of both. It depends on their hits alone and stays valid as long as they are neighbours.
-    pub(super) pair: Pair,
+    pub(super) pair: PairError,
 }
 
 impl Link {
     pub(super) const NONE: Self = Self {
         other: NONE,
-        pair: Pair::NOTHING,
+        pair: PairError::NOTHING,
     };
 }
 
-impl Pair {
-    /// At the border of what is seen: surfaces go on there, and what they would add cancels ends.
+impl PairError {
+    /// At the border of what is seen: surfaces go on there, and what they would add cancels edge terms.
     pub(super) const NOTHING: Self = Self {
         field: 0.0,
         jump: 0.0,
@@ -141,7 +134,7 @@ impl Pair {
 
 /// Edge terms of a cell; see [`Leaf`].
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ends {
+pub(super) struct EdgeTerms {
     pub(super) is_linear: bool,
     pub(super) has: [bool; 2],
 }
@@ -162,9 +155,9 @@ pub(super) struct Node {
     /// [sr]
     pub(super) solid_angle: f64,
     pub(super) found: Found,
-    pub(super) look: CellEcho,
+    pub(super) echo: CellEcho,
     /// Residual error relative to the allowed one, once known.
-    pub(super) open: f64,
+    pub(super) residual: f64,
 }
 
 /// A cell that was not split.
@@ -180,8 +173,8 @@ pub struct Leaf {
     pub found: Found,
     /// True if the phase is linear over the cell.
     pub is_linear: bool,
-    /// The axes, u and v, of which it has ends.
-    pub has_ends: [bool; 2],
+    /// The axes, u and v, along which it has edge terms.
+    pub has_edge_terms: [bool; 2],
     /// Points that no neighbour cancels, a bit each: the lower and the upper end, or the corner `u + 2 v` where both
     /// axes have ends, or the centre.
     pub kept: u8,

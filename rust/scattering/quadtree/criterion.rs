@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::cells::{BUNDLE, CELLS_ACROSS, CellEcho, MAX_LEVEL, Place, SHARE, STEEP, field};
+use super::cells::{CELLS_ACROSS, CellEcho, Place, STEEP, TOGETHER, field};
 use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::rays::batch::Found;
@@ -11,11 +11,11 @@ use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE};
 
 /// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {
-    pub(super) snapshot: &'a PosedScene,
+    pub(super) scene: &'a PosedScene,
     pub(super) materials: &'a [Material],
     pub(super) array: &'a Array,
     pub(super) refinement: &'a Refinement<'a>,
@@ -24,7 +24,7 @@ pub(super) struct Criterion<'a> {
 
 impl Criterion<'_> {
     /// Echo of a cell: its part of the sum.
-    pub(super) fn look(&self, cell: &Cell, found: &Found) -> CellEcho {
+    pub(super) fn echo(&self, cell: &Cell, found: &Found) -> CellEcho {
         let direction = cell.direction();
         let cosine = -found.normal.dot(direction);
         if !found.is_hit() || cosine <= 0.0 || found.distance <= 0.0 {
@@ -56,17 +56,17 @@ impl Criterion<'_> {
 
     /// Parts of meshes that have the smallest cross-section of interest and may be missed by the base grid.
     pub(super) fn targets(&self) -> Vec<MeshPart> {
-        MeshPart::small(self.snapshot, self.refinement, self.wavelength, CELLS_ACROSS)
+        MeshPart::small(self.scene, self.refinement, self.wavelength, CELLS_ACROSS)
     }
 }
 
-/// Ends of the packets of cells in their order; the cells of a packet lie within a square of the image.
-pub(super) fn bundles(cells: &[Place]) -> Vec<usize> {
+/// Ends of the groups of cells in their order; the cells of a group lie within a square of the image.
+pub(super) fn groups(cells: &[Place]) -> Vec<usize> {
     let mut ends = Vec::with_capacity(cells.len() / MOST_RAYS + 1);
     let mut first = 0;
     for (index, cell) in cells.iter().enumerate() {
         let apart = cell.order() ^ cells[first].order();
-        let finer = (MAX_LEVEL as u32 - u32::from(cell.level)) + BUNDLE;
+        let finer = (MAX_LEVEL as u32 - u32::from(cell.level)) + TOGETHER;
         if index - first == MOST_RAYS || apart >> (2 * finer) != 0 {
             ends.push(index);
             first = index;

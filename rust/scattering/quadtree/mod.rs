@@ -7,7 +7,7 @@
 
 mod cells;
 mod criterion;
-mod ends;
+mod edge_terms;
 mod pairs;
 mod refine;
 

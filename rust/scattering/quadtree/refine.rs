@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::cells::{FIRST_STEP, LAST_STEP, Link, MAX_LEVEL, NONE, Node, Place, Quadtree, SIDES, base_cells};
-use super::criterion::{Criterion, bundles, cell};
+use super::cells::{FIRST_STEP, LAST_STEP, Link, NONE, Node, Place, Quadtree, SIDES, base_cells};
+use super::criterion::{Criterion, cell, groups};
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
@@ -16,12 +16,12 @@ use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement};
 
 impl Quadtree {
     /// Split cells until they are fine enough. `previous`: at another time, and boxes where bodies have moved since.
     pub fn grow(
-        snapshot: &PosedScene,
+        scene: &PosedScene,
         cast: &Cast,
         materials: &[Material],
         array: &Array,
@@ -29,7 +29,7 @@ impl Quadtree {
         previous: Option<(&Self, &Tree)>,
     ) -> Result<Self> {
         let criterion = Criterion {
-            snapshot,
+            scene,
             materials,
             array,
             refinement,
@@ -78,14 +78,14 @@ impl Quadtree {
         tree.link(&all);
         tree.measure(&all);
         tree.raise(&all);
-        tree.allowed = tree.nodes.iter().map(|node| node.open).fold(1.0, f64::max);
+        tree.allowed = tree.nodes.iter().map(|node| node.residual).fold(1.0, f64::max);
         let (mut step, most) = (FIRST_STEP, refinement.budget.unwrap_or(usize::MAX));
         while tree.allowed > 1.0 && step >= LAST_STEP {
             let before = tree.allowed;
             tree.allowed = (before / step).max(1.0);
-            let open: Vec<f64> = tree.nodes.iter().map(|node| node.open).collect();
+            let residual: Vec<f64> = tree.nodes.iter().map(|node| node.residual).collect();
             if !tree.refine(most, add)? {
-                tree.go_back(&open);
+                tree.go_back(&residual);
                 tree.allowed = before;
                 step = step.sqrt();
             }
@@ -126,16 +126,16 @@ impl Quadtree {
     }
 
     /// Remove the last cells, and restore the residual errors of the others.
-    pub(super) fn go_back(&mut self, open: &[f64]) {
-        let number = open.len();
+    pub(super) fn go_back(&mut self, residual: &[f64]) {
+        let number = residual.len();
         self.spare
             .extend(self.nodes.drain(number..).map(|node| (node.place, node.found)));
         self.wholes.truncate((number - self.roots.len()) / 4);
         self.parts.truncate(number);
         self.links.truncate(number);
         let mut changed = Vec::new();
-        for (node, open) in open.iter().enumerate() {
-            self.nodes[node].open = *open;
+        for (node, residual) in residual.iter().enumerate() {
+            self.nodes[node].residual = *residual;
             if self.parts[node] != NONE && self.parts[node] as usize >= number {
                 self.parts[node] = NONE;
             }
@@ -184,7 +184,7 @@ impl Quadtree {
         node.found.is_seen.then_some(other)
     }
 
-    /// Neighbours of cells that were split: they may have lost what cancels their ends.
+    /// Neighbours of cells that were split: they may have lost what cancels their edge terms.
     pub(super) fn beside_all(&self, nodes: &[u32], cells: &mut Vec<u32>) {
         for (node, (axis, side)) in nodes.iter().flat_map(|node| SIDES.map(|side| (*node as usize, side))) {
             let Some(other) = self.neighbour(node, axis, side) else {
@@ -203,17 +203,17 @@ impl Quadtree {
 
     /// Update the residual errors of cells.
     pub(super) fn measure(&mut self, nodes: &[u32]) {
-        let left_open = |node: &u32| {
+        let residual_error = |node: &u32| {
             let node = *node as usize;
             if self.parts[node] == NONE {
-                self.left_open(node)
+                self.residual_error(node)
             } else {
                 0.0
             }
         };
-        let open: Vec<f64> = nodes.par_iter().map(left_open).collect();
-        for (node, open) in nodes.iter().zip(open) {
-            self.nodes[*node as usize].open = open;
+        let residual: Vec<f64> = nodes.par_iter().map(residual_error).collect();
+        for (node, residual) in nodes.iter().zip(residual) {
+            self.nodes[*node as usize].residual = residual;
         }
     }
 
@@ -242,8 +242,8 @@ impl Quadtree {
     pub(super) fn raise(&mut self, nodes: &[u32]) {
         let raised: Vec<f64> = nodes.par_iter().map(|node| self.raised(*node as usize)).collect();
         for (node, raised) in nodes.iter().zip(raised) {
-            let open = &mut self.nodes[*node as usize].open;
-            *open = open.max(raised);
+            let residual = &mut self.nodes[*node as usize].residual;
+            *residual = residual.max(raised);
         }
     }
 
@@ -267,7 +267,7 @@ impl Quadtree {
             for node in finer
                 .iter()
                 .map(|node| *node as usize)
-                .filter(|node| self.nodes[*node].open > 1.0)
+                .filter(|node| self.nodes[*node].residual > 1.0)
             {
                 let pair = self.links[node][2 * axis + 1 - side].pair;
                 let residual = if is_shared { pair.together } else { pair.apart };
@@ -280,7 +280,7 @@ impl Quadtree {
     /// True if the residual error of a cell is too large and the cell can be split.
     pub(super) fn is_open(&self, node: u32) -> bool {
         let node = node as usize;
-        self.nodes[node].open > self.allowed && self.could_be_split(node)
+        self.nodes[node].residual > self.allowed && self.could_be_split(node)
     }
 
     /// True if a cell has no parts and can be split.
@@ -324,9 +324,7 @@ impl Quadtree {
                 (tree.nodes[node].place == new[ray]).then_some(tree.nodes[node].found)
             },
         });
-        let (found, counts) = criterion
-            .snapshot
-            .cast_batch(&points, &bundles(&new), cast, known.as_ref());
+        let (found, counts) = criterion.scene.cast_batch(&points, &groups(&new), cast, known.as_ref());
         self.counts = self.counts.plus(counts);
         self.num_cast += new.len();
         let mut found = found.into_iter();
@@ -347,9 +345,9 @@ impl Quadtree {
                 place: *place,
                 cell,
                 solid_angle: cell.solid_angle(),
-                look: criterion.look(&cell, &found),
+                echo: criterion.echo(&cell, &found),
                 found,
-                open: 0.0,
+                residual: 0.0,
             }
         };
         self.parts.resize(number, NONE);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::{MAX_LEVEL, NONE, SHARE, SIDES};
+use super::cells::{NONE, SIDES};
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -16,7 +16,7 @@ use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::rays::tree::Tree;
 use crate::scattering::material::{Material, Response};
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE};
 
 fn plate(half: [f64; 2]) -> Arc<Surface> {
     let corner = |y: f64, z: f64| DVec3::new(0.0, y * half[0], z * half[1]);
@@ -114,7 +114,7 @@ fn what_is_found_does_not_depend_on_threads_nor_on_what_is_known() {
     let alike = |a: &Quadtree, b: &Quadtree| {
         assert_eq!(a.parts, b.parts);
         for (a, b) in a.nodes.iter().zip(&b.nodes) {
-            assert_eq!((a.place, a.found, a.open), (b.place, b.found, b.open));
+            assert_eq!((a.place, a.found, a.residual), (b.place, b.found, b.residual));
         }
     };
     let surfaces = [plate([2.0, 2.0]), plate([0.1, 0.2]), plate([0.15, 0.1])];
@@ -176,8 +176,8 @@ fn a_budget_is_kept_and_cells_leave_as_little_open_as_it_pays_for() {
             tree.nodes.len()
         );
         let could_be = (0..tree.nodes.len()).filter(|node| tree.could_be_split(*node));
-        let open = could_be.map(|node| tree.nodes[node].open).fold(0.0, f64::max);
-        assert!(open <= tree.allowed && tree.allowed < last);
+        let residual = could_be.map(|node| tree.nodes[node].residual).fold(0.0, f64::max);
+        assert!(residual <= tree.allowed && tree.allowed < last);
         last = tree.allowed;
     }
     assert_eq!(last, 1.0);
@@ -210,7 +210,7 @@ fn the_inside_of_an_oblique_wall_is_neither_split_nor_summed() {
     let tree = grow(&wall, &REFINEMENT, None);
     assert_eq!(tree.nodes.len(), BASE.num_pixels());
     assert!(tree.leaves().iter().all(|leaf| leaf.kept == 0));
-    // Without ends every cell has to be fine enough for its centre to stand for it.
+    // Without edge terms every cell has to be fine enough for its centre to stand for it.
     let centres = Refinement {
         end_points: false,
         ..REFINEMENT
@@ -224,7 +224,7 @@ fn ends_of_all_cells_add_up_to_those_that_are_kept() {
     let scene = scene(0.0);
     let tree = grow(&scene, &REFINEMENT, None);
     let (mut all, mut kept, mut size) = (Complex64::ZERO, Complex64::ZERO, 0.0);
-    for leaf in tree.leaves().iter().filter(|leaf| leaf.has_ends == [true, false]) {
+    for leaf in tree.leaves().iter().filter(|leaf| leaf.has_edge_terms == [true, false]) {
         let cell = leaf.cell;
         let edges = cell.edges(leaf.found.distance, leaf.found.normal);
         let wavenumber = TAU * 60e9 / SPEED_OF_LIGHT;

@@ -1,7 +1,7 @@
 //! Border of a tile: cells along its sides, for comparison with those of adjacent tiles.
 
 use super::cells::Cells;
-use super::residual::{BLOCKS, Look, Looks, NOTHING, block, pair};
+use super::residual::{BLOCKS, Echo, Echoes, NOTHING, block, pair_error};
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::TILE;
 use crate::rays::packet::{PACKET, TileRays};
@@ -13,7 +13,7 @@ const AROUND: usize = 4 * TILE;
 /// to right.
 #[derive(Clone, Debug)]
 pub(super) struct Border {
-    /// Numbers of [`Look`], without phases.
+    /// Numbers of [`Echo`], without phases.
     slope: [[f32; AROUND]; 2],
     least: [[f32; AROUND]; 2],
     shrink: [f32; AROUND],
@@ -51,7 +51,7 @@ impl Border {
 
     /// Border of evaluated cells, in a tile of some rows and columns.
     #[inline(always)] // part of a kernel
-    pub(super) fn new(looks: &Looks, cells: &Cells, rows: usize, columns: usize) -> Self {
+    pub(super) fn new(echoes: &Echoes, cells: &Cells, rows: usize, columns: usize) -> Self {
         let mut border = Self::OUTSIDE;
         for place in 0..AROUND {
             let Some((row, column)) = cell(place, rows, columns) else {
@@ -59,35 +59,41 @@ impl Border {
             };
             let at = row * TILE + column;
             for axis in 0..2 {
-                border.slope[axis][place] = looks.slope[axis][at];
-                border.least[axis][place] = looks.least[axis][at];
+                border.slope[axis][place] = echoes.slope[axis][at];
+                border.least[axis][place] = echoes.least[axis][at];
             }
-            border.shrink[place] = looks.shrink[at];
-            border.field[place] = looks.field[at];
-            border.body[place] = looks.body[at];
-            border.valid[place] = looks.valid[at];
+            border.shrink[place] = echoes.shrink[at];
+            border.field[place] = echoes.field[at];
+            border.body[place] = echoes.body[at];
+            border.valid[place] = echoes.valid[at];
             border.distance[place] = cells.distance[TileRays::ray(row, column)];
         }
         border
     }
 
-    /// Raise the fields that blocks leave open to those of the pairs with the tiles `beyond` the sides. `wavenumber`
+    /// Raise the residual fields of blocks to those of the pairs with the tiles `beyond` the sides. `wavenumber`
     /// [rad/m].
-    pub(super) fn open(&self, level: Level, beyond: [Option<&Self>; 4], wavenumber: f64, open: &mut [f32; BLOCKS]) {
+    pub(super) fn raise(
+        &self,
+        level: Level,
+        beyond: [Option<&Self>; 4],
+        wavenumber: f64,
+        residual: &mut [f32; BLOCKS],
+    ) {
         if beyond.iter().any(Option::is_some) {
             level.run(Compare {
                 border: self,
                 beyond,
                 wavenumber,
-                open,
+                residual,
             });
         }
     }
 
-    /// Looks at two sides from one place on; phases [rad] relative to those of other distances.
+    /// Echoes at two sides from one place on; phases [rad] relative to those of other distances.
     #[inline(always)]
-    fn load<V: Vector<Scalar = f32>>(&self, first: usize, phase: V) -> Look<V> {
-        Look {
+    fn load<V: Vector<Scalar = f32>>(&self, first: usize, phase: V) -> Echo<V> {
+        Echo {
             phase,
             slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
             least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
@@ -127,12 +133,12 @@ fn cell(place: usize, rows: usize, columns: usize) -> Option<(usize, usize)> {
     (row < rows && column < columns).then_some((row, column))
 }
 
-/// Kernel of [`Border::open`].
+/// Kernel of [`Border::raise`].
 struct Compare<'a> {
     border: &'a Border,
     beyond: [Option<&'a Border>; 4],
     wavenumber: f64,
-    open: &'a mut [f32; BLOCKS],
+    residual: &'a mut [f32; BLOCKS],
 }
 
 impl Kernel for Compare<'_> {
@@ -162,13 +168,13 @@ impl Kernel for Compare<'_> {
             let here = self.border.load(first, zero);
             let beyond = there.load(first, turn);
             let mut fields = [0.0; PACKET];
-            pair(&here, &beyond, axis).store(&mut fields);
+            pair_error(&here, &beyond, axis).store(&mut fields);
             for i in 0..PACKET {
                 const LAST: usize = TILE - 1;
                 let along = i % TILE;
                 let (row, column) = [(along, 0), (along, LAST), (0, along), (LAST, along)][2 * axis + i / TILE];
-                let open = &mut self.open[block(row, column)];
-                *open = open.max(fields[i]);
+                let residual = &mut self.residual[block(row, column)];
+                *residual = residual.max(fields[i]);
             }
         }
     }

@@ -104,8 +104,8 @@ impl Cells {
     fn take<I: Isa>(&mut self, scratch: &Scratch, inverse: &mut [f64; MOST_RAYS]) {
         self.u = scratch.rays.u;
         self.v = scratch.rays.v;
-        self.body.copy_from_slice(scratch.best.body.as_flattened());
-        self.triangle.copy_from_slice(scratch.best.triangle.as_flattened());
+        self.body.copy_from_slice(scratch.hits.body.as_flattened());
+        self.triangle.copy_from_slice(scratch.hits.triangle.as_flattened());
         self.distance = scratch.shade.distance;
         self.normal = *scratch.shade.normal();
         let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
@@ -114,7 +114,7 @@ impl Cells {
         (self.valid, self.hit, self.turning) = (0, 0, 0);
         for packet in 0..PACKETS {
             let valid = scratch.rays.valid[packet];
-            let found = valid & !I::equal(&scratch.best.body[packet], NO_BODY) & 0xffff;
+            let found = valid & !I::equal(&scratch.hits.body[packet], NO_BODY) & 0xffff;
             self.valid |= u64::from(valid) << (packet * PACKET);
             if found == 0 {
                 continue;

@@ -4,7 +4,7 @@
 //! (docs/theory.md eq. (2) and its footprint). Adjacent cells of a tile are compared: where they differ by more than
 //! that allows, and the field of the cells is large enough to matter, the quarter of 4 x 4 cells becomes a tile of half
 //! the cell size. Of that tile only those packets of 4 x 4 rays are cast whose surface may return power. Where the phase
-//! of cells turns so fast that tapers leave nothing of them for several levels, what is open after these decides.
+//! of cells turns so fast that tapers leave nothing of them for several levels, the residual error after these decides.
 //! All other quarters keep their material points; points whose phases differ little are joined. A tile depends on the
 //! surfaces that its rays meet alone, so that tiles are independent tasks, and static ones are taken over from the frame
 //! before.

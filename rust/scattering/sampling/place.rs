@@ -1,9 +1,7 @@
 //! Places of tiles on the image planes of all levels.
 
 use crate::rays::camera::{ImagePlane, TILE, Tile};
-
-/// Largest number of times that a cell of the base grid is halved.
-pub(super) const MAX_LEVEL: usize = 6;
+use crate::scattering::refinement::MAX_LEVEL;
 
 /// Image planes of all levels.
 pub(super) fn planes(base: &ImagePlane) -> Vec<ImagePlane> {

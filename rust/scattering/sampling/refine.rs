@@ -1,4 +1,4 @@
-//! Refinement: level by level, quarters of tiles are split where they leave too much open.
+//! Refinement: level by level, quarters of tiles are split where their residual error is large.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -8,7 +8,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::join::Join;
-use super::place::{MAX_LEVEL, Place, base_tiles, planes};
+use super::place::{Place, base_tiles, planes};
 use super::points::Channels;
 use super::residual::BLOCKS;
 use super::small_parts::SmallParts;
@@ -24,13 +24,9 @@ use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
-use crate::scattering::refinement::{Refinement, field_of};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::reflection_table::Reflection;
 use crate::scattering::tile_point::TilePoint;
-
-/// Residual error of a quarter relative to the field of the smallest cross-section of interest, at which splitting
-/// stops. Thousands of cells together then have a residual error of a tenth to a third of it.
-const SHARE: f64 = 1e-2;
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget.
 const STEP: f64 = 4.0;
@@ -332,7 +328,7 @@ impl Refine<'_> {
         }
     }
 
-    /// Split the quarters of a level that leave too much open; tiles of the next level.
+    /// Split the quarters of a level whose residual error is too large; tiles of the next level.
     fn split(&self, level: &mut Level, number: usize) -> Vec<Wanted> {
         if number >= MAX_LEVEL {
             return Vec::new();
@@ -357,15 +353,16 @@ impl Refine<'_> {
         next
     }
 
-    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters that leave too much open, those
-    /// that do so themselves or may return power there, and all of quarters that show a small part of a mesh.
+    /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual
+    /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
+    /// of a mesh.
     fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
         let allowed = self.allowed(number);
         let (set, wavenumber) = (self.scenery.cast.level, self.scenery.wavenumber);
-        let open = tile.open_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
+        let residual = tile.residual_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
         let mut wanted = 0_u16;
         for block in 0..BLOCKS {
-            wanted |= u16::from(f64::from(open[block]) > allowed) << block;
+            wanted |= u16::from(f64::from(residual[block]) > allowed) << block;
         }
         for quarter in 0..PACKETS {
             let all = u16::from(ALL) << (PACKETS * quarter);
@@ -379,7 +376,7 @@ impl Refine<'_> {
         wanted
     }
 
-    /// Field per solid angle that a quarter of a level may leave open, times distance squared [m^2].
+    /// Allowed residual field per solid angle of a quarter of a level, times distance squared [m^2].
     fn allowed(&self, level: usize) -> f64 {
         let plane = &self.scenery.planes[level];
         let floor = self.floor.unwrap_or(self.refinement.rcs_floor);

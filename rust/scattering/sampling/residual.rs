@@ -3,10 +3,10 @@
 use super::cells::{Cells, magnitude};
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::TILE;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, SIDE, TileRays};
 use crate::scattering::taper::STEEPEST;
 
-/// Share of a cell's field that an edge in the cell leaves open: where one cell hits and the adjacent one misses, or
+/// Residual share of a cell's field at an edge in the cell: where one cell hits and the adjacent one misses, or
 /// where distances step. The larger phase error of such pairs would double the rays for an equal error of the sum.
 const EDGE: f32 = 0.1;
 
@@ -20,12 +20,12 @@ const WITHIN: f32 = 0.5;
 /// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
 pub(super) const BLOCKS: usize = MOST_RAYS / 4;
 
-/// Number in which [`Look`] has bodies where there is none.
+/// Number in which [`Echo`] has bodies where there is none.
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Cells as adjacent ones compare them, 16 in the lanes.
 #[derive(Clone, Copy)]
-pub(super) struct Look<V> {
+pub(super) struct Echo<V> {
     /// Phase relative to others [rad], or zero where the turn is known.
     pub(super) phase: V,
     /// Half of what the phase turns over a cell, along u and v [rad], and least magnitudes.
@@ -40,20 +40,20 @@ pub(super) struct Look<V> {
     pub(super) valid: V,
 }
 
-/// Fields that adjacent cells along an axis leave open; u and v fall from the first to the second.
+/// Residual fields of adjacent cells along an axis; u and v fall from the first to the second.
 ///
 /// Phases of two cells that vary linearly agree with the mean of their slopes; the rest, the change of the slopes and
-/// of the body are left open. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
-/// these until cells are smaller, what the last split before that leaves open is decisive.
+/// of the body are the residual. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
+/// these until cells are smaller, the residual of the last split before that is decisive.
 #[inline(always)] // part of a kernel
-pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usize) -> V {
+pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis: usize) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let phase = b.phase.sub(a.phase).add(a.slope[axis]).add(b.slope[axis]);
     let bend = magnitude(b.slope[0].sub(a.slope[0])).add(magnitude(b.slope[1].sub(a.slope[1])));
     let other_body = zero.select(a.body.equal(b.body), V::splat(OTHER_BODY));
-    let open = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
+    let residual = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
     let is_silhouette = zero.at_most(a.body) ^ zero.at_most(b.body);
-    let is_edge = is_silhouette | one.at_most(open);
+    let is_edge = is_silhouette | one.at_most(residual);
     let shrink = one.select(is_edge, a.shrink.max(b.shrink));
     // A stationary point may lie between slopes of opposite signs.
     let mut damping = [one; 2];
@@ -65,38 +65,37 @@ pub(super) fn pair<V: Vector<Scalar = f32>>(a: &Look<V>, b: &Look<V>, axis: usiz
     }
     let field = a.field.div(damping[0]).max(b.field.div(damping[1]));
     let area = shrink.mul(shrink);
-    let share = V::splat(EDGE).select(is_edge, open.mul(area).mul(area));
+    let share = V::splat(EDGE).select(is_edge, residual.mul(area).mul(area));
     field.mul(share).mul(a.valid).mul(b.valid)
 }
 
-/// Cells of a tile row by row, with room for cells below the last row.
-const ROOM: usize = MOST_RAYS + PACKET;
+/// Cells of a tile row by row, and of cells below the last row.
+const CAPACITY: usize = MOST_RAYS + PACKET;
 
-/// Numbers of [`Look`] of the cells of a tile, row by row.
+/// Numbers of [`Echo`] of the cells of a tile, row by row.
 #[repr(C, align(64))]
-pub(super) struct Looks {
-    pub(super) phase: [f32; ROOM],
-    pub(super) slope: [[f32; ROOM]; 2],
-    pub(super) least: [[f32; ROOM]; 2],
-    pub(super) shrink: [f32; ROOM],
-    pub(super) field: [f32; ROOM],
-    pub(super) body: [f32; ROOM],
-    pub(super) valid: [f32; ROOM],
+pub(super) struct Echoes {
+    pub(super) phase: [f32; CAPACITY],
+    pub(super) slope: [[f32; CAPACITY]; 2],
+    pub(super) least: [[f32; CAPACITY]; 2],
+    pub(super) shrink: [f32; CAPACITY],
+    pub(super) field: [f32; CAPACITY],
+    pub(super) body: [f32; CAPACITY],
+    pub(super) valid: [f32; CAPACITY],
 }
 
-impl Looks {
-    /// Looks of evaluated cells.
+impl Echoes {
+    /// Echoes of evaluated cells.
     #[inline(always)]
     pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
-        const HALF: usize = TILE / 2;
-        let mut looks = Self {
-            phase: [0.0; ROOM],
-            slope: [[0.0; ROOM]; 2],
-            least: [[0.0; ROOM]; 2],
-            shrink: [1.0; ROOM],
-            field: [0.0; ROOM],
-            body: [NOTHING; ROOM],
-            valid: [0.0; ROOM],
+        let mut echoes = Self {
+            phase: [0.0; CAPACITY],
+            slope: [[0.0; CAPACITY]; 2],
+            least: [[0.0; CAPACITY]; 2],
+            shrink: [1.0; CAPACITY],
+            field: [0.0; CAPACITY],
+            body: [NOTHING; CAPACITY],
+            valid: [0.0; CAPACITY],
         };
         // Packet by packet.
         let (mut body, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
@@ -112,21 +111,21 @@ impl Looks {
             splat(1.0).select(bits, splat(0.0)).store(&mut valid[first..]);
         }
         for row in 0..TILE {
-            for first in [0, HALF] {
+            for first in [0, SIDE] {
                 let (to, from) = (row * TILE + first, TileRays::ray(row, first));
-                looks.phase[to..to + HALF].copy_from_slice(&cells.phase[from..from + HALF]);
-                looks.field[to..to + HALF].copy_from_slice(&cells.field[from..from + HALF]);
-                looks.body[to..to + HALF].copy_from_slice(&body[from..from + HALF]);
-                looks.valid[to..to + HALF].copy_from_slice(&valid[from..from + HALF]);
+                echoes.phase[to..to + SIDE].copy_from_slice(&cells.phase[from..from + SIDE]);
+                echoes.field[to..to + SIDE].copy_from_slice(&cells.field[from..from + SIDE]);
+                echoes.body[to..to + SIDE].copy_from_slice(&body[from..from + SIDE]);
+                echoes.valid[to..to + SIDE].copy_from_slice(&valid[from..from + SIDE]);
                 for axis in 0..2 {
                     let (slope, least) = (&cells.slope[axis], &cells.least_slope[axis]);
-                    looks.slope[axis][to..to + HALF].copy_from_slice(&slope[from..from + HALF]);
-                    looks.least[axis][to..to + HALF].copy_from_slice(&least[from..from + HALF]);
+                    echoes.slope[axis][to..to + SIDE].copy_from_slice(&slope[from..from + SIDE]);
+                    echoes.least[axis][to..to + SIDE].copy_from_slice(&least[from..from + SIDE]);
                 }
             }
         }
-        looks.steepen::<I>();
-        looks
+        echoes.steepen::<I>();
+        echoes
     }
 
     /// Sizes at which half cells pass the tapers.
@@ -137,8 +136,8 @@ impl Looks {
         for axis in 0..2 {
             let slope = &self.slope[axis];
             // Changes to the right, with those to the left in front, and downwards, with those upwards in front.
-            let mut right = [0.0_f32; ROOM];
-            let mut below = [0.0_f32; ROOM];
+            let mut right = [0.0_f32; CAPACITY];
+            let mut below = [0.0_f32; CAPACITY];
             for first in (0..MOST_RAYS).step_by(PACKET) {
                 let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&self.body[first..]));
                 let is_same = body.equal(I::F32::load(&self.body[first + 1..])) & INNER;
@@ -162,10 +161,10 @@ impl Looks {
         }
     }
 
-    /// Looks of the 16 cells from one on.
+    /// Echoes of the 16 cells from one on.
     #[inline(always)]
-    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Look<V> {
-        Look {
+    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Echo<V> {
+        Echo {
             phase: V::load(&self.phase[first..]),
             slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
             least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
@@ -183,8 +182,8 @@ const INNER: u32 = 0x7f7f;
 /// Criteria of the blocks of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blocks {
-    /// Largest field that any pair of cells leaves open, per solid angle and times distance squared [m^2].
-    pub(super) open: [f32; BLOCKS],
+    /// Largest residual field of any pair of cells, per solid angle and times distance squared [m^2].
+    pub(super) residual: [f32; BLOCKS],
     /// A bit per block in which a cell of half the size may return power: one with slopes that the taper passes.
     pub(super) bright: u16,
 }
@@ -192,38 +191,38 @@ pub(super) struct Blocks {
 impl Blocks {
     /// Blocks without hits.
     pub(super) const DARK: Self = Self {
-        open: [0.0; BLOCKS],
+        residual: [0.0; BLOCKS],
         bright: 0,
     };
 
     /// Criteria of the blocks of evaluated cells.
     #[inline(always)] // part of a kernel
-    pub(super) fn new<I: Isa>(looks: &Looks) -> Self {
+    pub(super) fn new<I: Isa>(echoes: &Echoes) -> Self {
         let zero = <I::F32 as Vector>::splat(0.0);
-        let mut right = [0.0_f32; ROOM];
-        let mut below = [0.0_f32; ROOM];
+        let mut right = [0.0_f32; CAPACITY];
+        let mut below = [0.0_f32; CAPACITY];
         let mut bright = 0_u64;
         for first in (0..MOST_RAYS).step_by(PACKET) {
-            let here = looks.load::<I::F32>(first);
-            let open = pair(&here, &looks.load(first + 1), 0);
-            open.select(INNER, zero).store(&mut right[first + 1..]);
-            pair(&here, &looks.load(first + TILE), 1).store(&mut below[first + TILE..]);
+            let here = echoes.load::<I::F32>(first);
+            let residual = pair_error(&here, &echoes.load(first + 1), 0);
+            residual.select(INNER, zero).store(&mut right[first + 1..]);
+            pair_error(&here, &echoes.load(first + TILE), 1).store(&mut below[first + TILE..]);
             let one = <I::F32 as Vector>::splat(1.0);
             let is_bright = one.at_most(here.shrink) & zero.at_most(here.body);
             bright |= u64::from(is_bright) << first;
         }
-        let mut open = [0.0_f32; MOST_RAYS];
+        let mut residual = [0.0_f32; MOST_RAYS];
         for first in (0..MOST_RAYS).step_by(PACKET) {
             let across = I::F32::load(&right[first..]).max(I::F32::load(&right[first + 1..]));
             let along = I::F32::load(&below[first..]).max(I::F32::load(&below[first + TILE..]));
-            across.max(along).store(&mut open[first..]);
+            across.max(along).store(&mut residual[first..]);
         }
         let mut blocks = Self::DARK;
         for row in (0..TILE).step_by(2) {
             for column in (0..TILE).step_by(2) {
                 let (block, cell) = (block(row, column), row * TILE + column);
                 let [a, b] = [cell, cell + TILE];
-                blocks.open[block] = open[a].max(open[a + 1]).max(open[b].max(open[b + 1]));
+                blocks.residual[block] = residual[a].max(residual[a + 1]).max(residual[b].max(residual[b + 1]));
                 let is_bright = bright >> a & 0b11 != 0 || bright >> b & 0b11 != 0;
                 blocks.bright |= u16::from(is_bright) << block;
             }
@@ -234,7 +233,6 @@ impl Blocks {
 
 /// Number of the block of a row and a column of the tile: quarter by quarter.
 pub(super) const fn block(row: usize, column: usize) -> usize {
-    const HALF: usize = TILE / 2;
-    let quarter = row / HALF * 2 + column / HALF;
-    4 * quarter + row % HALF / 2 * 2 + column % HALF / 2
+    let quarter = row / SIDE * 2 + column / SIDE;
+    4 * quarter + row % SIDE / 2 * 2 + column % SIDE / 2
 }

@@ -1,16 +1,14 @@
 //! Small parts of meshes: quarters that are refined because rays of coarser cells may miss a connected component.
 
-use super::place::{MAX_LEVEL, Place};
-use crate::rays::camera::{ImagePlane, TILE};
+use super::place::Place;
+use crate::rays::camera::ImagePlane;
+use crate::rays::packet::SIDE;
 use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{MAX_LEVEL, Refinement};
 
 /// Number of cells across a part that is not missed.
 const CELLS_ACROSS: f64 = 5.0;
-
-/// Side of a quarter [cells].
-const SIDE: usize = TILE / 2;
 
 /// Quarters, by level, that show parts smaller than two of their cells.
 pub(super) struct SmallParts {

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 
-use super::place::MAX_LEVEL;
 use super::points::TilePoints;
 use super::*;
 use crate::antennas::array::Array;
@@ -19,7 +18,7 @@ use crate::rays::smooth_hits::SmoothHits;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Material};
 use crate::scattering::patch::patch;
-use crate::scattering::refinement::{Refinement, field_of};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
 use crate::scattering::taper::taper;
 
 const FREQUENCY: f64 = 60e9;

@@ -7,7 +7,7 @@ use super::cells::Cells;
 use super::join::Join;
 use super::place::Place;
 use super::points::{Channels, TilePoints};
-use super::residual::{BLOCKS, Blocks, Looks};
+use super::residual::{BLOCKS, Blocks, Echoes};
 use crate::antennas::array::Array;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
@@ -155,11 +155,11 @@ impl Kernel for Evaluate<'_> {
         }
         scenery
             .scene
-            .measure::<I>(&scratch.rays, &scratch.best, &mut scratch.distance);
-        let (best, distance) = (&scratch.best, &scratch.distance);
+            .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
+        let (hits, distance) = (&scratch.hits, &scratch.distance);
         scratch
             .shade
-            .fill::<I, true>(scenery.scene, &scratch.rays, &best.body, &best.triangle, distance);
+            .fill::<I, true>(scenery.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
 
         let gain = scenery.gain(plane, &pixels);
         cells.evaluate::<I>(
@@ -173,10 +173,10 @@ impl Kernel for Evaluate<'_> {
         if cells.hit == 0 {
             return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
         }
-        let looks = Looks::new::<I>(cells);
-        let border = Border::new(&looks, cells, rows, columns);
+        let echoes = Echoes::new::<I>(cells);
+        let border = Border::new(&echoes, cells, rows, columns);
         let mut tile = Tile::without_hits(place, packets, border, rays);
-        tile.blocks = Blocks::new::<I>(&looks);
+        tile.blocks = Blocks::new::<I>(&echoes);
         find_nearest::<I>(cells, &scratch.distance, plane, &mut tile.nearest);
         cells.weigh::<I>();
         if place.level == 0 {
@@ -247,8 +247,8 @@ impl Tile {
         number.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[number]
     }
 
-    /// Field that every block leaves open, with the cells of adjacent tiles of the same level.
-    pub(super) fn open_with<'a>(
+    /// Residual field of every block, with the cells of adjacent tiles of the same level.
+    pub(super) fn residual_with<'a>(
         &self,
         level: Level,
         wavenumber: f64,
@@ -274,9 +274,9 @@ impl Tile {
             beside(Some(row + 1), Some(column)),
         ];
         let beyond = beyond.map(|tile| tile.map(|tile| &tile.border));
-        let mut open = self.blocks.open;
-        self.border.open(level, beyond, wavenumber, &mut open);
-        open
+        let mut residual = self.blocks.residual;
+        self.border.raise(level, beyond, wavenumber, &mut residual);
+        residual
     }
 }
 

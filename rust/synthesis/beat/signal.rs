@@ -350,11 +350,10 @@ fn longest_delay(waveform: &Waveform, series: &PathSeries) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT as C;
     use crate::numeric::random::mix;
     use crate::numeric::simd::{Level, Real};
     use crate::synthesis::delay::Basis;
-
-    const C: f64 = 299_792_458.0;
 
     fn waveform(num_chirps: usize, num_samples: usize, bandwidth: f64) -> Waveform {
         let sample_rate = 2e6;

@@ -150,15 +150,15 @@ impl<T: Precision> Points<T> {
     /// Memory for some paths.
     pub fn new(num_terms: usize, num_paths: usize) -> Self {
         // A chunk is written in whole vectors.
-        let room = num_paths + PAD;
-        let zero = || vec![T::zero(); room];
+        let padded = num_paths + PAD;
+        let zero = || vec![T::zero(); padded];
         Self {
             len: 0,
-            row: vec![0; room],
-            start: vec![0; room],
+            row: vec![0; padded],
+            start: vec![0; padded],
             zx: zero(),
             zy: zero(),
-            strengths: vec![vec![T::zero(); 2 * room]; num_terms],
+            strengths: vec![vec![T::zero(); 2 * padded]; num_terms],
         }
     }
 }

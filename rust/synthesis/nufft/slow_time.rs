@@ -167,7 +167,7 @@ impl<T: Scalar> Tile<'_, T> {
         let num_numbers = block_plan.block.chirps.len() * 2 * T::LANES;
         let mut out = vec![T::zero(); self.channels.len() * num_numbers];
         let mut transformed = vec![[zero; 4]; 2 * num_sums];
-        let mut room = Room::default();
+        let mut scratch = Scratch::default();
         let mut number = 0;
         while number < slow.chirps.len() {
             let chirps = &slow.chirps[number..slow.chirps.len().min(number + 2)];
@@ -185,12 +185,12 @@ impl<T: Scalar> Tile<'_, T> {
                     let Some(chirp) = chirp else {
                         continue;
                     };
-                    self.weights::<I, P>(sign * time, &fast, &mut room);
+                    self.weights::<I, P>(sign * time, &fast, &mut scratch);
                     for channel in 0..self.channels.len() {
-                        let num_terms = room.weights.len();
+                        let num_terms = scratch.weights.len();
                         let sums = &transformed[channel * num_terms..][..num_terms];
                         let samples = &mut out[channel * num_numbers + chirp * 2 * T::LANES..][..2 * T::LANES];
-                        let [re, im] = weighted::<T, I>(sums, sign, &room.weights);
+                        let [re, im] = weighted::<T, I>(sums, sign, &scratch.weights);
                         wide::store(interleave(re, im), samples);
                     }
                 }
@@ -295,7 +295,7 @@ impl<T: Scalar> Tile<'_, T> {
     /// Factors of the sums of all terms for one chirp: interpolation of the residuals, phase of the middle rate,
     /// transform of the kernel. The same for all channels.
     #[inline(always)]
-    fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, room: &mut Room<T::In<I>>) {
+    fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, scratch: &mut Scratch<T::In<I>>) {
         let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);
         let splat = wide::splat::<I, P>;
         let square = mul(mul(fast.time, fast.time), splat(waveform.slope));
@@ -308,55 +308,56 @@ impl<T: Scalar> Tile<'_, T> {
         let x = mul(add(fast.time, splat(time)), splat(block_plan.block.half.recip()));
         let x = wide::narrow::<T, I, P>(x);
         let sweep = wide::narrow::<T, I, P>(mul(fast.time, splat(block_plan.frame.stretch)));
-        self.interpolate::<I>(x, sweep, room);
+        self.interpolate::<I>(x, sweep, scratch);
         let [cos, sin] = wide::cos_sin::<T, I, P>(phase);
         let common = [cos.mul(weight), sin.mul(weight)];
-        for term in 0..room.weights.len() {
-            room.weights[term] = product(room.weights[term], common);
+        for term in 0..scratch.weights.len() {
+            scratch.weights[term] = product(scratch.weights[term], common);
         }
     }
 
     /// Weights of the sums of the terms in the interpolation; symbols as in `cross_approximation`: `L^T w = q`.
     #[inline(always)]
-    fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, room: &mut Room<T::In<I>>) {
+    fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, scratch: &mut Scratch<T::In<I>>) {
         let approximation = &self.job.block_plan.approximation;
         let zero = <T::In<I>>::splat(T::zero());
         let number = wide::number::<T, I>;
         // Chebyshev polynomials of time.
         let num_degrees = self.slow.num_degrees;
-        room.polynomials.clear();
-        room.polynomials.extend([number(1.0), x]);
+        scratch.polynomials.clear();
+        scratch.polynomials.extend([number(1.0), x]);
         for k in 2..num_degrees {
-            let (before, current) = (room.polynomials[k - 2], room.polynomials[k - 1]);
-            room.polynomials.push(x.add(x).mul(current).sub(before));
+            let (before, current) = (scratch.polynomials[k - 2], scratch.polynomials[k - 1]);
+            scratch.polynomials.push(x.add(x).mul(current).sub(before));
         }
-        room.weights.clear();
+        scratch.weights.clear();
         if approximation.are_flat() {
-            room.weights
-                .push(self.phasor::<I>(&approximation.mean, x, sweep, &room.polynomials));
+            scratch
+                .weights
+                .push(self.phasor::<I>(&approximation.mean, x, sweep, &scratch.polynomials));
             return;
         }
         for i in 0..approximation.references.len() {
             let (path, inverse, own) = &approximation.references[i];
             let (mut re, mut im) = (zero, zero);
             for k in 0..path.num_amplitudes() {
-                re = room.polynomials[k].mul_add(number(path.re()[k] * self.slow.scale), re);
-                im = room.polynomials[k].mul_add(number(path.im()[k] * self.slow.scale), im);
+                re = scratch.polynomials[k].mul_add(number(path.re()[k] * self.slow.scale), re);
+                im = scratch.polynomials[k].mul_add(number(path.im()[k] * self.slow.scale), im);
             }
-            let phasor = self.phasor::<I>(path, x, sweep, &room.polynomials);
+            let phasor = self.phasor::<I>(path, x, sweep, &scratch.polynomials);
             let residual = product(phasor, [re, zero.sub(im)]);
             let inverse = inverse / self.slow.scale;
             let mut function = product(residual, [number(inverse.re), number(inverse.im)]);
             for j in 0..i {
-                function = less_product::<T, I>(function, room.weights[j], own[j].re, own[j].im);
+                function = less_product::<T, I>(function, scratch.weights[j], own[j].re, own[j].im);
             }
-            room.weights.push(function);
+            scratch.weights.push(function);
         }
         for i in (0..approximation.lower.len()).rev() {
-            let weight = room.weights[i];
+            let weight = scratch.weights[i];
             for j in 0..i {
                 let value = approximation.lower[i][j];
-                room.weights[j] = less_product::<T, I>(room.weights[j], weight, value.re, value.im);
+                scratch.weights[j] = less_product::<T, I>(scratch.weights[j], weight, value.re, value.im);
             }
         }
     }
@@ -375,13 +376,13 @@ impl<T: Scalar> Tile<'_, T> {
 }
 
 /// Scratch memory of one chirp, beyond the registers.
-struct Room<V> {
+struct Scratch<V> {
     polynomials: Vec<V>,
     /// Weights of the sums of the terms.
     weights: Vec<Phasor<V>>,
 }
 
-impl<V> Default for Room<V> {
+impl<V> Default for Scratch<V> {
     fn default() -> Self {
         Self {
             polynomials: Vec::new(),

@@ -38,14 +38,14 @@ impl Checked {
 pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
     let is_sorted = is_sorted::<T>(job, layout);
     // Sorting gains from many paths; without it, points stay in the L1 cache.
-    let room_for_paths = if is_sorted { 1 << 17 } else { 1 << 14 };
-    let batch = (room_for_paths / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
+    let bytes = if is_sorted { 1 << 17 } else { 1 << 14 };
+    let batch = (bytes / (2 * job.width.next_multiple_of(8) * size_of::<T>() * CHUNK)).max(1);
     let mut rows = Rows::of_class(job.series, job.selection.class);
     let mut tracks = Tracks::new(job);
     let mut points = Points::new(job.block_plan.approximation.num_sets(), batch * CHUNK);
     let map = Map::new(job, layout);
     let tables = Tables::new(job.width);
-    let mut room = Room::new(batch * CHUNK, job.width);
+    let mut scratch = Scratch::new(batch * CHUNK, job.width);
     let mut checked = Checked::default();
     for first in chunks.clone().step_by(batch) {
         points.len = 0;
@@ -56,14 +56,14 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
                 worst: (index, sum),
             });
         }
-        room.order(&points, layout, is_sorted);
+        scratch.order(&points, layout, is_sorted);
         T::add_points(Patches {
             level: job.level,
             width: job.width,
             layout,
             points: &points,
             tables: &tables,
-            room: &mut room,
+            scratch: &mut scratch,
             grid,
         });
     }
@@ -115,7 +115,7 @@ const fn fits<T: Widths>(width: usize) -> bool {
 }
 
 /// Points of a batch in the order of spreading.
-pub struct Room<T> {
+pub struct Scratch<T> {
     /// Indices of the paths.
     order: Vec<u16>,
     /// Indices of the paths sorted by column alone.
@@ -134,7 +134,7 @@ pub struct Room<T> {
     velocity: Vec<[T; CHUNK]>,
 }
 
-impl<T: Widths> Room<T> {
+impl<T: Widths> Scratch<T> {
     fn new(num_paths: usize, width: usize) -> Self {
         let zero = || vec![T::zero(); num_paths];
         Self {
@@ -205,7 +205,7 @@ pub struct Patches<'a, T> {
     layout: &'a Layout,
     points: &'a Points<T>,
     tables: &'a Tables<T>,
-    room: &'a mut Room<T>,
+    scratch: &'a mut Scratch<T>,
     grid: &'a mut [T],
 }
 
@@ -235,26 +235,26 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
             layout,
             points,
             tables,
-            room,
+            scratch,
             grid,
             ..
         } = self.0;
         let len = points.len;
         let mut repeats = 0;
         for i in 1..len {
-            repeats += usize::from(room.start[i] == room.start[i - 1]);
+            repeats += usize::from(scratch.start[i] == scratch.start[i - 1]);
         }
         let is_merged = MERGES && 2 * repeats > len;
         // One set of strengths needs the taps of a path once.
         let is_single = points.strengths.len() == 1;
         if R > 1 && (is_merged || !is_single || !fits::<T>(W)) {
-            room.evaluate_velocity::<I, W>(&tables.velocity, len);
+            scratch.evaluate_velocity::<I, W>(&tables.velocity, len);
         }
         if !is_single {
             let polynomials = polynomials::<T, I, W>(&tables.range);
             for i in 0..len {
-                let taps = range_taps::<T, I, W, N>(&polynomials, &tables.range, room.zx[i]);
-                wide::store(taps, &mut room.range[i * N * <T::In<I>>::LANES..]);
+                let taps = range_taps::<T, I, W, N>(&polynomials, &tables.range, scratch.zx[i]);
+                wide::store(taps, &mut scratch.range[i * N * <T::In<I>>::LANES..]);
             }
         }
         // One grid after the other: the rows at work stay in L1.
@@ -266,12 +266,12 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
                     stride: layout.stride,
                     strengths: &points.strengths[term],
                     tables,
-                    order: &room.order[first..],
-                    start: &room.start[first..],
-                    zx: &room.zx[first..],
-                    zy: &room.zy[first..],
-                    range: &room.range[first * N * <T::In<I>>::LANES..],
-                    velocity: &room.velocity[first / CHUNK * W..],
+                    order: &scratch.order[first..],
+                    start: &scratch.start[first..],
+                    zx: &scratch.zx[first..],
+                    zy: &scratch.zy[first..],
+                    range: &scratch.range[first * N * <T::In<I>>::LANES..],
+                    velocity: &scratch.velocity[first / CHUNK * W..],
                 };
                 if is_merged && is_single {
                     chunk.merge::<I, W, R, N, true>(grid);
@@ -386,7 +386,7 @@ impl<T: Widths> Chunk<'_, T> {
     }
 }
 
-impl<T: Widths> Room<T> {
+impl<T: Widths> Scratch<T> {
     /// Taps along velocity of all paths.
     #[inline(always)]
     fn evaluate_velocity<I: Isa, const W: usize>(&mut self, table: &[T], len: usize) {

@@ -117,7 +117,7 @@ impl Job<'_> {
             padded,
         };
         // A buffer for the row and one for the transform.
-        let room = || [n, fft.get_inplace_scratch_len()].map(|len| vec![Complex::new(T::zero(), T::zero()); len]);
+        let buffers = || [n, fft.get_inplace_scratch_len()].map(|len| vec![Complex::new(T::zero(), T::zero()); len]);
         let transform = |[buffer, scratch]: &mut [Vec<Complex<T>>; 2], index: usize, re: &mut [T], im: &mut [T]| {
             let (term, row) = (index / layout.rows, index % layout.rows);
             if !is_used[row] {
@@ -147,11 +147,11 @@ impl Job<'_> {
                 .zip(im.par_chunks_mut(padded))
                 .enumerate()
                 .with_min_len(16)
-                .for_each_init(room, |room, (index, (re, im))| transform(room, index, re, im));
+                .for_each_init(buffers, |buffers, (index, (re, im))| transform(buffers, index, re, im));
         } else {
-            let mut room = room();
+            let mut buffers = buffers();
             for (index, (re, im)) in re.chunks_mut(padded).zip(im.chunks_mut(padded)).enumerate() {
-                transform(&mut room, index, re, im);
+                transform(&mut buffers, index, re, im);
             }
         }
         spectra

@@ -53,7 +53,7 @@ impl Request<'_> {
                 tolerance: tolerance.max(self.tolerance).min(0.1_f64.max(self.tolerance)),
                 share: share.min(1.0),
                 are_alike: OnceCell::new(),
-                room: RefCell::default(),
+                scratch: RefCell::default(),
             };
             plan.parts.push(goal.part(&delay_ranges)?);
         }

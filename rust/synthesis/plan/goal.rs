@@ -69,7 +69,7 @@ pub(super) struct Goal<'a> {
     /// True if the samples represent all paths; set when first needed.
     pub(super) are_alike: OnceCell<bool>,
     /// Scratch memory for the samples in a block.
-    pub(super) room: RefCell<Vec<Path>>,
+    pub(super) scratch: RefCell<Vec<Path>>,
 }
 
 /// Spreading kernel and its errors.

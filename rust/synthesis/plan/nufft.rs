@@ -349,7 +349,7 @@ impl Goal<'_> {
         }
 
         let budget = self.budget(kernel);
-        let mut paths = self.room.take();
+        let mut paths = self.scratch.take();
         paths.resize_with(self.request.samples.len(), Path::default);
         for (path, sample) in paths.iter_mut().zip(self.request.samples) {
             sample.set_in_block(block, &frame, path);
@@ -379,7 +379,7 @@ impl Goal<'_> {
             level,
         );
         let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
-        self.room.replace(paths);
+        self.scratch.replace(paths);
         let (approximation, left) = found?;
         let rounding = if kernel.is_single {
             SINGLE_TURN * approximation.turns

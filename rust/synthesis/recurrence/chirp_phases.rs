@@ -9,7 +9,8 @@
 use std::ops::Range;
 
 use crate::numeric::simd::{Isa, Precision, Vector};
-use crate::numeric::wide::{self, ROUND, add, mul, mul_add, neg_mul_add};
+use crate::numeric::trig;
+use crate::numeric::wide::{self, add, mul, mul_add, neg_mul_add};
 use crate::synthesis::block::{Block, CHUNK, Chunk, Lane, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
@@ -300,22 +301,12 @@ pub(crate) fn largest(lane: &Lane) -> f64 {
     max.iter().fold(0.0, |a, b| if *b > a { *b } else { a })
 }
 
-/// `frequency * delay` modulo one turn, exact to the rounding of the result (Dekker's product, without fused multiply).
+/// Exact phases of a chunk, as [`trig::turns`].
 #[inline(always)]
 pub(crate) fn turns(frequency: f64, delay: &Lane) -> Lane {
-    const SPLIT: f64 = 134_217_729.0; // 2^27 + 1
-    let big = SPLIT * frequency;
-    let f_high = big - (big - frequency);
-    let f_low = frequency - f_high;
     let mut turns = [0.0; CHUNK];
     for i in 0..CHUNK {
-        let tau = delay[i];
-        let big = SPLIT * tau;
-        let high = big - (big - tau);
-        let low = tau - high;
-        let product = frequency * tau;
-        let rest = ((f_high * high - product) + f_high * low + f_low * high) + f_low * low;
-        turns[i] = (product - ((product + ROUND) - ROUND)) + rest;
+        turns[i] = trig::turns(frequency, delay[i]);
     }
     turns
 }
@@ -327,11 +318,10 @@ pub(crate) mod tests {
     use num_complex::{Complex, Complex64};
 
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT as C;
     use crate::numeric::simd::Level;
     use crate::synthesis::delay::Basis;
     use crate::synthesis::direct;
-
-    const C: f64 = 299_792_458.0;
 
     /// Delays and amplitudes of paths, one row per term.
     #[derive(Clone)]

@@ -197,10 +197,10 @@ struct Sums<T> {
 impl<T: Precision> Sums<T> {
     fn new(num_samples: usize) -> Self {
         // Segments of 2 half + 1 samples, of which half + 1 are stored: with half >= 1, at most two thirds of twice.
-        let room = 2 * num_samples + 4;
+        let capacity = 2 * num_samples + 4;
         let numbers: Vec<T> = (0..=num_samples / 2 + 1).map(|j| T::of(j as f64)).collect();
         Self {
-            chunk: vec![T::zero(); 4 * MAX_LANES * room],
+            chunk: vec![T::zero(); 4 * MAX_LANES * capacity],
             total: vec![T::zero(); 2 * MAX_LANES * num_samples],
             squares: numbers.iter().map(|j| *j * *j).collect(),
             numbers,

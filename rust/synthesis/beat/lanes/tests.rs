@@ -3,13 +3,13 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use super::*;
+use crate::constants::SPEED_OF_LIGHT as C;
 use crate::numeric::random::mix;
 use crate::numeric::simd::Level;
 use crate::synthesis::beat::signal::beat_signal;
 use crate::synthesis::delay::Basis;
 use crate::synthesis::direct;
 
-const C: f64 = 299_792_458.0;
 const NUM_CHANNELS: usize = 2;
 
 /// Numbers from 0 to 1 that are as good as random.

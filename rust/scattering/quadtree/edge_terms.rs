@@ -2,49 +2,49 @@
 
 use rayon::prelude::*;
 
-use super::cells::{Ends, Leaf, NONE, Partner, Place, Quadtree};
+use super::cells::{EdgeTerms, Leaf, NONE, Partner, Place, Quadtree};
 
 impl Quadtree {
     /// The cells that hit something and have no parts.
     pub fn leaves(&self) -> Vec<Leaf> {
         let nodes = 0..self.nodes.len();
-        let ends: Vec<Ends> = nodes.into_par_iter().map(|node| self.ends(node)).collect();
+        let edge_terms: Vec<EdgeTerms> = nodes.into_par_iter().map(|node| self.edge_terms(node)).collect();
         let leaves = self.nodes.par_iter().enumerate();
         leaves
             .filter(|(index, node)| self.parts[*index] == NONE && node.found.is_hit())
             .map(|(index, node)| Leaf {
                 cell: node.cell,
                 found: node.found,
-                is_linear: ends[index].is_linear,
-                has_ends: ends[index].has,
-                kept: self.kept(index, &ends),
+                is_linear: edge_terms[index].is_linear,
+                has_edge_terms: edge_terms[index].has,
+                kept: self.kept(index, &edge_terms),
             })
             .collect()
     }
 
     /// Axes along which a cell has edge terms.
-    pub(super) fn ends(&self, index: usize) -> Ends {
+    pub(super) fn edge_terms(&self, index: usize) -> EdgeTerms {
         let node = &self.nodes[index];
-        if self.parts[index] != NONE || !node.found.is_hit() || node.open > self.allowed {
-            return Ends::default();
+        if self.parts[index] != NONE || !node.found.is_hit() || node.residual > self.allowed {
+            return EdgeTerms::default();
         }
-        Ends {
+        EdgeTerms {
             is_linear: self.end_points,
-            has: node.look.steep,
+            has: node.echo.steep,
         }
     }
 
     /// See [`Leaf::kept`].
-    pub(super) fn kept(&self, index: usize, ends: &[Ends]) -> u8 {
-        let has_partner = |index, axis, side| self.partner(index, axis, side, ends) != Partner::None;
+    pub(super) fn kept(&self, index: usize, edge_terms: &[EdgeTerms]) -> u8 {
+        let has_partner = |index, axis, side| self.partner(index, axis, side, edge_terms) != Partner::None;
         let mut kept = 0;
-        match ends[index].has {
+        match edge_terms[index].has {
             [false, false] => kept = 1,
             [true, true] => {
                 for corner in 0..4 {
                     // A corner is shared with neighbours along both axes: those along u come first.
                     let (u, v) = (corner & 1, corner >> 1);
-                    let along_v = || self.partner(index, 1, v, ends);
+                    let along_v = || self.partner(index, 1, v, edge_terms);
                     let is_cancelled = has_partner(index, 0, u)
                         || match along_v() {
                             Partner::None => false,
@@ -67,10 +67,10 @@ impl Quadtree {
     }
 
     /// Partner that cancels the edge term of a cell on one side.
-    pub(super) fn partner(&self, index: usize, axis: usize, side: usize, ends: &[Ends]) -> Partner {
+    pub(super) fn partner(&self, index: usize, axis: usize, side: usize, edge_terms: &[EdgeTerms]) -> Partner {
         match self.linked(index, axis, side) {
             None => Partner::Border,
-            Some(other) if self.beside(index, axis, side, other, ends).1 => Partner::Cell(other),
+            Some(other) if self.beside(index, axis, side, other, edge_terms).1 => Partner::Cell(other),
             Some(_) => Partner::None,
         }
     }

@@ -1,0 +1,284 @@
+"""Refusals of the compiled core: the error that is documented, in words that name the argument."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core_calls import (
+    AMPLITUDE,
+    DELAY,
+    EMPTY,
+    GLASS,
+    HITS,
+    HUGE,
+    INF,
+    MATERIAL,
+    NAN,
+    POSES,
+    SENSOR,
+    SETTINGS,
+    SHAPE,
+    SURFACE,
+    TRIANGLES,
+    VERTICES,
+    Call,
+    antennas,
+    beat,
+    cast,
+    deform,
+    deformed,
+    deformed_paths,
+    deforming_scene,
+    depth_scene,
+    frame,
+    occluded,
+    paths,
+    placement,
+    reflectance,
+    refuses,
+    response,
+    scene,
+    settings,
+    simulator,
+    surface,
+    surfels,
+    table,
+    waveform,
+)
+from radarcore import _core
+
+TWICE = np.concatenate([SENSOR, SENSOR])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        # Shapes that hold as many numbers, but others.
+        (lambda: beat(amplitude=np.ones((3, 2), complex)), r"amplitude: expected shape \[2, 3\], got \[3, 2\]"),
+        (lambda: beat(amplitude=np.ones((2, 2, 3), complex)), r"amplitude: expected shape \[2, 3\], got \[2, 2, 3\]"),
+        *(
+            (
+                lambda shape=shape: beat(np.ones((4, 2, 3)), np.ones(shape, complex)),
+                rf"amplitude: expected shape \[2, 3\], or those with nodes in front, got {re.escape(str(list(shape)))}",
+            )
+            for shape in ((3, 2), (3, 3, 2), (0, 2, 3), (4, 2), (1, 3, 2, 3))
+        ),
+        (lambda: beat(DELAY, AMPLITUDE, DELAY[0]), r"delay_rate: expected shape \[2, 3\]"),
+        (lambda: beat(DELAY, AMPLITUDE, DELAY, DELAY.T.copy()), r"delay_acceleration: expected shape \[2, 3\]"),
+        (lambda: beat(DELAY, AMPLITUDE, None, DELAY), "delay_rate: expected one together with delay_acceleration"),
+        (lambda: beat(DELAY[None], AMPLITUDE, DELAY), "delay_rate: expected .* without nodes"),
+        (lambda: beat(np.ones(()), np.ones((), complex)), "delay: expected one to three axes"),
+        (lambda: beat(np.ones((1, 1, 2, 3)), np.ones((1, 1, 2, 3), complex)), "delay: expected one to three axes"),
+        (lambda: beat(np.zeros((0, 2, 3))), "delay: expected 1 to 4096 nodes, got 0"),
+        (lambda: beat(np.zeros((4097, 2, 3))), "delay: expected 1 to 4096 nodes, got 4097"),
+        (lambda: beat(method="fast"), "method: expected 'auto'"),
+        (lambda: beat(level="avx9"), "level: expected one of"),
+        (lambda: surface(VERTICES.reshape(3, 6)), r"vertices: expected shape \(n, 3\), got \(3, 6\)"),
+        (lambda: surface(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
+        (lambda: surface(np.zeros((6, 0))), r"vertices: expected shape \(n, 3\), got \(6, 0\)"),
+        (lambda: surface(triangles=TRIANGLES.reshape(3, 4)), r"triangles: expected shape \(n, 3\), got \(3, 4\)"),
+        (lambda: simulator(materials=[]), "materials: expected 1, one per body, got 0"),
+        (lambda: simulator(materials=[MATERIAL, GLASS]), "materials: expected 1, one per body, got 2"),
+        (lambda: simulator(EMPTY, [MATERIAL]), "materials: expected 0, one per body, got 1"),
+        (lambda: reflectance([]), "materials: expected 1, one per body, got 0"),
+        (
+            lambda: _core.Material.dielectric((2.0, 0.0), roughness=1e-4, scattering=0.1),
+            "scattering: expected none with roughness, got both",
+        ),
+        # Places: of an odd number of times, and of what the scene has.
+        (lambda: placement(sensor=np.zeros((0, 3, 4))), "sensor: expected an odd number of times, got 0"),
+        (lambda: placement(sensor=TWICE), "sensor: expected an odd number of times, got 2"),
+        (lambda: placement(sensor=np.zeros((1, 4, 3))), r"sensor: expected shape \(n, 3, 4\), got \(1, 4, 3\)"),
+        (lambda: placement(poses=np.zeros((1, 1, 4, 3))), r"poses: expected shape \(1, n, 3, 4\), got \(1, 1, 4, 3\)"),
+        (lambda: placement(poses=np.zeros((3, 1, 3, 4))), r"poses: expected shape \(1, n, 3, 4\), got \(3, 1, 3, 4\)"),
+        (lambda: placement(points=np.zeros((3, 1, 3))), r"points: expected shape \(1, n, 3\), got \(3, 1, 3\)"),
+        (lambda: placement(points=np.zeros((1, 3, 1))), r"points: expected shape \(1, n, 3\), got \(1, 3, 1\)"),
+        (lambda: placement(vertices=[np.zeros((1, 3, 6))]), r"vertices: expected shape \(n, n, 3\), got \(1, 3, 6\)"),
+        *(
+            (lambda call=call, bad=bad: call(bad), f"{message} as the scene has, got")
+            for call in (frame, cast, paths, lambda bad: paths(rates=bad), lambda bad: frame(rates=bad))
+            for bad, message in (
+                (placement(poses=np.zeros((1, 2, 3, 4))), "poses: expected 1 of them"),
+                (placement(poses=np.zeros((1, 0, 3, 4))), "poses: expected 1 of them"),
+                (placement(points=np.zeros((1, 2, 3))), "points: expected 1 of them"),
+                (placement(points=np.zeros((1, 0, 3))), "points: expected 1 of them"),
+                (placement(vertices=[VERTICES[None]]), "vertices: expected 0 of them"),
+            )
+        ),
+        (lambda: cast(source=EMPTY, materials=[]), "poses: expected 0 of them as the scene has, got 1"),
+        (lambda: surfels(num_bodies=2), "poses: expected 2 of them as the scene has, got 1"),
+        (lambda: deformed(VERTICES[None, :5]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deformed(VERTICES[:0, None]), "vertices: expected 6 as the mesh has, got 0"),
+        (lambda: deformed_paths(VERTICES[None, 1:]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deformed(VERTICES[None] * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: frame(source=deforming_scene()), "vertices: expected 1 of them as the scene has, got 0"),
+        (lambda: occluded(np.zeros((1, 4))), r"points: expected shape \(n, 3\), got \(1, 4\)"),
+        # Scenes and settings.
+        (lambda: scene(rcs=np.ones(2)), "rcs: expected 1 of them, got 2"),
+        (lambda: scene(body_numbers=[]), "body_numbers: expected 1 of them, got 0"),
+        (lambda: scene(deforming=[1]), r"deforming: expected increasing numbers below 1, got \[1\]"),
+        (lambda: scene(deforming=[0, 0]), r"deforming: expected increasing numbers below 1, got \[0, 0\]"),
+        (lambda: scene(deforming=[HUGE]), r"deforming: expected increasing numbers below 1"),
+        (
+            lambda: scene(body_numbers=[1]),
+            r"body_numbers, point_numbers: expected every number below 2 once .*\[1, 1\]",
+        ),
+        (lambda: scene(point_numbers=[HUGE]), "body_numbers, point_numbers: expected every number below 2 once"),
+        (lambda: settings(sampling="fine"), "sampling: expected 'adaptive', 'footprint' or 'point', got \"fine\""),
+        (lambda: settings(method="fast"), "method: expected 'auto'"),
+        (lambda: frame(rays=(0, 1, 0.5, 0.5)), "resolution: expected at least one row and one column, got 0 x 1"),
+        (lambda: frame(rays=(HUGE, HUGE, 0.5, 0.5)), "resolution: expected at most 268435456 rays"),
+        (
+            lambda: frame(sampling="adaptive", rays=(0, 1, 0.5, 0.5)),
+            "resolution: expected at least one row and one column, got 0 x 1",
+        ),
+        (
+            lambda: frame(sampling="adaptive", rays=(HUGE, HUGE, 0.5, 0.5)),
+            "resolution: expected at most 268435456 rays",
+        ),
+        (lambda: antennas(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
+        (lambda: antennas(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
+        (lambda: antennas(tx=np.zeros((2, 3))), "tx_patterns: expected 2, one per antenna, got 1"),
+        (lambda: antennas(rx_patterns=[]), "rx_patterns: expected 2, one per antenna, got 0"),
+        (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
+        (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
+        (lambda: deform(VERTICES[:5]), "vertices: expected 6 as the mesh has, got 5"),
+        (lambda: deform(VERTICES.reshape(9, 2)), r"vertices: expected shape \(n, 3\), got \(9, 2\)"),
+        (lambda: deform(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: deform(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
+        (lambda: depth_scene(normals=np.zeros((4, 3, 5))), r"normals: expected shape \(4, 5, 3\), got \(4, 3, 5\)"),
+        (lambda: surfels(albedo=np.zeros((5, 4))), r"albedo: expected shape \(4, 5\), got \(5, 4\)"),
+        (lambda: surfels(body=np.zeros((4, 4), np.int32)), r"body: expected shape \(4, 5\), got \(4, 4\)"),
+        # Values that no result can be formed for.
+        (lambda: surfels(body=np.full(SHAPE, 1, np.int32)), "body: expected numbers below 1, got 1"),
+        (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
+        (lambda: surfels(focal_length=(1.0, NAN)), "field_of_view: expected angles"),
+        (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
+        (lambda: table(np.array([1.0, 0.0])), "azimuth: expected increasing angles .*, got 1 and then 0"),
+        (lambda: table(np.array([0.0, 4.0])), "azimuth: expected angles from -3.141593 to 3.141593 .*, got 4"),
+        (lambda: table(elevation=np.array([NAN, 1.0])), "elevation: expected angles from -1.57.*, got NaN"),
+        (lambda: table(gain_db=np.full((2, 2), -INF)), "gain_db: expected -1000 to 1000 dB, got -inf"),
+        (lambda: table(np.zeros(1), gain_db=np.zeros((1, 2))), "azimuth: expected at least two angles, got 1"),
+        (lambda: table(np.zeros(0), np.zeros(0), np.zeros((0, 0))), "azimuth: expected at least two angles, got 0"),
+        (lambda: beat(np.full((2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
+        (lambda: beat(amplitude=np.full((2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
+        (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
+        (lambda: beat(chirp_times=np.array([0.0, INF])), "waveform: expected finite numbers"),
+        (lambda: beat(sample_rate=0.0), "waveform: expected samples, chirps and a positive sample rate"),
+        (lambda: beat(num_samples=0), "waveform: expected samples, chirps"),
+        (lambda: beat(chirp_times=np.zeros(0)), "waveform: expected samples, chirps"),
+        (lambda: surface(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
+        (lambda: surface(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
+        (lambda: surface(triangles=TRIANGLES + np.uint32(1)), "triangles: expected vertex numbers below 6.*at row 2"),
+        (lambda: surface(triangles=TRIANGLES - np.uint32(1)), "triangles: expected vertex numbers below 6.*at row 0"),
+        (lambda: surface(np.zeros((0, 3))), "triangles: expected vertex numbers below 0, got .* at row 0"),
+        (lambda: cast(rows=0), "resolution: expected at least one row and one column, got 0 x 30"),
+        (lambda: cast(columns=0), "resolution: expected at least one row and one column, got 20 x 0"),
+        (lambda: cast(rows=2**24), "resolution: expected at most 268435456 rays, got 16777216 x 30"),
+        (lambda: cast(rows=HUGE), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(rows=2**32, columns=2**32), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(rows=HUGE, columns=HUGE), "resolution: expected at most 268435456 rays"),
+        (lambda: cast(half_width=0.0), "field_of_view: expected angles between 0 and 180 degrees"),
+        (lambda: cast(half_height=-1.0), "field_of_view: expected"),
+        (lambda: cast(half_height=NAN), "field_of_view: expected"),
+        (lambda: cast(half_width=INF), "field_of_view: expected"),
+    ],
+)
+def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -> None:
+    refuses(call, ValueError, message)
+
+
+@pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
+@pytest.mark.parametrize(
+    "call", [beat, cast, deform, frame, surfels, paths, reflectance, HITS.cos_incidence, HITS.smooth]
+)
+def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
+    refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: beat(num_samples=2**40),
+        lambda: beat(num_samples=2**62),
+        lambda: beat(num_samples=HUGE),
+        lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex)),
+        lambda: beat(np.zeros((2**58, 0)), np.zeros((2**58, 0), complex)),
+        lambda: beat(np.zeros((2**40, 0)), np.zeros((2**40, 0), complex), method="auto"),
+        lambda: frame(waveform=waveform(num_samples=2**40)),
+        lambda: frame(waveform=waveform(num_samples=HUGE)),
+        lambda: surfels(num_bodies=HUGE),
+    ],
+)
+def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
+    refuses(call, MemoryError, "(samples|bodies): .* do not fit into memory")
+
+
+@pytest.mark.parametrize(
+    ("call", "error"),
+    [
+        (lambda: beat(num_samples=-1), OverflowError),
+        (lambda: beat(num_samples=2**64), OverflowError),
+        (lambda: beat(num_samples=8.0), TypeError),
+        (lambda: beat(slope="1e13"), TypeError),
+        (lambda: beat(tolerance="1e-3"), TypeError),
+        (lambda: beat(split_still=1), TypeError),
+        (lambda: beat(threads=-1), OverflowError),
+        (lambda: beat(threads=1.0), TypeError),
+        (lambda: cast(rows=-1), OverflowError),
+        (lambda: cast(rows=8.0), TypeError),
+        (lambda: cast(half_width=None), TypeError),
+        (lambda: settings(seed=-1), OverflowError),
+        (lambda: settings(seed=2**64), OverflowError),
+        (lambda: settings(seed=1.0), TypeError),
+        (lambda: settings(rays=(1, 1, 0.5)), (TypeError, ValueError)),
+        (lambda: settings(image=None), TypeError),
+        (lambda: settings(ray_budget=-1), OverflowError),
+        (lambda: settings(retrace="10"), TypeError),
+        (lambda: settings(skip_empty=1), TypeError),
+        (lambda: settings(threads=1), TypeError),
+        (lambda: antennas(rx_patterns=[None, None]), TypeError),
+        (lambda: antennas(rx_patterns=None), TypeError),
+        (lambda: _core.Pattern(), TypeError),
+        (lambda: _core.Pattern.gaussian(1.0, 0.0), TypeError),
+        (lambda: simulator(antennas=None), TypeError),
+        (lambda: simulator(waveform=None), TypeError),
+        (lambda: simulator(settings=SETTINGS), TypeError),
+        (lambda: simulator(SURFACE), TypeError),
+        (lambda: simulator(center=(0.0, 0.0)), (TypeError, ValueError)),
+        (lambda: simulator().frame(), TypeError),
+        (lambda: simulator().frame(placement(), POSES), TypeError),
+        (lambda: simulator().image(None), TypeError),
+        (lambda: placement(vertices=VERTICES), TypeError),
+        (lambda: scene(deforming=[-1]), OverflowError),
+        (lambda: scene(deforming=[0.0]), TypeError),
+        (lambda: depth_scene(num_bodies=-1), OverflowError),
+        (lambda: depth_scene(age=None), TypeError),
+        (lambda: scene([None]), TypeError),
+        (lambda: scene(["surface"]), TypeError),
+        (lambda: _core.Scene(SURFACE), TypeError),
+        (lambda: simulator(materials=[None]), TypeError),
+        (lambda: antennas(polarization="vertical"), (TypeError, ValueError)),
+        (lambda: antennas(polarization=(1.0, 0.0)), (TypeError, ValueError)),
+        (lambda: response(wavelength=None), TypeError),
+        (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
+        (lambda: _core.Material(), TypeError),
+        (lambda: surface(crease_angle="45"), TypeError),
+        (lambda: SURFACE.quality(crease_angle=None, wavelength=5e-3), TypeError),
+        (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
+        (lambda: _core.Hits(), TypeError),
+        (lambda: _core.IdealFrame(), TypeError),
+        (lambda: _core.Settings(), TypeError),
+        (lambda: _core.load_obj(7), TypeError),
+        (lambda: _core.load_obj(""), FileNotFoundError),
+        (lambda: _core.load_obj("no such\n file.obj"), FileNotFoundError),
+        (lambda: _core.load_obj("/"), IsADirectoryError),
+        (lambda: _core.load_obj("nul\0.obj"), (OSError, ValueError)),
+    ],
+)
+def test_numbers_and_things_of_the_wrong_kind_are_refused(call: Call, error: Any) -> None:
+    refuses(call, error)

@@ -1,0 +1,129 @@
+"""Recordings on disk that are cut short, incomplete or damaged: whole frames are read, all else is named."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
+from recordings import FILES, RADAR, assert_same, cut, frame, recording, sensor_frame
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_file_cut_short_gives_the_whole_frames_that_all_files_share(tmp_path: Path, name: str) -> None:
+    rec = recording()
+    rec.save(tmp_path / "rec")
+    header = 128  # of NumPy's format, for arrays of these few dimensions
+    whole = (tmp_path / "rec" / name).stat().st_size
+    row = (whole - header) // 3
+    # Before the last byte, at the end of a frame, one byte on either side of it, within the first, none left.
+    for size in (whole - 1, header + 2 * row, header + 2 * row + 1, header + 2 * row - 1, header + 1, header):
+        cut(tmp_path / "rec" / name, size)
+        num_frames = (size - header) // row
+        with pytest.warns(UserWarning, match=f"rec: {num_frames} of 3 planned frames"):
+            assert_same(Recording.load(tmp_path / "rec"), rec, num_frames)
+        rec.save(tmp_path / "rec", overwrite=True)
+    for size in (header - 1, 20, 9, 5, 0):
+        cut(tmp_path / "rec" / name, size)
+        with pytest.raises(ValueError, match=rf"{name}: damaged or not an NPY file"):
+            Recording.load(tmp_path / "rec")
+
+
+def test_header_that_counts_fewer_frames_than_are_there_is_not_believed(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "rec", RADAR, num_frames=3, source={"kind": "test"})
+    for index in range(3):
+        writer.append(frame(index))
+    assert len(np.load(tmp_path / "rec/cube.npy")) == 0  # not closed: the header still says none
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # all planned frames are there
+        assert_same(Recording.load(tmp_path / "rec"), recording())
+    writer.close()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_missing_file_is_named(tmp_path: Path, name: str) -> None:
+    recording().save(tmp_path / "rec")
+    (tmp_path / "rec" / name).unlink()
+    with pytest.raises(ValueError, match=f"got one without {name}"):
+        Recording.load(tmp_path / "rec")
+
+
+def edited(values: dict[str, Any], **changes: Any) -> str:
+    return json.dumps(values | changes)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda meta: json.dumps(meta, indent=1)[:40], r"meta\.json, line \d"),
+        (lambda meta: "", r"meta\.json, line 1"),
+        (lambda meta: "[1, 2]", "expected format 'radarcore recording', got 'list'"),
+        (lambda meta: edited(meta, format="HDF5"), "expected format 'radarcore recording', got 'HDF5'"),
+        (lambda meta: edited(meta, version=2), r"expected version 1 \(or older\), got 2; a newer radarcore wrote it"),
+        (lambda meta: edited(meta, version=None), "expected version 1"),
+        (lambda meta: json.dumps({key: meta[key] for key in meta if key != "radar"}), "expected the key 'radar'"),
+        (lambda meta: edited(meta, radar=7), r"meta\.json: "),
+        (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": "loud"}), "tx_power_dbm: expected a number"),
+        (lambda meta: edited(meta, num_frames=-1), "num_frames: expected at least 0"),
+        (lambda meta: edited(meta, truth=["arm"]), r"truth_range\.npy: expected shape \(n, 1\).*got \(3, 2\)"),
+        (
+            lambda meta: edited(meta, radar=meta["radar"] | {"rx": [[0, 0, 0]]}),
+            r"cube\.npy: expected shape \(n, 1, 4, 16\) by its meta\.json, got \(3, 2, 4, 16\)",
+        ),
+    ],
+)
+def test_damaged_meta_is_refused_with_its_place(tmp_path: Path, edit: Any, message: str) -> None:
+    recording().save(tmp_path / "rec")
+    path = tmp_path / "rec/meta.json"
+    path.write_text(edit(json.loads(path.read_text())))
+    with pytest.raises(ValueError, match=message) as error:
+        Recording.load(tmp_path / "rec")
+    assert str(tmp_path / "rec") in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("cube", np.zeros((3, 2, 4, 16), np.int16), "cube.npy: expected float32, float64, .*got int16"),
+        ("cube", np.zeros((3, 2, 4), np.float32), r"cube.npy: expected shape \(n, 2, 4, 16\).*got \(3, 2, 4\)"),
+        ("cube", np.asfortranarray(np.zeros((3, 2, 4, 16), np.float32)), "got .* in Fortran order"),
+        ("time", np.zeros(3, np.float32), "time.npy: expected float64, got float32"),
+        ("time", np.full(3, np.nan), "rec: time: expected finite numbers"),
+    ],
+)
+def test_array_that_does_not_fit_is_refused(tmp_path: Path, name: str, array: Any, message: str) -> None:
+    recording().save(tmp_path / "rec")
+    np.save(tmp_path / f"rec/{name}.npy", array)
+    with pytest.raises(ValueError, match=message):
+        Recording.load(tmp_path / "rec")
+
+
+def test_what_is_no_recording_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no such recording.*nowhere"):
+        Recording.load(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match="got a directory without meta"):
+        Recording.load(tmp_path)
+    np.save(tmp_path / "alone.npy", np.zeros(3))
+    with pytest.raises(ValueError, match=r"alone\.npy: expected a recording's directory or \.npz file"):
+        Recording.load(tmp_path / "alone.npy")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(ValueError, match=r"other\.npz: expected a recording with meta, time, cube, got one without"):
+        Recording.load(tmp_path / "other.npz")
+    recording().save(tmp_path / "rec.npz")
+    cut(tmp_path / "rec.npz", 3000)
+    with pytest.raises(ValueError, match=r"rec\.npz: .*damaged"):
+        Recording.load(tmp_path / "rec.npz")
+
+
+@pytest.mark.parametrize("array", [np.zeros(4, np.int64), np.zeros((4, 1), np.int32), np.full(4, -3, np.int32)])
+def test_lost_frames_on_disk_that_do_not_fit_are_refused(tmp_path: Path, array: Any) -> None:
+    Recording.from_frames([sensor_frame(index, lost_before=0) for index in range(4)]).save(tmp_path / "rec")
+    np.save(tmp_path / "rec/lost.npy", array)
+    with pytest.raises(ValueError, match="lost"):
+        Recording.load(tmp_path / "rec")

@@ -1,0 +1,391 @@
+"""Scene files that are wrong: every fault is one line that names it."""
+
+from pathlib import Path
+
+import pytest
+
+import radarcore as rc
+from scene_files import BALL, PARTS, RADAR, check_fault, shaped, write
+
+
+@pytest.mark.parametrize(
+    ("materials", "shape", "fault"),
+    [
+        ('{ glas = "glass" }', "mesh", "materials: no material 'glas' in the file; did you mean 'glass'?"),
+        ('{ glass = "glas" }', "mesh", "materials: material: no material 'glas'; did you mean 'glass'?"),
+        ('{ glass = "glass" }', "ball", "materials: expected a shape of kind 'mesh' with an OBJ file, got 'sphere'"),
+    ],
+)
+def test_materials_that_an_obj_file_does_not_have_are_refused(
+    tmp_path: Path, materials: str, shape: str, fault: str
+) -> None:
+    (tmp_path / "part.obj").write_text(PARTS, encoding="utf-8")
+    kinds = {"mesh": '{ kind = "mesh", path = "part.obj" }', "ball": '{ kind = "sphere", radius = 0.1 }'}
+    check_fault(write(tmp_path, f"{shaped(kinds[shape])}materials = {materials}\n"), f"body[0] 'a': {fault}")
+
+
+def radar(line: str, without: str = "") -> str:
+    return "\n".join(row for row in RADAR.splitlines() if not (without and row.startswith(without))) + f"\n{line}\n"
+
+
+FAULTS = {
+    # Unknown keys, tables and names.
+    "key": (
+        BALL + "colour = 1",
+        "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape, material",
+    ),
+    "near key": (
+        BALL + 'materal = "wood"',
+        "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?",
+    ),
+    "near shape key": (
+        shaped('{ kind = "sphere", raduis = 0.1 }'),
+        "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
+    ),
+    "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
+    "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
+    "kind": (
+        shaped('{ kind = "spere", radius = 0.1 }'),
+        "body[0] 'a': kind: expected one of 'plate', 'disc', 'box', 'sphere', 'cylinder', 'capsule', 'dihedral', "
+        "'trihedral', 'mesh', got 'spere'",
+    ),
+    "no kind": (
+        BALL + "motion = { velocity = [1, 0, 0] }",
+        "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', got none",
+    ),
+    "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
+    "material key": (
+        BALL + "material = { albdo = 0.1 }",
+        "body[0] 'ball': material: unknown key 'albdo'; did you mean 'albedo'?",
+    ),
+    "choice": (
+        '[run]\nsampling = "points"',
+        "run: sampling: expected 'adaptive', 'fast', 'footprint' or 'point', got 'points'",
+    ),
+    "attachment": (
+        BALL + '[sensor]\nattached_to = "bal"',
+        "sensor: attached_to: unknown 'bal'; did you mean 'ball'?",
+    ),
+    "body attachment": (
+        BALL + 'attached_to = "arm/tool0"',
+        "body[0] 'ball': attached_to: unknown 'arm/tool0'; known: none",
+    ),
+    "circle": (
+        BALL + 'attached_to = "ball"',
+        "body[0] 'ball': attached_to: expected a carrier that is not attached to this in turn, got 'ball'",
+    ),
+    "link": (
+        '[sensor]\nattached_to = "arm/tol0"\n[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
+        "sensor: attached_to: unknown 'arm/tol0'; did you mean 'arm/tool0'?",
+    ),
+    "same names": (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
+    "same humans": (
+        "[[human]]\npath = [[3, 0], [5, 0]]\n" * 2,
+        "human[1] 'human': name: expected a name of its own, got that of human[0] 'human'",
+    ),
+    # Wrong types and units.
+    "unit in text": (
+        shaped('{ kind = "sphere", radius = "10 cm" }'),
+        "body[0] 'a': radius: expected a number [m], got '10 cm'",
+    ),
+    "number as name": (BALL.replace('"ball"', "3"), "body[0]: name: expected text, got 3"),
+    "boolean": ("[run]\nrate = true", "run: rate: expected a number [Hz], got true"),
+    "infinite": ("[run]\nstop = inf", "run: stop: expected a finite number [s], got inf"),
+    "fraction": ("[run]\nseed = 1.5", "run: seed: expected an integer, got 1.5"),
+    "no integers": ('[run]\nresolution = "fine"', "run: resolution: expected an integer or a list, got 'fine'"),
+    "short vector": (
+        BALL + "[sensor]\npose = { position = [1, 2] }",
+        "sensor: pose.position[2]: expected a value [m], got none",
+    ),
+    "long vector": (
+        "[sensor]\npose = { position = [1, 2, 3, 4] }",
+        "sensor: pose.position: expected 3 values [m], got 4",
+    ),
+    "no table": ("[[body]]\nshape = 3", "body[0]: shape: expected a table, got 3"),
+    "missing": ('[[body]]\nname = "x"', "body[0] 'x': shape: expected a value, got none"),
+    "missing size": (shaped('{ kind = "sphere" }'), "body[0] 'a': radius: expected a value [m], got none"),
+    "date": ("[run]\nstart = 2020-01-01", "run: start: expected a number [s], got '2020-01-01'"),
+    # Values that cannot be.
+    "negative size": (
+        BALL + BALL.replace('"ball"', '"b"') + '[[body]]\nname = "table"\nshape = { kind = "sphere", radius = -0.1 }',
+        "body[2] 'table': radius: expected a positive number [m], got -0.1",
+    ),
+    "negative rcs": (
+        "[[point]]\nposition = [1, 0, 0]\nrcs = -1",
+        "point[0]: rcs: expected zero or a positive number [m^2], got -1.0",
+    ),
+    "much material": (
+        BALL + "material = { reflection = -1, albedo = 0.5 }",
+        "body[0] 'ball': material.reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got 1.5",
+    ),
+    "two materials": (
+        BALL + "material = { reflection = -1, permittivity = [2, 0] }",
+        "body[0] 'ball': material.reflection: expected either reflection or permittivity, got both",
+    ),
+    "permittivity": (
+        BALL + "material = { permittivity = [2, -1] }",
+        "body[0] 'ball': material.permittivity: expected eps' - j eps'' with eps'' >= 0, got (2+1j)",
+    ),
+    "one permittivity": (
+        BALL + "material = { permittivity = 2.0 }",
+        "body[0] 'ball': material.permittivity: expected text or a list, got 2.0",
+    ),
+    "no permittivity of that name": (
+        BALL + 'material = { permittivity = "conrete" }',
+        "body[0] 'ball': material.permittivity: no material 'conrete'; did you mean 'concrete'?",
+    ),
+    "rough without permittivity": (
+        BALL + "material = { reflection = -0.5, roughness = 1e-4 }",
+        "body[0] 'ball': material.roughness: expected permittivity with it, got none",
+    ),
+    "albedo with permittivity": (
+        BALL + "material = { permittivity = [2, 0], albedo = 0.1 }",
+        "body[0] 'ball': material.albedo: expected none with permittivity (roughness or scattering",
+    ),
+    "two ways to scatter": (
+        BALL + "material = { permittivity = [2, 0], roughness = 1e-4, scattering = 0.5 }",
+        "body[0] 'ball': material.scattering: expected either scattering or roughness, got both (0.5, 0.0001 m)",
+    ),
+    "own material": (
+        BALL + 'material = "fellt"\n[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]',
+        "body[0] 'ball': material: no material 'fellt'; did you mean 'felt'?",
+    ),
+    "material without a name": ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
+    "key of a material": (
+        '[[material]]\nname = "felt"\nrougness = 1e-3',
+        "material[0] 'felt': unknown key 'rougness'; did you mean 'roughness'?",
+    ),
+    "material of the library": (
+        '[[material]]\nname = "wood"\nreflection = -0.5',
+        "material[0] 'wood': name: expected a name of its own, got that of one of the library",
+    ),
+    "material twice": (
+        '[[material]]\nname = "felt"\nalbedo = 0.5\n[[material]]\nname = "felt"\nalbedo = 0.4',
+        "material[1] 'felt': name: expected a name of its own, got that of another",
+    ),
+    "bright material": (
+        '[[material]]\nname = "felt"\nalbedo = 1.5',
+        "material[0] 'felt': reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got 1.5",
+    ),
+    "two rotations": (
+        "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
+        "sensor: pose.look_at: expected one of rpy_deg, quaternion and look_at, got also rpy_deg",
+    ),
+    "look down": (
+        "[sensor]\npose = { look_at = [0, 0, -1] }",
+        "sensor: pose.look_at: expected a point not straight above or below (use rpy_deg for that)",
+    ),
+    "no rotation": (
+        "[sensor]\npose = { quaternion = [0, 0, 0, 0] }",
+        "sensor: pose.quaternion: expected (w, x, y, z) of any length but zero",
+    ),
+    "times": (
+        BALL.replace("pose", "#")
+        + 'motion = { kind = "trajectory", times = [0, 1, 0.5], poses = [{}, {}, { position = [1, 0, 0] }] }',
+        "body[0] 'ball': motion.times: expected increasing times [s], got 1 and then 0.5",
+    ),
+    "pose and trajectory": (
+        BALL + 'motion = { kind = "trajectory", times = [0, 1], poses = [{}, {}] }',
+        "body[0] 'ball': pose: expected none together with a trajectory, which has its own poses",
+    ),
+    "joint times": (
+        '[[arm]]\njoints = { kind = "trajectory", times = [1, 1], angles_deg = '
+        "[[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]] }",
+        "arm[0] 'arm': joints.times: expected increasing times [s], got 1 and then 1",
+    ),
+    "joint angles": (
+        '[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0] }',
+        "arm[0] 'arm': joints.angles_deg: expected 6 values (shoulder_pan_joint, shoulder_lift_joint, elbow_joint, "
+        "wrist_1_joint, wrist_2_joint, wrist_3_joint), got 2",
+    ),
+    "fast human": (
+        "[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]",
+        "human[0] 'human': speed: expected at most 2.78 m/s",
+    ),
+    "one waypoint": ("[[human]]\npath = [[3, 0]]", "human[0] 'human': path: expected at least two waypoints, got 1"),
+    "run": ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
+    "rate": ("[run]\nrate = 0", "run: rate: expected a positive number [Hz], got 0.0"),
+    "field of view": (
+        "[run]\nfield_of_view_deg = [190, 60]",
+        "run: field_of_view_deg: expected angles between 0 and 180 degrees, got [190.0, 60.0]",
+    ),
+    "along z alone": ("[sensor]\nalong_z = 0.05", "sensor: along_z: expected attached_to as well"),
+    "along z and pose": (
+        BALL + '[sensor]\nalong_z = 0.05\nattached_to = "ball"\npose = {}',
+        "sensor: along_z: expected it alone, got pose as well",
+    ),
+    "body at the sensor": (
+        shaped('{ kind = "sphere", radius = 2.0 }'),
+        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
+    ),
+    "sensor in a body": (
+        '[[body]]\nname = "ball"\nshape = { kind = "sphere", radius = 0.3 }',
+        "sensor: pose: expected the antennas outside of every body smaller than 2 m when the run begins, got them "
+        "inside 'ball'",
+    ),
+    "point at the sensor": (
+        '[[point]]\nname = "p"\nposition = [0, 0, 0]',
+        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got 0 mm to 'p'",
+    ),
+    "flange": (
+        '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0\n[[arm]]\n'
+        'joints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
+        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
+    ),
+}
+
+RADAR_FAULTS = {
+    "gigahertz": (
+        radar("start_frequency = 60", without="start"),
+        "radar: start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 60",
+    ),
+    "preset gigahertz": (
+        '[radar]\npreset = "bgt60tr13c"\nstop_frequency = 61.5',
+        "radar: stop_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 61.5",
+    ),
+    "preset": (
+        '[radar]\npreset = "bgt60"',
+        "radar: preset: expected 'bgt60tr13c', got 'bgt60'",
+    ),
+    "no radar": ("[run]\nstop = 1", "radar: expected a value, got none"),
+    "no samples": (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),
+    "no slope": (radar("", without="stop"), "radar: slope: expected either slope or stop_frequency, got none"),
+    "polarization": (
+        radar('polarization = "circular"'),
+        "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",
+    ),
+    "long polarization": (
+        radar("polarization = [0, 0, 2]"),
+        "radar: polarization: expected a unit vector, got one of length 2",
+    ),
+    "two slopes": (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
+    "float count": (
+        radar("num_samples = 64.0", without="num_samples"),
+        "radar: num_samples: expected an integer, got 64.0",
+    ),
+    "chirp times": (
+        radar("num_chirps = 2\nchirp_times = [1e-3, 0.0]"),
+        "radar: chirp_times: expected increasing times [s], got 0.001 and 0 at index 0 and 1",
+    ),
+    "beam width": (
+        radar("pattern = { beamwidth_azimuth_deg = 30 }"),
+        "radar: pattern.beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
+    ),
+    "negative beam": (
+        radar("pattern = { beamwidth_azimuth_deg = -30, beamwidth_elevation_deg = 3 }"),
+        "radar: pattern.beamwidth_azimuth_deg: expected a positive number [degrees], got -30.0",
+    ),
+    "table without gains": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),
+        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got none",
+    ),
+    "gains without angles": (
+        radar("pattern = { gain_db = [[0, 1], [0, 1]], elevation_deg = [0, 1] }"),
+        "radar: pattern.azimuth_deg: expected a list, as all three keys of a table are, got none",
+    ),
+    "one gain": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = 3 }"),
+        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got 3.0",
+    ),
+    "table of radians": (
+        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 91], gain_db = [[0, 0], [0, 0]] }"),
+        "radar: pattern.elevation_deg: expected angles from -90 to 90 [degrees], got 91",
+    ),
+    "table of words": (
+        radar('pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, "x"]] }'),
+        "radar: pattern.gain_db[1][1]: expected a number [dBi], got 'x'",
+    ),
+    "word for a gain": (
+        radar('pattern = { gain_db = "x" }'),
+        "radar: pattern.gain_db: expected a number or a list [dBi], got 'x'",
+    ),
+    "table and widths": (
+        radar(
+            "pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, 0]], "
+            "beamwidth_azimuth_deg = 3 }"
+        ),
+        "radar: pattern.azimuth_deg: expected either a table or beam widths, got both",
+    ),
+    "file and gain": (
+        radar('pattern = { path = "horn.csv", gain_db = 3 }'),
+        "radar: pattern.path: expected it alone, got gain_db as well",
+    ),
+    "patterns": (
+        radar("tx_patterns = [{}, {}]"),
+        "radar: tx_patterns: expected 1 patterns, one per element, got 2",
+    ),
+    "one of the patterns": (
+        radar("tx_patterns = [{ beamwidth_azimuth_deg = 30 }]"),
+        "radar: tx_patterns[0].beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
+    ),
+    "receiver": (
+        radar("receiver = { noise_figure = 3 }"),
+        "radar: receiver: unknown key 'noise_figure'; did you mean 'noise_figure_db'?",
+    ),
+    "antennas": (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
+    "syntax": ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_fault_is_one_line_that_names_it(tmp_path: Path, name: str) -> None:
+    text, message = FAULTS[name]
+    check_fault(write(tmp_path, text), message)
+
+
+@pytest.mark.parametrize("name", RADAR_FAULTS)
+def test_radar_fault_is_one_line_that_names_it(tmp_path: Path, name: str) -> None:
+    text, message = RADAR_FAULTS[name]
+    check_fault(write(tmp_path, "", radar=text), message)
+
+
+def test_missing_mesh_is_named_with_its_body(tmp_path: Path) -> None:
+    path = write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }'))
+    with pytest.raises(FileNotFoundError) as caught:
+        rc.load_scene(path)
+    assert str(caught.value) == f"{path}: body[0] 'a': path: expected a mesh file, got none at {tmp_path / 'part.obj'}"
+
+
+def test_broken_mesh_is_named_with_its_body_and_line(tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_text("v 0 0 x\n")
+    check_fault(write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }')), "body[0] 'a': ")
+
+
+def test_missing_urdf_is_named_with_its_arm(tmp_path: Path) -> None:
+    path = write(tmp_path, '[[arm]]\nmodel = "x.urdf"\njoints = { kind = "rest", angles_deg = [] }\n')
+    with pytest.raises(FileNotFoundError) as caught:
+        rc.load_scene(path)
+    assert str(caught.value).startswith(f"{path}: arm[0] 'arm': model: ")
+
+
+def test_missing_scene_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        rc.load_scene(tmp_path / "none.toml")
+
+
+def test_text_that_is_no_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"[radar]\n# \xff\n")
+    check_fault(path, "not TOML: expected UTF-8, got byte 0xff")
+
+
+def test_misspelt_key_does_not_hide_a_fault_of_the_right_one(tmp_path: Path) -> None:
+    path = write(tmp_path, shaped('{ kind = "sphere", raduis = 0.1, radius = "x" }'))
+    with pytest.raises(ValueError, match="raduis") as caught:
+        rc.load_scene(path)
+    assert "radius: expected a number [m], got 'x'" in str(caught.value)
+
+
+def test_value_of_one_of_several_types(tmp_path: Path) -> None:
+    check_fault(write(tmp_path, BALL + "material = 3"), "body[0] 'ball': material: expected text or a table, got 3")
+    check_fault(write(tmp_path, "[run]\nresolution = [1, 2.5]"), "run: resolution[1]: expected an integer, got 2.5")
+
+
+def test_several_faults_are_one_line_each(tmp_path: Path) -> None:
+    path = write(tmp_path, '[run]\nstopp = 1\nrate = "fast"\n')
+    with pytest.raises(ValueError, match="stopp") as caught:
+        rc.load_scene(path)
+    assert str(caught.value).splitlines() == [
+        f"{path}: run: rate: expected a number [Hz], got 'fast'",
+        f"{path}: run: unknown key 'stopp'; did you mean 'stop'?",
+    ]

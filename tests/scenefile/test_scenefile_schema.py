@@ -1,0 +1,88 @@
+"""The schema of scene files: every key with unit and default, none missing and no other."""
+
+import importlib.util
+import json
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+import pytest
+
+import radarcore as rc
+from radarcore.scenefile import schema, tables
+from radarcore.scenefile.read import kind_of, tables_in
+from radarcore.simulate.settings import Settings
+from scene_files import EXAMPLES
+
+
+def test_every_setting_is_a_key_of_the_run_table_with_the_same_default() -> None:
+    defaults = {field.name: field.default for field in fields(Settings)}
+    keys = {name: field.default for name, field in tables.RunTable.model_fields.items()}
+    assert {name: keys.get(name, "no key") for name in defaults} == defaults | {"method": "no key", "threads": "no key"}
+
+
+def test_there_is_a_table_for_every_shape() -> None:
+    kinds = {kind_of(table) for table in tables_in(tables.ShapeTable)} - {"mesh"}
+    assert all(callable(getattr(rc.shapes, kind)) for kind in kinds)
+    assert kinds == {"plate", "disc", "box", "sphere", "cylinder", "capsule", "dihedral", "trihedral"}
+
+
+def all_keys(table: type[tables.Table] = tables.SceneTable, prefix: str = "") -> Iterator[str]:
+    for name, field in table.model_fields.items():
+        if name == "kind":
+            continue
+        inner = tables_in(field.annotation)
+        key = prefix + name + ("[]" if inner and get_origin(field.annotation) is list else "")
+        yield key
+        for part in inner:
+            yield from all_keys(part, f"{key}.")
+
+
+def test_schema_lists_every_key_with_unit_and_default() -> None:
+    lines = schema.text().splitlines()
+    listed = {line.split()[0] for line in lines}
+    assert set(all_keys()) <= listed
+    assert len(set(all_keys())) > 100
+    for line in lines:
+        key, text = line.split(maxsplit=1)
+        if not key.endswith(".kind") and key not in ("sensor", "run") and not key.endswith(".pose"):
+            assert "default: " in text or "required" in text, line
+        if key.endswith("_deg"):
+            assert "[degrees" in text or "; metres" in text, line
+        for unit, ends in {"Hz": "frequency", "s": "_interval", "m": "position"}.items():
+            if key.endswith(ends):
+                assert f"[{unit}]" in text, line
+
+
+def test_json_schema_has_the_same_keys_and_forbids_others() -> None:
+    found = schema.json_schema()
+    assert json.loads(json.dumps(found)) == found
+    by_name = {"SceneTable": found, **found["$defs"]}
+
+    def every(table: type[tables.Table]) -> Iterator[type[tables.Table]]:
+        yield table
+        for field in table.model_fields.values():
+            for part in tables_in(field.annotation):
+                yield from every(part)
+
+    for table in every(tables.SceneTable):
+        described: dict[str, Any] = by_name[table.__name__]
+        assert set(described["properties"]) == set(table.model_fields)
+        assert described["additionalProperties"] is False
+        required = {name for name, field in table.model_fields.items() if field.is_required()}
+        assert set(described.get("required", [])) == required
+        assert all(
+            get_args(field.annotation) or "description" in described["properties"][name]
+            for name, field in table.model_fields.items()
+        )
+
+
+@pytest.mark.skipif(importlib.util.find_spec("jsonschema") is None, reason="needs jsonschema")
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_json_schema_accepts_the_examples(path: Path) -> None:
+    import tomllib
+
+    import jsonschema
+
+    jsonschema.validate(tomllib.loads(path.read_text()), schema.json_schema())

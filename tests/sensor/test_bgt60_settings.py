@@ -1,0 +1,311 @@
+"""Settings of the BGT60TR13C: values that it has in steps, and limits that name the nearest possible one."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from chip_settings import CLOCK, legal_settings
+from radarcore.sensor.bgt60.settings import IF_GAINS_DB, Settings, achieved, registers_of, settings_of
+
+
+@pytest.mark.parametrize(
+    ("gains", "result"),
+    [
+        (range(18, 21), 18),
+        (range(21, 26), 23),
+        (range(26, 29), 28),
+        (range(29, 32), 30),
+        (range(32, 34), 33),
+        (range(34, 37), 35),
+        (range(37, 39), 38),
+        (range(39, 42), 40),
+        (range(42, 44), 43),
+        (range(44, 47), 45),
+        (range(47, 49), 48),
+        (range(49, 53), 50),
+        (range(53, 58), 55),
+        (range(58, 61), 60),
+    ],
+)
+def test_gain_goes_to_the_nearest_step(gains: range, result: int) -> None:
+    for gain in gains:
+        assert achieved(Settings(if_gain_db=gain)).if_gain_db == result
+        # The first amplifier has 18 dB for these.
+        first = registers_of(Settings(if_gain_db=gain), 2)[0x12] >> 20
+        assert first == (7 if result in (18, 23, 28, 33, 38, 43, 48) else 0)
+    assert result in IF_GAINS_DB
+
+
+@pytest.mark.parametrize(
+    ("rate", "divider", "back"),
+    [
+        (2e6, 40, 2e6),
+        (1e6, 80, 1e6),
+        (500e3, 160, 500e3),
+        (600e3, 133, 601504.0),
+        (1.5e6, 53, 1509434.0),
+        (2.33e6, 34, 2352941.0),
+        (3e6, 27, 2962963.0),
+        (4e6, 20, 4e6),
+        (78201.0, 1023, 78201.0),
+        (2909090.0, 28, 2857143.0),
+        (2909091.0, 27, 2962963.0),
+    ],
+)
+def test_sample_rate_is_the_clock_divided(rate: float, divider: int, back: float) -> None:
+    wanted = Settings(sample_rate=rate, num_samples=16)
+    adc = registers_of(wanted, 2)[0x01]
+    assert adc >> 14 == divider
+    assert adc & 0x3FFF == (0x210 if divider >= 28 else 0x010)  # with tracking, or too fast for it
+    assert achieved(wanted).sample_rate == back
+    # The exact rate, as a radar has it, is the same one.
+    assert achieved(dataclasses.replace(wanted, sample_rate=CLOCK / divider)).sample_rate == back
+
+
+def test_every_divider_is_found_again_from_its_rate() -> None:
+    for divider in range(20, 1024):
+        read_back = float((160_000_000 // divider + 1) // 2)
+        for rate in (read_back, CLOCK / divider):
+            if rate >= 78201.0:
+                assert (
+                    registers_of(Settings(sample_rate=rate, num_samples=8, end_frequency=59e9), 2)[0x01] >> 14
+                    == divider
+                )
+
+
+@pytest.mark.parametrize(
+    ("cutoff", "result"),
+    [
+        (0.0, 20e3),
+        (20e3, 20e3),
+        (32499.0, 20e3),
+        (32500.0, 45e3),
+        (57499.0, 45e3),
+        (57500.0, 70e3),
+        (74999.0, 70e3),
+        (75000.0, 80e3),
+        (1e9, 80e3),
+    ],
+)
+def test_highpass_goes_to_the_nearest_cutoff(cutoff: float, result: float) -> None:
+    assert achieved(Settings(highpass_cutoff=cutoff)).highpass_cutoff == result
+
+
+@pytest.mark.parametrize(
+    ("sampling", "field"),
+    [
+        (5760, 0xE00),
+        (5720, 0x600),
+        (3760, 0x600),
+        (3680, 0xC00),
+        (720, 0xC00),
+        (680, 0x400),
+        (480, 0x400),
+        (440, 0xA00),
+        (360, 0xA00),
+        (320, 0x200),
+        (240, 0x200),
+        (200, 0x800),
+        (160, 0x000),
+    ],
+)
+def test_sensor_adc_averages_as_long_as_the_chirp_allows(sampling: int, field: int) -> None:
+    narrow = Settings(num_samples=sampling // 40, end_frequency=59e9)
+    assert registers_of(narrow, 2)[0x07] == 0x010100 | field
+
+
+def test_transmitter_off_has_no_power() -> None:
+    off = registers_of(Settings(is_transmitting=False, rx_mask=4), 2)
+    # Neither TX1_EN nor LO_DIST1, which RX2 and TX share.
+    assert (off[0x10], off[0x11]) == (0x130450, 0x4FF400)
+    decoded = settings_of(off)
+    assert (decoded.is_transmitting, decoded.tx_power_level) == (False, 0)
+
+
+def test_falling_ramp_starts_at_the_top() -> None:
+    falling = Settings(start_frequency=63.5e9, end_frequency=58e9)
+    registers = registers_of(falling, 2)
+    # The step of the rising ramp, downwards, and 150 cycles before the start.
+    assert registers[0x31] == 0x1000000 - 3208
+    assert registers[0x30] == 3375104 + 150 * 3208
+    back = settings_of(registers)
+    assert back.start_frequency == 63.5e9
+    assert back.end_frequency == 640e6 * (96 + (3375104 - 3208 * 2809) / 2**20)
+
+
+def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() -> None:
+    slow = Settings(sample_rate=500e3, num_samples=800, chirp_time=2e-3, frame_time=0.2)
+    # 9011200 steps in 128249 cycles are 70.26 per cycle, rounded to 70: 20 MHz short. 71 would be too far.
+    back = achieved(slow)
+    assert back.end_frequency == pytest.approx(63.5e9 - 20.6e6, abs=0.1e6)
+    wider = dataclasses.replace(slow, start_frequency=58.02e9)  # 70.0 per cycle
+    assert registers_of(achieved(wider), 2)[0x31] == 70
+    beyond = dataclasses.replace(slow, start_frequency=58.03e9)  # 69.88, rounded up
+    assert achieved(beyond).end_frequency > 63.505e9
+    assert registers_of(achieved(beyond), 2) == registers_of(beyond, 2)
+    with pytest.raises(ValueError, match=r"end_frequency: expected 58 GHz to 63.5 GHz, got 63.56 GHz"):
+        registers_of(dataclasses.replace(beyond, end_frequency=63.56e9), 2)
+
+
+# Limits.
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sample_rate": 5e6}, "sample_rate: expected 78.201 kHz to 4 MHz, got 5 MHz; the nearest is 4 MHz"),
+        ({"sample_rate": 50e3}, "sample_rate: expected 78.201 kHz to 4 MHz, got 50 kHz; the nearest is 78.201 kHz"),
+        ({"sample_rate": 0.0}, "sample_rate: expected 78.201 kHz to 4 MHz, got 0 Hz; the nearest is 78.201 kHz"),
+        ({"sample_rate": 1e300}, "sample_rate: expected 78.201 kHz to 4 MHz, got"),
+        ({"num_samples": 0}, "num_samples: expected 1 to 4095, got 0; the nearest is 1"),
+        ({"num_samples": 4096}, "num_samples: expected 1 to 4095, got 4096; the nearest is 4095"),
+        (
+            {"num_samples": 4000},
+            "num_samples: expected 1 to 3266 at 2 MHz (ramps of at most 1.6383 ms), got 4000; the nearest is 3266, or "
+            "a sample_rate of at least 2.5 MHz",
+        ),
+        ({"num_chirps": 0}, "num_chirps: expected 1 to 4096, got 0; the nearest is 1"),
+        ({"num_chirps": 4097}, "num_chirps: expected 1 to 4096, got 4097; the nearest is 4096"),
+        ({"rx_mask": 0}, "rx_mask: expected 1 to 7, got 0; the nearest is 1"),
+        ({"rx_mask": 8}, "rx_mask: expected 1 to 7, got 8; the nearest is 7"),
+        ({"tx_power_level": -1}, "tx_power_level: expected 0 to 31, got -1; the nearest is 0"),
+        ({"tx_power_level": 32}, "tx_power_level: expected 0 to 31, got 32; the nearest is 31"),
+        ({"if_gain_db": 17}, "if_gain_db: expected 18 dB to 60 dB, got 17 dB; the nearest is 18 dB"),
+        ({"if_gain_db": 61}, "if_gain_db: expected 18 dB to 60 dB, got 61 dB; the nearest is 60 dB"),
+        ({"num_frames": -1}, "num_frames: expected 0 to 4094, got -1; the nearest is 0"),
+        ({"num_frames": 4095}, "num_frames: expected 0 to 4094, got 4095; the nearest is 4094"),
+        ({"highpass_cutoff": -1.0}, "highpass_cutoff: expected 0 Hz or more, got -1 Hz; the nearest is 20 kHz"),
+        (
+            {"start_frequency": 57.999e9},
+            "start_frequency: expected 58 GHz to 63.5 GHz, got 57.999 GHz; the nearest is 58 GHz",
+        ),
+        ({"start_frequency": 0.0}, "start_frequency: expected 58 GHz to 63.5 GHz, got 0 Hz; the nearest is 58 GHz"),
+        (
+            {"end_frequency": 63.6e9},
+            "end_frequency: expected 58 GHz to 63.5 GHz, got 63.6 GHz; the nearest is 63.5 GHz",
+        ),
+        ({"end_frequency": -1e300}, "end_frequency: expected 58 GHz to 63.5 GHz, got -1e+291 GHz"),
+        (
+            {"chirp_time": 30e-6},
+            "chirp_time: expected at least 39.7125 us for 64 samples at 2 MHz, got 30 us; the nearest is 39.7125 us",
+        ),
+        ({"chirp_time": -1e300}, "chirp_time: expected at least 39.7125 us"),
+        ({"chirp_time": 1e300}, "chirp_time: expected at most 27380.4176027 s (the longest timer), got 1e+300 s"),
+        (
+            {"frame_time": 30e-3},
+            "frame_time: expected at least 37.2805875 ms for 64 chirps every 591.125 us, got 30 ms; the nearest is "
+            "37.2805875 ms",
+        ),
+        (
+            {"frame_time": 30e-6, "num_chirps": 1},
+            "frame_time: expected at least 39.7125 us for a chirp of 64 samples at 2 MHz, got 30 us",
+        ),
+        ({"frame_time": 28e3}, "frame_time: expected at most 27380.4548436 s (the longest timer), got 28000 s"),
+    ],
+)
+def test_chip_refuses_and_names_the_nearest(changes: dict[str, Any], message: str) -> None:
+    wanted = Settings(**changes)  # finite numbers are taken
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
+        registers_of(wanted, 2)
+    assert str(caught.value).startswith(message)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sample_rate": 4e6},
+        {"sample_rate": 78201.0, "chirp_time": 1e-3, "frame_time": 0.1},
+        {"num_samples": 1, "end_frequency": 58.1e9},
+        {"num_samples": 3266, "chirp_time": 2e-3, "frame_time": 1.0},
+        {"num_samples": 4000, "sample_rate": 2.5e6, "chirp_time": 2e-3, "frame_time": 1.0},
+        {"num_samples": 4095, "sample_rate": 4e6, "chirp_time": 2e-3, "frame_time": 1.0},
+        {"num_chirps": 4096, "frame_time": 3.0},
+        {"num_chirps": 1},
+        {"tx_power_level": 0},
+        {"num_frames": 4094},
+        {"start_frequency": 58e9 - 499.0},  # rounded to kHz
+        {"end_frequency": 63.5e9 + 499.0},
+        {"chirp_time": 39.7125e-6},
+        {"frame_time": 37.2805875e-3},
+        {"chirp_time": 27380.0, "frame_time": 27380.0, "num_chirps": 1},
+        {"frame_time": 27380.4548436},
+    ],
+)
+def test_chip_can_do_its_limits(changes: dict[str, Any]) -> None:
+    wanted = Settings(**changes)
+    back = achieved(wanted)
+    for name in changes.keys() - {"start_frequency", "end_frequency", "chirp_time"}:
+        assert getattr(back, name) == pytest.approx(changes[name], rel=0.004)
+
+
+@pytest.mark.parametrize("ends", [(58e9, 63.5e9), (58.2e9, 63e9), (63.5e9, 58e9)])
+def test_ramp_must_not_begin_beyond_the_pll(ends: tuple[float, float]) -> None:
+    steep = Settings(start_frequency=ends[0], end_frequency=ends[1], num_samples=1, sample_rate=4e6)
+    with pytest.raises(
+        ValueError, match=r"end_frequency: expected at (most|least) [\d.]+ GHz after 3.3625 us"
+    ) as caught:
+        registers_of(steep, 2)
+    # The nearest value that it names is within a step of the slope, 269 cycles of 610 Hz, of a possible one.
+    nearest = float(str(caught.value).split("the nearest is ")[1].split()[0]) * 1e9
+    registers_of(dataclasses.replace(steep, end_frequency=nearest), 2)
+    further = nearest + np.sign(ends[1] - ends[0]) * 170e3
+    with pytest.raises(ValueError, match="end_frequency"):
+        registers_of(dataclasses.replace(steep, end_frequency=further), 2)
+
+
+NUMBERS = ("start_frequency", "end_frequency", "sample_rate", "chirp_time", "frame_time", "highpass_cutoff")
+COUNTS = ("num_samples", "num_chirps", "rx_mask", "tx_power_level", "if_gain_db", "num_frames")
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, *COUNTS, "is_transmitting"])
+def test_settings_are_finite_numbers(name: str) -> None:
+    for value in (None, "2", [1], 1j) if name == "is_transmitting" else (True, None, "2", [1], 1j):
+        with pytest.raises(TypeError, match=f"^{name}: expected"):
+            Settings(**{name: value})
+    for value in (float("nan"), float("inf"), -float("inf")):
+        with pytest.raises((ValueError, TypeError), match=f"^{name}: expected"):
+            Settings(**{name: value})
+
+
+def test_settings_become_plain_numbers() -> None:
+    plain = Settings(
+        start_frequency=np.float64(58e9),
+        chirp_time=np.float32(1e-3),
+        num_samples=np.int64(8),
+        is_transmitting=np.bool_(True),
+    )
+    assert [type(value) for value in dataclasses.astuple(plain)] == [
+        type(value) for value in dataclasses.astuple(Settings())
+    ]
+    assert hash(plain) != hash(Settings())
+
+
+@settings(deadline=None)
+@given(wanted=legal_settings())
+def test_achieved_settings_are_within_the_chips_steps(wanted: Settings) -> None:
+    back = achieved(wanted)
+    for name in ("num_samples", "num_chirps", "rx_mask", "is_transmitting", "num_frames"):
+        assert getattr(back, name) == getattr(wanted, name)
+    assert back.tx_power_level == (wanted.tx_power_level if wanted.is_transmitting else 0)
+    # Half a step of the divider, and 1 Hz of rounding to whole ones.
+    assert abs(CLOCK / back.sample_rate - CLOCK / wanted.sample_rate) <= 0.5 + 1.1 * CLOCK / wanted.sample_rate**2
+    # 500 Hz of rounding to kHz and 305 Hz to the PLL's step; the slope's half step over the whole sweep.
+    length = round(CLOCK / back.sample_rate) * back.num_samples + 249
+    step = 640e6 / 2**20
+    assert abs(back.start_frequency - wanted.start_frequency) <= 810.0
+    assert abs(back.end_frequency - wanted.end_frequency) <= 1620.0 + (0.5 * length + 1) * step
+    # Timers of 8 bits: 6 cycles, or half a part in 127 of the delay; times come in float32.
+    chirp = (8 * -(-(length + 150) // 8) + 217) / CLOCK
+    if wanted.num_chirps > 1:
+        delay = wanted.chirp_time - chirp
+        bound = 7 / CLOCK + 0.004 * delay + 2.0**-23 * wanted.chirp_time
+        assert abs(back.chirp_time - wanted.chirp_time) <= bound
+    delay = wanted.frame_time - (wanted.num_chirps - 1) * back.chirp_time - chirp
+    assert abs(back.frame_time - wanted.frame_time) <= 7 / CLOCK + 0.004 * delay + 2.0**-23 * wanted.frame_time

@@ -1,0 +1,279 @@
+"""ComLib messages: byte examples of the protocol, codes of frames, and parsers of any stream."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from radarcore.sensor.comlib.codes import Base, Direction, EndpointType, status_text
+from radarcore.sensor.comlib.messages import BoardParser, Damage, HostParser, Message, StatusMessage
+from radarcore.sensor.comlib.payloads import (
+    AdcSettings,
+    Endpoint,
+    Firmware,
+    FmcwSettings,
+    Format,
+    Frame,
+    Info,
+    Reading,
+    decode_byte,
+    decode_endpoints,
+    decode_number,
+    encode_byte,
+    encode_endpoints,
+    encode_number,
+    pack_bits,
+    unpack_bits,
+)
+from radarcore.sensor.errors import ProtocolError
+
+fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+ENDPOINTS = [Endpoint(EndpointType.RBAS), Endpoint(EndpointType.RFMC), Endpoint(EndpointType.RADX)]
+FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4, 1)
+
+
+# Byte examples
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("5A 00 01 00 00 DB E0", Message(0, b"\0")),
+        (
+            "5A 00 14 00 00 03 53 41 42 52 01 00 43 4D 46 52 01 00 58 44 41 52 01 00 DB E0",
+            Message(0, encode_endpoints(ENDPOINTS)),
+        ),
+        ("5B 00 00 00", StatusMessage(0, 0)),
+        ("5A 01 02 00 01 01 DB E0", Message(1, encode_byte(Base.GET_FRAME, 1))),
+        ("5A 01 0B 00 41 40 00 00 00 10 00 00 00 0F 00 DB E0", Message(1, Format(64, 16, 0xF).encode())),
+        (
+            "5A 02 0B 00 01 40 C0 65 03 00 90 D0 03 00 1F DB E0",
+            Message(2, FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31).encode()),
+        ),
+        ("5A 01 05 00 02 50 C3 00 00 DB E0", Message(1, encode_number(Base.SET_INTERVAL, 50_000))),
+        (
+            "5A 01 18 00 00 07 00 00 00 01 00 00 00 01 04 00 00 00 01 00 0C 00 23 61 45 89 C7 AB DB E0",
+            Message(1, Frame(7, FOUR_CODES, rx_mask=1).encode()),
+        ),
+    ],
+)
+def test_messages_are_the_bytes_of_the_protocol(text, message):
+    assert message.encode() == bytes.fromhex(text)
+    assert HostParser().feed(bytes.fromhex(text)) == [message]
+
+
+def test_records_come_back_as_they_were_sent():
+    assert decode_endpoints(encode_endpoints(ENDPOINTS)) == ENDPOINTS
+    assert [endpoint.letters for endpoint in ENDPOINTS] == ["RBAS", "RFMC", "RADX"]
+    for record in (
+        Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
+        Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
+        Format(256, 31, 5, 2),
+        FmcwSettings(1, 2, 3, 4),
+        AdcSettings(640_000, 12, 1),
+    ):
+        assert type(record).decode(record.encode()) == record
+    reading = Reading(0, -12_345)
+    assert Reading.decode(reading.encode(Base.TEMPERATURE)) == reading
+    assert decode_number(encode_number(0x35, 150_000)) == 150_000
+
+
+def test_status_names_depend_on_the_endpoint():
+    assert status_text(0, 2) == "bad start byte (0x0002)"
+    assert status_text(1, 2) == "busy (0x0002)"
+    assert status_text(1, 0x12E) == "FIFO overflow (0x012E)"
+    assert status_text(1, 0x7777) == "unknown status (0x7777)"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Message(256, b"").encode(), "endpoint: expected 0 to 255, got 256"),
+        (lambda: Message(1, bytes(65536)).encode(), "payload: expected at most 65535 bytes, got 65536"),
+        (lambda: Format(-1, 0, 0).encode(), "ComLib frame format: .*-1"),
+        (lambda: StatusMessage(0, 65536).encode(), "ComLib status: .*65536"),
+    ],
+)
+def test_what_does_not_fit_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    "decode",
+    [
+        decode_endpoints,
+        decode_number,
+        decode_byte,
+        Firmware.decode,
+        Info.decode,
+        Format.decode,
+        FmcwSettings.decode,
+        AdcSettings.decode,
+        Reading.decode,
+        Frame.decode,
+    ],
+)
+@fuzz
+@given(payload=st.binary(max_size=40))
+def test_any_payload_is_decoded_or_refused(decode, payload):
+    try:
+        decode(payload)
+    except ProtocolError as error:
+        assert str(error).startswith("ComLib ")  # noqa: PT017  # most payloads are refused, not all
+
+
+# Frames
+
+
+def in_order_of_the_wire(codes: np.ndarray, *, is_interleaved: bool, data_format: int) -> list[int]:
+    """Codes [rx, chirp, sample, part] in the order that the protocol tells, by loops."""
+    num_rx, num_chirps, num_samples, _ = codes.shape
+    rxs, samples, parts = range(num_rx), range(num_samples), range(2 if data_format else 1)
+    stream = []
+    for chirp in range(num_chirps):
+        if not is_interleaved and data_format == 1:
+            order = [(rx, s, part) for rx in rxs for part in parts for s in samples]
+        elif not is_interleaved:
+            order = [(rx, s, part) for rx in rxs for s in samples for part in parts]
+        elif data_format == 1:
+            order = [(rx, s, part) for part in parts for s in samples for rx in rxs]
+        else:
+            order = [(rx, s, part) for s in samples for rx in rxs for part in parts]
+        stream += [int(codes[rx, chirp, s, part]) for rx, s, part in order]
+    return stream
+
+
+@pytest.mark.parametrize(("is_interleaved", "data_format"), list(itertools.product([False, True], [0, 1, 2])))
+def test_frames_of_every_order_are_decoded(is_interleaved, data_format):
+    codes = np.random.default_rng(1).integers(0, 4096, (3, 2, 5, 2 if data_format else 1), np.uint16)
+    stream = in_order_of_the_wire(codes, is_interleaved=is_interleaved, data_format=data_format)
+    # 12 bits each, the lowest first: one large number, written from its lowest byte on.
+    number = sum(code << 12 * i for i, code in enumerate(stream))
+    head = bytes.fromhex("00 09 00 00 00 02 00 00 00 03 05 00 00 00 07") + bytes([data_format, 12, is_interleaved])
+    payload = head + number.to_bytes(-(-len(stream) * 12 // 8), "little")
+
+    frame = Frame.decode(payload)
+    assert (frame.number, frame.rx_mask, frame.data_format, frame.is_interleaved) == (
+        9, 7, data_format, is_interleaved,
+    )  # fmt: skip
+    np.testing.assert_array_equal(frame.codes, codes)
+    assert frame.codes.dtype == np.uint16
+    assert frame.codes.flags.c_contiguous
+    assert frame.encode() == payload
+
+
+@given(st.integers(1, 16), st.lists(st.integers(0, 65535), max_size=20))
+@fuzz
+def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
+    codes = np.array(numbers, np.uint16) & np.uint16((1 << resolution) - 1)
+    data = pack_bits(codes, resolution)
+    assert len(data) == -(-len(numbers) * resolution // 8)
+    assert int.from_bytes(data, "little") == sum(int(code) << resolution * i for i, code in enumerate(codes))
+    np.testing.assert_array_equal(unpack_bits(data, len(codes), resolution), codes)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data[:-1], "expected 24 bytes .* got 23"),
+        (lambda data: data + b"\0", "expected 24 bytes .* got 25"),
+        (lambda data: data[:10], "expected 18 bytes, got 10"),
+        (lambda data: data[:15] + b"\x03" + data[16:], "expected data format 0 to 2"),
+        (lambda data: data[:16] + b"\x00" + data[17:], "1 to 16 bits"),
+        (lambda data: data[:5] + b"\xff\xff\xff\xff" + data[9:], r"expected 25769803788 bytes"),
+    ],
+)
+def test_frame_of_a_wrong_size_is_refused(change, message):
+    with pytest.raises(ProtocolError, match=message):
+        Frame.decode(change(Frame(7, FOUR_CODES, rx_mask=1).encode()))
+
+
+# Parsers
+
+items = st.builds(Message, st.integers(0, 255), st.binary(max_size=300)) | st.builds(
+    StatusMessage, st.integers(0, 255), st.integers(0, 65535)
+)
+requests = st.builds(Message, st.integers(0, 3), st.binary(min_size=1, max_size=300))
+cuts = st.lists(st.integers(0, 2000))
+
+
+def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
+    places = sorted({0, len(data), *(place % (len(data) + 1) for place in places)})
+    return [data[a:b] for a, b in itertools.pairwise(places)]
+
+
+@fuzz
+@given(st.lists(items), cuts)
+def test_host_gets_every_message_however_the_stream_is_cut(sent, places):
+    parser = HostParser()
+    stream = b"".join(item.encode() for item in sent)
+    assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
+    assert parser.is_idle
+
+
+@fuzz
+@given(st.lists(requests), cuts)
+def test_board_gets_every_request_however_the_stream_is_cut(sent, places):
+    parser = BoardParser(3)
+    stream = b"".join(item.encode() for item in sent)
+    assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
+
+
+@fuzz
+@given(st.lists(st.binary() | items.map(lambda item: item.encode())), cuts)
+def test_no_bytes_upset_the_parsers(parts, places):
+    stream = b"".join(parts)
+    host, board = HostParser(), BoardParser(3)
+    num_used = 0
+    for piece in pieces(stream, places):
+        for item in host.feed(piece):
+            num_used += item.num_bytes if isinstance(item, Damage) else len(item.encode())
+        assert len(host._buffer) <= 65541
+        board.feed(piece)
+        assert len(board._buffer) <= 518
+    assert num_used + len(host._buffer) == len(stream)
+    # After silence both listen again.
+    host.reset()
+    board.silence()
+    request = Message(1, b"\x22")
+    assert host.feed(request.encode()) == board.feed(request.encode()) == [request]
+
+
+def test_host_discards_everything_after_damage_until_silence():
+    parser = HostParser()
+    status = StatusMessage(1, 0)
+    assert parser.feed(status.encode() + b"\0" + status.encode()) == [status, Damage(5, "byte 0x00 begins no message")]
+    assert parser.feed(status.encode()) == [Damage(4, "byte 0x00 begins no message")]
+    parser.reset()
+    assert parser.feed(bytes.fromhex("5a 01 01 00 20 db e1")) == [
+        Damage(7, "message of 1 bytes without its end marker")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "status"),
+    [
+        ("5b", 2),
+        ("00", 2),
+        ("5a 04 01 00", 3),
+        ("5a 01 00 00", 5),
+        ("5a 01 01 02", 6),
+        ("5a 01 01 00 20 da", 7),
+        ("5a 01 01 00 20 db e1", 7),
+    ],
+)
+def test_board_answers_wrong_bytes_once_and_then_discards(text, status):
+    parser = BoardParser(3)
+    found = [item for byte in bytes.fromhex(text) for item in parser.feed(bytes([byte]))]
+    assert found == [StatusMessage(0, status)]
+    request = Message(1, b"\x20")
+    assert parser.feed(request.encode()) == []
+    assert parser.silence() == [StatusMessage(0, 1)]
+    assert parser.silence() == []
+    assert parser.feed(request.encode()) == [request]
