@@ -298,8 +298,8 @@ def plate_that_faces(wf: rc.Waveform, frames: float, num_paths: int) -> Paths:
 def test_plate_that_faces_the_radar_in_another_frame_is_no_ghost(
     method: str, frames: float, num_paths: int, tolerance: float
 ) -> None:
-    # Its echoes add up at a time that is the frame's own to the grid but for the kernel: one and a half frames away that
-    # is an end of the frame, where the kernel is worst.
+    # Its echoes add up at a time that is the frame's own to the grid but for the kernel: one and a half frames away
+    # that is an end of the frame, where the kernel is worst.
     wf = sweep_waveform(24, 24)
     paths = plate_that_faces(wf, frames, num_paths)
     try:

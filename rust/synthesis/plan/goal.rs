@@ -24,15 +24,6 @@ pub fn fluctuation(waveform: &Waveform) -> f64 {
     (1.0 + 3.0 / num_samples.sqrt()).sqrt()
 }
 
-/// Largest error of a truncated series in a frame over its rms.
-const PEAK: f64 = 2.0;
-
-/// Factor of errors of truncated series in a sum whose rms is `gain` times that of independent phases: paths may add up in
-/// phase where errors are largest.
-pub fn in_phase(gain: f64) -> f64 {
-    (1.0 + (PEAK * PEAK) * (gain * gain - 1.0).max(0.0)).sqrt()
-}
-
 /// Request for a plan: waveform, paths, tolerance and allowed steps.
 pub struct Request<'a> {
     /// The waveform.

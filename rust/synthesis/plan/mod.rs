@@ -10,5 +10,5 @@ mod goal;
 mod nufft;
 mod parts;
 
-pub use goal::{Request, SINGLE_EQUAL_SUM, fluctuation, in_phase};
-pub use parts::{Method, Part, Plan, Step};
+pub use goal::{Request, SINGLE_EQUAL_SUM, fluctuation};
+pub use parts::{Method, Part, Plan, Step, in_phase};

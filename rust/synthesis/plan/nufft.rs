@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation, in_phase};
-use super::parts::{Part, Step};
+use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
+use super::parts::{Part, Step, in_phase};
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::block_plan::BlockPlan;

@@ -2,9 +2,17 @@
 
 use std::fmt;
 
-use super::goal::in_phase;
 use crate::synthesis::block::Class;
 use crate::synthesis::low_rank::block_plan::BlockPlan;
+
+/// Largest error of a truncated series in a frame over its rms.
+const PEAK: f64 = 2.0;
+
+/// Factor of errors of truncated series in a sum whose rms is `gain` times that of independent phases: paths may add up in
+/// phase where errors are largest.
+pub fn in_phase(gain: f64) -> f64 {
+    (1.0 + (PEAK * PEAK) * (gain * gain - 1.0).max(0.0)).sqrt()
+}
 
 /// Step that sums a class of paths.
 #[derive(Clone, Debug)]
