@@ -48,8 +48,8 @@ const RECORD_TIME: f64 = 55e-9;
 const STEADY_GRID: [f64; 3] = [0.3e-3, 3e-6, 40e-9];
 const GRID: [f64; 3] = [3e-3, 35e-6, 150e-9];
 
-/// Times of recurrences on one thread, by the same bench [s]: of planning, and of a path in a sample.
-const RECURRENCE: [f64; 2] = [0.03e-3, 0.2e-9];
+/// Times of recurrences on one thread, by the same bench [s]: of planning, of a path, and of a path in a sample.
+const RECURRENCE: [f64; 3] = [0.03e-3, 110e-9, 0.2e-9];
 
 /// Numbers that decide if a sum in lanes is the fastest.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +76,8 @@ impl Work {
         let lanes = TABLES_TIME + groups * (moving * PATH_TIME + cells * CELL_TIME) + paths * RECORD_TIME;
         let [planning, per_chirp, per_path] = if self.terms <= 2 { STEADY_GRID } else { GRID };
         let grid = planning + num_chirps * per_chirp + paths * per_path;
-        let recurrence = RECURRENCE[0] + RECURRENCE[1] * paths * num_chirps * num_samples as f64;
+        let per_path = RECURRENCE[1] + RECURRENCE[2] * num_chirps * num_samples as f64;
+        let recurrence = RECURRENCE[0] + paths * per_path;
         lanes < grid && lanes < recurrence
     }
 }
