@@ -38,7 +38,7 @@ def measure(num_triangles: int, shading: str) -> list[str]:
     mesh = rc.Mesh(vertices, triangles, shading=shading, progress=False)
     built = time.perf_counter()
     scene = rc.Scene([rc.Body(mesh)])
-    image = rc.Simulator(scene, RADAR).depth_image()
+    image = rc.Simulator(scene, RADAR, field_of_view_deg=(60.0, 60.0)).depth_image()
     end = time.perf_counter()
     if not (image.body == 0).all():
         sys.exit(f"{num_triangles} triangles: the room has holes")

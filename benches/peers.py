@@ -134,7 +134,7 @@ class Caster:
 
 def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
     """From the places of the bodies to the hits."""
-    simulator = rc.Simulator(scene, RADAR, resolution=side, threads=threads)
+    simulator = rc.Simulator(scene, RADAR, resolution=side, field_of_view_deg=(60.0, 60.0), threads=threads)
     placement = Placement(scene, rc.Function(camera), RADAR.waveform)
     # A view that is cast again is cast as a whole.
     engine = simulator._new_engine(reuse_tiles=False)
@@ -144,7 +144,9 @@ def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
 
 def depth_image(scene: rc.Scene, side: int) -> Caster:
     """Run times with all images."""
-    simulator = rc.Simulator(scene, RADAR, radar_motion=camera, resolution=side, threads=1)
+    simulator = rc.Simulator(
+        scene, RADAR, radar_motion=camera, resolution=side, field_of_view_deg=(60.0, 60.0), threads=1
+    )
     return Caster("radarcore depth_image", lambda view: view.time, simulator.depth_image, lambda image: image.distance)
 
 

@@ -59,8 +59,8 @@ pub struct Frame {
 pub struct Memory {
     /// Rays of the frame before.
     rays: Option<Rays>,
-    /// Rays that launched ray tubes, with adaptive sampling.
-    tubes: Option<Image>,
+    /// Rays that launched ray tubes, with adaptive sampling, of every sector.
+    tubes: Vec<Image>,
     /// The image before.
     image: Option<Arc<Image>>,
     shapes: Shapes,
@@ -126,7 +126,7 @@ pub fn simulate(
         cancel.check()?;
         let rays = timed(&mut times.rays, || {
             let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-            Rays::cast(model, scene, &part.turns, memory.rays.as_ref())
+            Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())
         })?;
         let groups = timed(&mut times.scatterers, || {
             Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)
@@ -155,7 +155,7 @@ pub fn paths(
     let rates = placement.rates(model.waveform.duration());
     let part = &parts::of_frame(model, &placement, &rates)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-    let rays = Rays::cast(model, scene, &part.turns, memory.rays.as_ref())?;
+    let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())?;
     let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
     let at_seen = model.placement(at)?;

@@ -39,10 +39,10 @@ ARRAY: dict[str, Any] = {
     "frequency": 60e9,
 }
 POINTS, RCS = np.array([[[3.0, 0.5, 0.0]]]), np.ones(1)
+IMAGE_PLANE = (20, 30, 0.5, 0.5)
 SETTINGS: dict[str, Any] = {
     "sampling": "footprint",
-    "rays": (20, 30, 0.5, 0.5),
-    "image": (20, 30, 0.5, 0.5),
+    "rotations": [np.eye(3).tolist()],
     "rcs_floor": 1e-3,
     "follows_echo": False,
     "ray_budget": 2000,
@@ -87,8 +87,17 @@ def antennas(**changes: Any) -> Any:
     return _core.Antennas(**(ARRAY | changes))
 
 
-def settings(**changes: Any) -> Any:
-    return _core.Settings(**(SETTINGS | changes))
+def plane(given: Any) -> Any:
+    """Plane as the core takes it, from rows, columns and half its width and height; anything else as it is."""
+    if not isinstance(given, tuple) or len(given) != 4:
+        return given
+    rows, columns, width, height = given
+    return rows, columns, 2.0 * width / max(columns, 1), 2.0 * height / max(rows, 1), 0.5 * columns, 0.5 * rows
+
+
+def settings(*, rays: Any = IMAGE_PLANE, tubes: Any = IMAGE_PLANE, image: Any = IMAGE_PLANE, **changes: Any) -> Any:
+    planes = {"rays": [plane(rays)], "tubes": [plane(tubes)], "image": plane(image)}
+    return _core.Settings(**(SETTINGS | planes | changes))
 
 
 def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:
@@ -118,7 +127,8 @@ def depth_scene(**changes: Any) -> Any:
 def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) -> Any:
     """Changes are those of the simulator, of its settings and of its antennas."""
     array = {name: changes.pop(name) for name in list(changes) if name in ARRAY or name == "polarization"}
-    chosen = {name: changes.pop(name) for name in list(changes) if name in SETTINGS}
+    planes = ("rays", "tubes", "image")
+    chosen = {name: changes.pop(name) for name in list(changes) if name in SETTINGS or name in planes}
     arguments = {
         "antennas": antennas(**array),
         "waveform": waveform(),

@@ -94,7 +94,7 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for path in [*examples.glob("*.toml"), *Path().glob("scene.toml")]:
         scene = path.read_text(encoding="utf-8")
         rate = float(re.findall(r"^rate = (.*)$", scene, flags=re.MULTILINE)[0])
-        short = f"stop = {2.0 / rate}\nresolution = 32"
+        short = f"stop = {2.0 / rate}\nresolution = 64"
         path.write_text(re.sub(r"^stop = .*$", short, scene, flags=re.MULTILINE), encoding="utf-8")
     for arguments in commands(page):
         if needs_a_board(arguments):

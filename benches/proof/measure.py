@@ -118,7 +118,8 @@ def conductor(mesh: rc.Mesh, distance: float, tilt: float = 0.0) -> rc.Body:
 
 def simulator(target: rc.Body | rc.PointTarget, radar: rc.Radar = RADAR, **options: Any) -> rc.Simulator:
     # Of the tolerance only the double precision below 1e-6 is used: rounding to complex64 would show.
-    return rc.Simulator(rc.Scene([target]), radar, tolerance=1e-9, **options)
+    view: dict[str, Any] = {"field_of_view_deg": (60.0, 60.0)}
+    return rc.Simulator(rc.Scene([target]), radar, tolerance=1e-9, **(view | options))
 
 
 def frame(sim: rc.Simulator) -> rc.Frame:

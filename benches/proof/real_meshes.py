@@ -223,7 +223,8 @@ def sampled(
     scene: rc.Scene, radar: rc.Radar, motion: rc.Pose, way: Way, expected: Phasors, span: tuple[float, float]
 ) -> Sampled:
     """One frame with nothing known from frames before."""
-    sim = rc.Simulator(scene, radar, radar_motion=motion, tolerance=1e-6, **way.options)
+    settings: dict[str, Any] = {"field_of_view_deg": (60.0, 60.0), "tolerance": 1e-6}
+    sim = rc.Simulator(scene, radar, radar_motion=motion, **settings, **way.options)
     start = time.perf_counter()
     got = frame(sim)
     seconds = time.perf_counter() - start

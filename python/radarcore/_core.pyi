@@ -294,8 +294,10 @@ class Settings:
         cls,
         *,
         sampling: str,
-        rays: tuple[int, int, float, float],
-        image: tuple[int, int, float, float],
+        rotations: Sequence[Sequence[Sequence[float]]],
+        rays: Sequence[tuple[int, int, float, float, float, float]],
+        tubes: Sequence[tuple[int, int, float, float, float, float]],
+        image: tuple[int, int, float, float, float, float],
         rcs_floor: float,
         follows_echo: bool,
         ray_budget: int | None,
@@ -310,9 +312,11 @@ class Settings:
         tolerance: float,
         method: str,
     ) -> Settings:
-        """Of rays and images through planes (rows, columns, half width, half height) at distance 1.
+        """Of rays, ray tubes and images through planes (rows, columns, du, dv, axis column, axis row) at distance 1.
 
-        In adaptive sampling the plane of the rays is the base grid. `gain_floor`: least gain of interest of a pair of
+        `rotations`: rows of the rotations from sensor axes to those of the sectors of the field of view, the identity
+        first; rays and tubes have a plane per sector. In adaptive sampling the planes of the rays are the base grid.
+        `gain_floor`: least gain of interest of a pair of
         antennas relative to their peaks, there and back; `bounce_floor`: power relative to that of the launch;
         `retrace` [rad].
         """

@@ -1,8 +1,10 @@
 //! Antenna array of the sensor: positions and patterns, and gain towards a point.
 
-use glam::DVec3;
+use std::sync::Arc;
 
-use crate::antennas::pattern::Pattern;
+use glam::{DMat3, DVec3};
+
+use crate::antennas::pattern::{Pattern, Turned};
 use crate::error::{Error, Result};
 
 /// Transmitters and receivers; channel = tx * `num_rx` + rx.
@@ -36,6 +38,28 @@ pub struct Sight {
 }
 
 impl Array {
+    /// The array in other axes, by the rotation to them.
+    pub fn turned(&self, rotation: &DMat3) -> Self {
+        let all = |places: &[DVec3]| places.iter().map(|place| *rotation * *place).collect();
+        let patterns = |patterns: &[Pattern]| {
+            let turned = |pattern: &Pattern| {
+                Pattern::Turned(Arc::new(Turned {
+                    rotation: rotation.transpose(),
+                    pattern: pattern.clone(),
+                }))
+            };
+            patterns.iter().map(turned).collect()
+        };
+        Self {
+            tx: all(&self.tx),
+            rx: all(&self.rx),
+            tx_patterns: patterns(&self.tx_patterns),
+            rx_patterns: patterns(&self.rx_patterns),
+            polarization: self.polarization.map(|field| *rotation * field),
+            ..*self
+        }
+    }
+
     /// Two-way field gain in a direction `(1, u, v)`, relative to the peaks, of the pair with the most.
     pub fn relative_gain(&self, u: f64, v: f64) -> f64 {
         let least = |patterns: &[Pattern]| {

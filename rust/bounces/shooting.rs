@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DVec2, DVec3, Vec3Swizzles};
+use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
@@ -22,21 +22,26 @@ use super::path::{BouncePath, Bounces};
 use super::tube::Tube;
 use crate::antennas::polarization::transverse;
 
-/// The part of the image plane where tubes start.
+/// The parts of image planes where tubes start.
 struct View {
-    /// Smallest and largest plane coordinates.
-    pub(super) corners: [DVec2; 2],
+    /// For every plane the rotation from its axes to those of the sensor, and smallest and largest plane coordinates.
+    planes: Vec<(DMat3, [DVec2; 2])>,
 }
 
 impl View {
     fn of(launches: &[Launch]) -> Self {
-        let corners = launches
-            .iter()
-            .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], launch| {
-                let (center, half) = (DVec2::from(launch.center), 0.5 * DVec2::from(launch.size));
-                [low.min(center - half), high.max(center + half)]
-            });
-        Self { corners }
+        let mut planes: Vec<(DMat3, [DVec2; 2])> = Vec::new();
+        for launch in launches {
+            let (center, half) = (DVec2::from(launch.center), 0.5 * DVec2::from(launch.size));
+            // Launches come plane by plane.
+            if planes.last().is_none_or(|(rotation, _)| *rotation != launch.rotation) {
+                planes.push((launch.rotation, [DVec2::INFINITY, DVec2::NEG_INFINITY]));
+            }
+            if let Some((_, [low, high])) = planes.last_mut() {
+                (*low, *high) = (low.min(center - half), high.max(center + half));
+            }
+        }
+        Self { planes }
     }
 
     /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the
@@ -52,8 +57,11 @@ impl View {
     }
 
     fn shows(&self, point: DVec3) -> bool {
-        let (position, [low, high]) = (point.yz() / point.x, self.corners);
-        point.x > 0.0 && position.cmpge(low).all() && position.cmple(high).all()
+        self.planes.iter().any(|(rotation, [low, high])| {
+            let point = rotation.transpose() * point;
+            let position = point.yz() / point.x;
+            point.x > 0.0 && position.cmpge(*low).all() && position.cmple(*high).all()
+        })
     }
 }
 

@@ -34,9 +34,9 @@ impl Tube {
         // The patch of surface behind the cell.
         let [u, v] = launch.center;
         let w = (1.0 + u * u + v * v).sqrt();
-        let ray = DVec3::new(1.0, u, v) / w;
+        let ray = launch.rotation * (DVec3::new(1.0, u, v) / w);
         let (interaction, distance) = Interaction::new(scene, launch.body, launch.triangle, DVec3::ZERO, ray)?;
-        let edges = [(DVec3::Y, u), (DVec3::Z, v)].map(|(axis, x)| {
+        let edges = [(launch.rotation.y_axis, u), (launch.rotation.z_axis, v)].map(|(axis, x)| {
             let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
             land(distance * turn, ray, interaction.normal)
         });

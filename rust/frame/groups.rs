@@ -69,7 +69,7 @@ impl Groups {
         model: &Model,
         placement: &Placement,
         rays: &Rays,
-        tubes: &mut Option<Image>,
+        tubes: &mut Vec<Image>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let (mut are_still, points_are_still) = (placement.are_still(), placement.points_are_still());

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 
 use crate::antennas::array::Array;
@@ -90,12 +90,14 @@ pub enum Source {
 }
 
 /// Rays of frames.
-#[derive(Clone, Copy, Debug)]
+///
+/// Image planes are those of the sectors of the field of view, see [`Settings::rotations`].
+#[derive(Clone, Debug)]
 pub enum RaySampling {
     /// Adaptive: cells are split where the residual error is large, see [`crate::scattering::sampling::Refinement`].
     Adaptive {
         /// Coarsest cells.
-        base: ImagePlane,
+        base: Vec<ImagePlane>,
         /// Smallest cross-section of interest [m^2].
         rcs_floor: f64,
         /// True if the floor is lowered where the strongest echo in view is weak.
@@ -105,15 +107,20 @@ pub enum RaySampling {
         /// True if cells with a fast phase are integrated by edge terms.
         end_points: bool,
     },
-    /// Uniform: one ray per pixel of an image.
-    Pixels(ImagePlane, Sampling),
+    /// Uniform: one ray per pixel of images.
+    Pixels(Vec<ImagePlane>, Sampling),
 }
 
 /// Settings of the simulation.
 #[derive(Clone, Debug)]
 pub struct Settings {
+    /// Sectors of the field of view: rotations from the axes of the sensor to those of image planes. The first looks
+    /// where the sensor does, in its axes.
+    pub rotations: Vec<DMat3>,
     /// Rays of frames.
     pub rays: RaySampling,
+    /// Pixels that launch ray tubes where the rays are adaptive, of every sector.
+    pub tubes: Vec<ImagePlane>,
     /// Pixels of images.
     pub image: ImagePlane,
     /// Least gain of interest of a pair of antennas relative to their peaks, there and back; none: all directions are
@@ -135,6 +142,53 @@ pub struct Settings {
     pub method: Method,
 }
 
+/// Antennas in the axes of a sector of the field of view, and what follows from them.
+pub struct Facing {
+    /// Rotation from the axes of the sensor.
+    pub rotation: DMat3,
+    /// Antennas.
+    pub array: Array,
+    /// Directions that the antennas see; none: all.
+    pub beam: Option<Beam>,
+    /// Tables of the reflection coefficients of the materials.
+    reflections: OnceLock<Vec<Reflection>>,
+}
+
+impl Facing {
+    /// An array in turned axes; `gain_floor`: see [`Settings`].
+    fn new(array: &Array, rotation: DMat3, gain_floor: Option<f64>) -> Self {
+        let array = if rotation == DMat3::IDENTITY {
+            array.clone()
+        } else {
+            array.turned(&rotation)
+        };
+        Self {
+            beam: gain_floor.map(|floor| Beam::new(&array, floor)),
+            rotation,
+            array,
+            reflections: OnceLock::new(),
+        }
+    }
+
+    /// Tables of the reflection coefficients of materials, at the centre of the band; made once.
+    pub fn reflections(&self, materials: &[Material]) -> &[Reflection] {
+        self.reflections.get_or_init(|| {
+            let wavelength = SPEED_OF_LIGHT / self.array.frequency;
+            let table = |material| Reflection::new(material, wavelength, self.array.polarization);
+            materials.iter().map(table).collect()
+        })
+    }
+
+    /// A scene in the axes of the sector.
+    pub fn scene(&self, scene: &Arc<PosedScene>) -> Arc<PosedScene> {
+        if self.rotation == DMat3::IDENTITY {
+            scene.clone()
+        } else {
+            Arc::new(scene.turned(&self.rotation))
+        }
+    }
+}
+
 /// A simulation without its motion.
 pub struct Model {
     /// Surfaces.
@@ -149,10 +203,8 @@ pub struct Model {
     pub center: DVec3,
     /// Settings.
     pub settings: Settings,
-    /// Tables of the reflection coefficients of the materials.
-    reflections: OnceLock<Vec<Reflection>>,
-    /// Directions that the antennas see; none: all.
-    beam: Option<Beam>,
+    /// Antennas in the axes of every sector.
+    pub(super) sectors: Vec<Facing>,
     /// Largest distance of a vertex from the origin of its body [m].
     radii: Vec<f64>,
     /// Smallest and largest coordinates of the vertices of every body [m].
@@ -197,9 +249,9 @@ impl Model {
                 )
             }
         };
+        let facing = |rotation: &DMat3| Facing::new(&array, *rotation, settings.gain_floor);
         Ok(Self {
-            reflections: OnceLock::new(),
-            beam: settings.gain_floor.map(|floor| Beam::new(&array, floor)),
+            sectors: settings.rotations.iter().map(facing).collect(),
             radii,
             boxes,
             source,
@@ -220,20 +272,6 @@ impl Model {
         } else {
             JOIN_WIDE
         }
-    }
-
-    /// Tables of the reflection coefficients of the materials, at the centre of the band; made once.
-    pub(super) fn reflections(&self) -> &[Reflection] {
-        self.reflections.get_or_init(|| {
-            let wavelength = SPEED_OF_LIGHT / self.array.frequency;
-            let table = |material| Reflection::new(material, wavelength, self.array.polarization);
-            self.materials.iter().map(table).collect()
-        })
-    }
-
-    /// Directions that the antennas see.
-    pub(super) fn beam(&self) -> Option<&Beam> {
-        self.beam.as_ref()
     }
 
     /// Motion in the sensor frame.

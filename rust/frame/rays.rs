@@ -10,7 +10,7 @@ use crate::bounces::{self, Bounces, Launch};
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
-use crate::rays::camera::{Cell, ImagePlane};
+use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
@@ -19,6 +19,8 @@ use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::refinement::Refinement;
 use crate::scattering::samples::Samples;
+use crate::scattering::sampling::{Nearest, nearest_of};
+use crate::scattering::sector::Sector;
 
 /// Hits of the pixels of an image.
 pub struct Image {
@@ -67,10 +69,10 @@ impl Image {
 
 /// Rays of a frame and their hits.
 pub enum Rays {
-    /// Cells of adaptive sampling, and random points of rough surfaces.
-    Cells(Arc<PosedScene>, Samples),
-    /// Pixels.
-    Pixels(Image),
+    /// Cells of adaptive sampling, and random points of rough surfaces; the bodies in the axes of every sector.
+    Cells(Vec<Arc<PosedScene>>, Box<Samples>),
+    /// Pixels, of every sector.
+    Pixels(Vec<Image>),
     /// No rays: the surfaces are pixels of a depth image.
     None,
 }
@@ -93,6 +95,17 @@ impl Model {
         }
     }
 
+    /// Cast the rays of images of all sectors within the beam; static tiles of the images `before` are reused.
+    fn cast_images(&self, scene: &Arc<PosedScene>, planes: &[ImagePlane], before: &[Image]) -> Result<Vec<Image>> {
+        let sectors = self.sectors.iter().zip(planes).enumerate();
+        sectors
+            .map(|(number, (facing, plane))| {
+                let (beam, before) = (facing.beam.as_ref(), before.get(number));
+                Image::cast(facing.scene(scene), plane, beam, &self.cast(), before)
+            })
+            .collect()
+    }
+
     /// Cast the whole image, with cosines of incidence.
     pub(super) fn cast_image(&self, scene: Arc<PosedScene>, before: Option<&Image>) -> Result<Image> {
         let cast = Cast {
@@ -107,102 +120,114 @@ impl Model {
 impl Rays {
     /// Cast the rays of a frame, or of a part of one within which bodies turn by some angles [rad]; static tiles of the
     /// frame `before` are reused.
-    pub fn cast(model: &Model, scene: Arc<PosedScene>, turns: &[f64], before: Option<&Self>) -> Result<Self> {
+    pub fn cast(model: &Model, scene: &Arc<PosedScene>, turns: &[f64], before: Option<&Self>) -> Result<Self> {
         if let Source::Depth(_) = &model.source {
             return Ok(Self::None);
         }
         let before = before.filter(|_| model.settings.reuse_tiles);
+        let facing = &model.sectors;
         match &model.settings.rays {
-            &RaySampling::Adaptive {
+            RaySampling::Adaptive {
                 base,
                 rcs_floor,
                 follows_echo,
                 budget,
                 end_points,
             } => {
+                let scenes: Vec<Arc<PosedScene>> = facing.iter().map(|sector| sector.scene(scene)).collect();
                 let refinement = Refinement {
-                    base,
-                    rcs_floor,
-                    follows_echo,
-                    budget,
-                    end_points,
-                    beam: model.beam(),
+                    base: base[0],
+                    rcs_floor: *rcs_floor,
+                    follows_echo: *follows_echo,
+                    budget: *budget,
+                    end_points: *end_points,
+                    beam: None,
                     join: model.join(),
                     skip_dark: true,
                     turns,
-                    reflections: model.reflections(),
+                    reflections: &[],
                 };
+                let sectors: Vec<Sector> = scenes
+                    .iter()
+                    .zip(facing)
+                    .zip(base)
+                    .map(|((scene, facing), base)| Sector {
+                        scene,
+                        array: &facing.array,
+                        cast: model.cast(),
+                        refinement: Refinement {
+                            base: *base,
+                            beam: facing.beam.as_ref(),
+                            reflections: facing.reflections(&model.materials),
+                            ..refinement
+                        },
+                    })
+                    .collect();
                 let before = match before {
-                    Some(Self::Cells(scene, samples)) => Some((&**scene, samples)),
+                    Some(Self::Cells(scenes, samples)) => Some((&**scenes, &**samples)),
                     _ => None,
                 };
-                let (cast, seed) = (model.cast(), model.settings.seed);
-                let samples = Samples::new(&scene, &cast, &model.materials, &model.array, &refinement, seed, before)?;
-                Ok(Self::Cells(scene, samples))
+                let samples = Samples::new(&sectors, &model.materials, model.settings.seed, before)?;
+                Ok(Self::Cells(scenes, Box::new(samples)))
             }
-            RaySampling::Pixels(plane, _) => {
+            RaySampling::Pixels(planes, _) => {
                 let before = match before {
-                    Some(Self::Pixels(image)) => Some(image),
-                    _ => None,
+                    Some(Self::Pixels(images)) => &**images,
+                    _ => &[],
                 };
-                Ok(Self::Pixels(Image::cast(
-                    scene,
-                    plane,
-                    model.beam(),
-                    &model.cast(),
-                    before,
-                )?))
+                model.cast_images(scene, planes, before).map(Self::Pixels)
             }
         }
     }
 
     /// Material points of all hits that return power; those of tiles are ordered by `rank` of the body.
     pub fn scatterers(&self, model: &Model, rank: impl Fn(u32) -> u8) -> Result<Scatterers> {
-        let (array, seed) = (model.array.clone(), model.settings.seed);
+        let (array, materials, seed) = (model.array.clone(), &model.materials, model.settings.seed);
         let sampling = match model.settings.rays {
             RaySampling::Adaptive { .. } => Sampling::Footprint,
             RaySampling::Pixels(_, sampling) => sampling,
         };
         match (self, &model.source) {
-            (Self::Cells(scene, samples), _) => {
-                let materials = &model.materials;
-                Ok(Scatterers::of_samples(scene, samples, materials, array, rank))
+            (Self::Cells(scenes, samples), _) => {
+                let sectors = scenes.iter().zip(&model.sectors);
+                let sectors: Vec<_> = sectors.map(|(scene, facing)| (&**scene, &facing.array)).collect();
+                Ok(Scatterers::of_samples(&sectors, samples, materials, array, rank))
             }
-            (Self::Pixels(image), _) => Ok(Scatterers::new(
-                &image.scene,
-                &image.hits,
-                image.smooth(),
-                &model.materials,
-                array,
-                sampling,
-                seed,
-            )),
+            (Self::Pixels(images), _) => {
+                let images = images.iter().zip(&model.sectors);
+                let images: Vec<_> = images
+                    .map(|(image, facing)| (&*image.scene, &image.hits, image.smooth(), &facing.array))
+                    .collect();
+                Ok(Scatterers::of_images(&images, materials, array, sampling, seed))
+            }
             (Self::None, Source::Depth(image)) => Scatterers::from_surfels(&image.surfels(), array, sampling, seed),
             (Self::None, Source::Scene(_)) => unreachable!("rays are cast of scenes"),
         }
     }
 
-    /// Paths of several reflections, from the rays, or from an image where the rays are adaptive; the image replaces
-    /// `tubes`, the image of the frame before.
-    pub fn bounces(&self, model: &Model, tubes: &mut Option<Image>) -> Result<(Bounces, bounces::Counts)> {
+    /// Paths of several reflections, from the rays, or from images where the rays are adaptive; these replace `tubes`,
+    /// the images of the frame before.
+    pub fn bounces(&self, model: &Model, tubes: &mut Vec<Image>) -> Result<(Bounces, bounces::Counts)> {
         let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
         if model.settings.limits.max_bounces <= 1 {
             return Ok(none());
         }
-        let shoot = |image: &Image, sampling: Sampling| {
-            let launches = Launch::of_image(&image.hits);
-            let array = model.array.clone();
-            let limits = model.settings.limits;
-            Bounces::new(&image.scene, &launches, &model.materials, array, limits, sampling)
+        // The first sector has the axes of the sensor.
+        let shoot = |images: &[Image], sampling: Sampling| {
+            let each = images.iter().zip(&model.sectors);
+            let launches: Vec<Launch> = each
+                .flat_map(|(image, facing)| Launch::of_image(&image.hits, facing.rotation.transpose()))
+                .collect();
+            let (array, limits) = (model.array.clone(), model.settings.limits);
+            Bounces::new(&images[0].scene, &launches, &model.materials, array, limits, sampling)
         };
-        match (self, model.settings.rays) {
-            (Self::Pixels(image), RaySampling::Pixels(_, sampling)) => Ok(shoot(image, sampling)),
-            (Self::Cells(scene, _), _) => {
-                let before = tubes.as_ref().filter(|_| model.settings.reuse_tiles);
-                let plane = &model.settings.image;
-                let image = Image::cast(scene.clone(), plane, model.beam(), &model.cast(), before)?;
-                let found = shoot(&image, Sampling::Footprint);
-                *tubes = Some(image);
+        match (self, &model.settings.rays) {
+            (Self::Pixels(images), RaySampling::Pixels(_, sampling)) => Ok(shoot(images, *sampling)),
+            (Self::Cells(scenes, _), _) => {
+                let before = if model.settings.reuse_tiles { &**tubes } else { &[] };
+                let images = model.cast_images(&scenes[0], &model.settings.tubes, before)?;
+                let found = shoot(&images, Sampling::Footprint);
+                *tubes = images;
                 Ok(found)
             }
             _ => Ok(none()),
@@ -213,7 +238,9 @@ impl Rays {
     pub fn counts(&self) -> hits::Counts {
         match self {
             Self::Cells(_, samples) => samples.counts,
-            Self::Pixels(image) => image.hits.counts,
+            Self::Pixels(images) => images
+                .iter()
+                .fold(hits::Counts::default(), |all, image| all.plus(image.hits.counts)),
             Self::None => hits::Counts::default(),
         }
     }
@@ -238,7 +265,10 @@ impl Rays {
     pub fn num_hit(&self) -> usize {
         match self {
             Self::Cells(_, samples) => samples.specular.num_hit().0,
-            Self::Pixels(image) => image.hits.body.iter().filter(|body| **body != NO_BODY).count(),
+            Self::Pixels(images) => {
+                let bodies = images.iter().flat_map(|image| &image.hits.body);
+                bodies.filter(|body| **body != NO_BODY).count()
+            }
             Self::None => 0,
         }
     }
@@ -247,7 +277,16 @@ impl Rays {
     pub fn distance(&self, cell: u32) -> f64 {
         match self {
             Self::Cells(_, samples) => samples.specular.distance(cell),
-            Self::Pixels(image) if cell != NO_CELL => image.hits.distance[cell as usize],
+            Self::Pixels(images) if cell != NO_CELL => {
+                let mut pixel = cell as usize;
+                for image in images {
+                    match image.hits.distance.get(pixel) {
+                        Some(distance) => return *distance,
+                        None => pixel -= image.hits.distance.len(),
+                    }
+                }
+                0.0
+            }
             _ => 0.0,
         }
     }
@@ -255,30 +294,37 @@ impl Rays {
     /// Pose of a body in the sensor frame when rays were cast.
     pub fn pose(&self, body: usize) -> &Pose {
         match self {
-            Self::Cells(scene, _) => scene.pose(body as u32),
-            Self::Pixels(image) => image.scene.pose(body as u32),
+            Self::Cells(scenes, _) => scenes[0].pose(body as u32),
+            Self::Pixels(images) => images[0].scene.pose(body as u32),
             Self::None => &Pose::IDENTITY,
         }
     }
 
     /// Nearest hit of every body with a hit, the first of equal ones.
-    pub fn nearest(&self) -> Vec<NearestHit> {
+    pub fn nearest(&self, model: &Model) -> Vec<NearestHit> {
         match self {
-            Self::Cells(scene, samples) => {
+            Self::Cells(scenes, samples) => {
                 let nearest = samples.specular.nearest().into_iter();
                 nearest
-                    .map(|hit| NearestHit::new(scene, &hit.cell, hit.body, hit.triangle, hit.distance))
+                    .map(|hit| NearestHit::new(model, &scenes[hit.sector], &hit))
                     .collect()
             }
-            Self::Pixels(image) => image.nearest(),
+            Self::Pixels(images) => {
+                let hits = images.iter().enumerate();
+                let hits = nearest_of(hits.flat_map(|(sector, image)| image.nearest(sector)));
+                let nearest = hits.iter();
+                nearest
+                    .map(|hit| NearestHit::new(model, &images[hit.sector].scene, hit))
+                    .collect()
+            }
             Self::None => Vec::new(),
         }
     }
 }
 
 impl Image {
-    /// Nearest hit of every body with a hit, the first of equal ones.
-    fn nearest(&self) -> Vec<NearestHit> {
+    /// Nearest hit of every body with a hit, the first of equal ones; `sector`: number of the image.
+    fn nearest(&self, sector: usize) -> Vec<Nearest> {
         let hits = &self.hits;
         let mut nearest = vec![(f64::INFINITY, 0); self.scene.num_bodies()];
         for (pixel, (body, distance)) in hits.body.iter().zip(&hits.distance).enumerate() {
@@ -288,20 +334,24 @@ impl Image {
         }
         let seen = nearest.into_iter().zip(0..);
         seen.filter(|((distance, _), _)| distance.is_finite())
-            .map(|((distance, pixel), body)| {
-                let cell = hits.plane.cell(pixel / hits.plane.columns, pixel % hits.plane.columns);
-                NearestHit::new(&self.scene, &cell, body, hits.triangle[pixel], distance)
+            .map(|((distance, pixel), body)| Nearest {
+                body,
+                triangle: hits.triangle[pixel],
+                distance,
+                cell: hits.plane.cell(pixel / hits.plane.columns, pixel % hits.plane.columns),
+                sector,
             })
             .collect()
     }
 }
 
 impl NearestHit {
-    fn new(scene: &PosedScene, cell: &Cell, body: u32, triangle: u32, distance: f64) -> Self {
+    fn new(model: &Model, scene: &PosedScene, hit: &Nearest) -> Self {
+        let to_sensor = model.sectors[hit.sector].rotation.transpose();
         Self {
-            body: body as usize,
-            point: distance * cell.direction(),
-            corners: place_on_mesh(scene, cell, body, triangle),
+            body: hit.body as usize,
+            point: to_sensor * (hit.distance * hit.cell.direction()),
+            corners: place_on_mesh(scene, &hit.cell, hit.body, hit.triangle),
         }
     }
 }

@@ -17,7 +17,7 @@ pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) 
     };
     let mut truth = vec![[f64::NAN; 4]; scene.body_numbers.len() + scene.point_numbers.len()];
     let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
-    for hit in rays.nearest() {
+    for hit in rays.nearest(model) {
         // The material point that was hit, at the middle of the frame.
         let (pose, rate) = (&poses[hit.body], &pose_rates[hit.body]);
         let deforming = scene.deforming.iter().position(|body| *body == hit.body);

@@ -30,6 +30,14 @@ impl Pose {
         }
     }
 
+    /// The pose in other axes at the sensor, by the rotation to them.
+    pub fn turned(&self, rotation: &DMat3) -> Self {
+        Self {
+            rotation: *rotation * self.rotation,
+            translation: *rotation * self.translation,
+        }
+    }
+
     /// Transform a point from body coordinates to the sensor frame.
     pub fn point(&self, position: DVec3) -> DVec3 {
         self.rotation * position + self.translation

@@ -326,7 +326,7 @@ fn field_gain<V: Vector>(pattern: &Pattern, directions: &[V; 3]) -> V {
             let across = el.mul(el).mul(splat::<V>(-0.5 * elevation));
             exp_of_negative(along.add(across)).mul(peak)
         }
-        Pattern::Table(_) => {
+        Pattern::Table(_) | Pattern::Turned(_) => {
             let mut lanes = [[V::Scalar::of(0.0); STEP]; 3];
             for axis in 0..3 {
                 directions[axis].store(&mut lanes[axis]);

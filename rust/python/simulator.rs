@@ -4,7 +4,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
@@ -131,11 +131,18 @@ pub(super) enum AnySource<'py> {
     Depth(PyRef<'py, DepthScene>),
 }
 
-/// Rows, columns, half width and half height of an image plane at distance 1.
-type Plane = (usize, usize, f64, f64);
+/// Image plane: rows, columns, width and height of a pixel at distance 1, and column and row of the axis [pixels].
+type Plane = (usize, usize, f64, f64, f64, f64);
 
-fn plane((rows, columns, half_width, half_height): Plane) -> ImagePlane {
-    ImagePlane::centered(rows, columns, half_width, half_height)
+fn plane(&(rows, columns, du, dv, axis_column, axis_row): &Plane) -> ImagePlane {
+    ImagePlane {
+        rows,
+        columns,
+        du,
+        dv,
+        axis_column,
+        axis_row,
+    }
 }
 
 /// Settings of a simulation.
@@ -144,17 +151,20 @@ pub(super) struct Settings(frame::Settings);
 
 #[pymethods]
 impl Settings {
-    /// Build settings. Image planes are (rows, columns, half width, half height) at distance 1: of the rays of frames
-    /// (cells of the base grid in adaptive sampling) and of images.
+    /// Build settings. `rotations`: rows of the rotations from sensor axes to those of the sectors of the field of view,
+    /// the identity first. Image planes are (rows, columns, du, dv, axis column, axis row): of the rays of frames (cells
+    /// of the base grid in adaptive sampling) and of ray tubes, one per sector, and of depth images.
     #[new]
     #[pyo3(signature = (
-        *, sampling, rays, image, rcs_floor, follows_echo, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles,
+        *, sampling, rotations, rays, tubes, image, rcs_floor, follows_echo, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles,
         max_bounces, bounce_floor, retrace, seed, tolerance, method
     ))]
     #[allow(clippy::too_many_arguments, clippy::fn_params_excessive_bools)] // as Python hands them over
     fn new(
         sampling: &str,
-        rays: Plane,
+        rotations: Vec<[[f64; 3]; 3]>,
+        rays: Vec<Plane>,
+        tubes: Vec<Plane>,
         image: Plane,
         rcs_floor: f64,
         follows_echo: bool,
@@ -170,23 +180,34 @@ impl Settings {
         tolerance: f64,
         method: &str,
     ) -> PyResult<Self> {
+        let of_rows = |rows: &[[f64; 3]; 3]| DMat3::from_cols_array_2d(rows).transpose();
+        let rotations: Vec<DMat3> = rotations.iter().map(of_rows).collect();
+        let number = rotations.len();
+        if rotations.first() != Some(&DMat3::IDENTITY) || rays.len() != number || tubes.len() != number {
+            let expected = "the identity first, and as many planes of rays and of tubes";
+            let got = format!("{number}, {} and {}", rays.len(), tubes.len());
+            return Err(Error::value("rotations", expected, got).into());
+        }
+        let planes = |planes: &[Plane]| planes.iter().map(plane).collect();
         let rays = match sampling {
             "adaptive" => RaySampling::Adaptive {
-                base: plane(rays),
+                base: planes(&rays),
                 rcs_floor,
                 follows_echo,
                 budget: ray_budget,
                 end_points,
             },
-            "footprint" | "point" => RaySampling::Pixels(plane(rays), self::sampling(sampling == "footprint")),
+            "footprint" | "point" => RaySampling::Pixels(planes(&rays), self::sampling(sampling == "footprint")),
             _ => {
                 let expected = "'adaptive', 'footprint' or 'point'";
                 return Err(Error::value("sampling", expected, format!("{sampling:?}")).into());
             }
         };
         Ok(Self(frame::Settings {
+            rotations,
             rays,
-            image: plane(image),
+            tubes: planes(&tubes),
+            image: plane(&image),
             gain_floor,
             skip_empty,
             reuse_tiles,

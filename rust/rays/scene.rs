@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::geometry::aabb::Bounds;
@@ -151,6 +151,12 @@ impl PosedScene {
             is_occluded,
             ended_early: early.into_iter().filter(|early| *early).count(),
         }
+    }
+
+    /// The scene in other axes at the sensor, by the rotation to them.
+    pub fn turned(&self, rotation: &DMat3) -> Self {
+        let poses = self.poses.iter().map(|pose| pose.turned(rotation));
+        Self::new(self.surfaces.clone(), poses.collect())
     }
 
     /// Distance of the nearest triangle that is not all behind the sensor [m].

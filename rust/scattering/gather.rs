@@ -22,12 +22,11 @@ use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::material_points::Points;
 use crate::scattering::patch::{Patch, patch};
 use crate::scattering::physical_optics::{Sampling, Weigh};
-use crate::scattering::quadtree::Leaf;
 use crate::scattering::samples::{Samples, Specular};
 use crate::scattering::sampling::Tiles;
 
 impl Scatterers {
-    /// Material points of all hits that return power; `materials` per body, `seed` for the diffuse phases.
+    /// Material points of all hits of one image, see [`Self::of_images`].
     pub fn new(
         scene: &PosedScene,
         hits: &Hits,
@@ -37,65 +36,99 @@ impl Scatterers {
         sampling: Sampling,
         seed: u64,
     ) -> Self {
-        Self::gather(hits.plane.num_pixels(), array, sampling, |weigh, pixel, points| {
-            if let Some(patch) = patch(hits, smooth, pixel) {
-                let frame = MaterialFrame::of_mesh(scene, patch.body, hits.triangle[pixel], seed);
-                weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
-            }
-        })
-        .with_vertices(|body| scene.surface(body).vertices().len())
+        let image = (scene, hits, smooth, &array.clone());
+        Self::of_images(&[image], materials, array, sampling, seed)
     }
 
-    /// Material points of adaptive samples: specular ones, and diffuse ones. Those of tiles are ordered by `rank` of the
-    /// body, and by body.
+    /// Material points of all hits of images that return power, one image after the other; `materials` per body, `seed`
+    /// for the diffuse phases. Images have axes of their own, in which they have the array beside them.
+    pub fn of_images(
+        images: &[(&PosedScene, &Hits, &SmoothHits, &Array)],
+        materials: &[Material],
+        array: Array,
+        sampling: Sampling,
+        seed: u64,
+    ) -> Self {
+        let mut points = Points::default();
+        let mut num_pixels = 0;
+        for (scene, hits, smooth, array) in images {
+            let weigh = Weigh { array, sampling };
+            let of_image = gather(hits.plane.num_pixels(), |pixel, points| {
+                if let Some(patch) = patch(hits, smooth, pixel) {
+                    let frame = MaterialFrame::of_mesh(scene, patch.body, hits.triangle[pixel], seed);
+                    weigh.patch(&patch, &frame, &materials[patch.body as usize], points);
+                }
+            });
+            points.append(of_image.with_cells_from(num_pixels));
+            num_pixels += hits.plane.num_pixels() as u32;
+        }
+        let scene = |body: u32| {
+            images
+                .first()
+                .map_or(0, |(scene, ..)| scene.surface(body).vertices().len())
+        };
+        points.shared(sampling, array).with_vertices(scene)
+    }
+
+    /// Material points of adaptive samples of sectors, in their scenes and arrays: specular ones, and diffuse ones. Those
+    /// of tiles are ordered by `rank` of the body, and by body.
     pub fn of_samples(
-        scene: &PosedScene,
+        sectors: &[(&PosedScene, &Array)],
         samples: &Samples,
         materials: &[Material],
         array: Array,
         rank: impl Fn(u32) -> u8,
     ) -> Self {
-        let weigh = Weigh {
-            array: &array,
+        let mut points = Points::default();
+        let weigh = |array| Weigh {
+            array,
             sampling: Sampling::Footprint,
         };
-        let of_leaf = |leaf: &Leaf, index: usize, points: &mut Points| {
-            let patch = Patch {
-                index,
-                body: leaf.found.body,
-                cell: leaf.cell,
-                distance: leaf.found.distance,
-                normal: leaf.found.normal,
-            };
-            let frame = MaterialFrame::of_mesh(scene, patch.body, leaf.found.triangle, 0);
-            weigh.leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
-        };
-        let mut points = match &samples.specular {
-            Specular::Tiles(_) => Points::default(),
-            Specular::Quadtree(_, leaves) => {
-                gather(leaves.len(), |index, points| of_leaf(&leaves[index], index, points))
+        if let Specular::Quadtrees(trees) = &samples.specular {
+            let mut num_leaves = 0;
+            for ((scene, array), (_, leaves)) in sectors.iter().zip(trees) {
+                let of_leaf = |index: usize, points: &mut Points| {
+                    let leaf = &leaves[index];
+                    let patch = Patch {
+                        index,
+                        body: leaf.found.body,
+                        cell: leaf.cell,
+                        distance: leaf.found.distance,
+                        normal: leaf.found.normal,
+                    };
+                    let frame = MaterialFrame::of_mesh(scene, patch.body, leaf.found.triangle, 0);
+                    weigh(*array).leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
+                };
+                points.append(gather(leaves.len(), of_leaf).with_cells_from(num_leaves));
+                num_leaves += leaves.len() as u32;
             }
-        };
-        for (body, speckle) in samples.speckles.iter().enumerate() {
-            let Some(speckle) = speckle else { continue };
-            points.append(gather(speckle.normal.len(), |point, points| {
-                if speckle.normal[point] != DVec3::ZERO {
-                    weigh.diffuse_point(scene, body as u32, speckle, point, &materials[body], points);
-                }
-            }));
+        }
+        for ((scene, array), speckles) in sectors.iter().zip(&samples.speckles) {
+            for (body, speckle) in speckles.iter().enumerate() {
+                let Some(speckle) = speckle else { continue };
+                points.append(gather(speckle.normal.len(), |point, points| {
+                    if speckle.normal[point] != DVec3::ZERO {
+                        weigh(*array).diffuse_point(scene, body as u32, speckle, point, &materials[body], points);
+                    }
+                }));
+            }
         }
         let mut scatterers = points.with_array(array);
         if let Specular::Tiles(tiles) = &samples.specular {
-            scatterers.append(of_tiles(scene, tiles, scatterers.array.clone(), rank));
+            let scenes: Vec<&PosedScene> = sectors.iter().map(|(scene, _)| *scene).collect();
+            scatterers.append(of_tiles(&scenes, tiles, scatterers.array.clone(), rank));
         }
-        scatterers.with_vertices(|body| scene.surface(body).vertices().len())
+        scatterers.with_vertices(|body| sectors[0].0.surface(body).vertices().len())
     }
 
     /// Material points of all surface elements that return power; `seed` for the diffuse phases.
     pub fn from_surfels(surfels: &Surfels, array: Array, sampling: Sampling, seed: u64) -> Result<Self> {
         surfels.check()?;
-        let num_pixels = surfels.plane.num_pixels();
-        Ok(Self::gather(num_pixels, array, sampling, |weigh, pixel, points| {
+        let weigh = Weigh {
+            array: &array,
+            sampling,
+        };
+        let points = gather(surfels.plane.num_pixels(), |pixel, points| {
             if let Some(patch) = surfels.patch(pixel) {
                 let material = Material::Constant(Response {
                     reflection: surfels.reflection[pixel],
@@ -108,31 +141,31 @@ impl Scatterers {
                 };
                 weigh.patch(&patch, &frame, &material, points);
             }
-        }))
+        });
+        Ok(points.shared(sampling, array))
+    }
+}
+
+impl Points {
+    /// Material points whose cells are numbered from `first` on.
+    fn with_cells_from(mut self, first: u32) -> Self {
+        self.cell.iter_mut().for_each(|cell| *cell += first);
+        self
     }
 
-    /// Gather the material points of all cells of an image.
-    fn gather(
-        num_cells: usize,
-        array: Array,
-        sampling: Sampling,
-        add: impl Fn(&Weigh, usize, &mut Points) + Sync,
-    ) -> Self {
-        let weigh = Weigh {
-            array: &array,
-            sampling,
-        };
-        let mut points = gather(num_cells, |cell, points| add(&weigh, cell, points));
+    /// Scatterers of all pixels, whose diffuse points share the power of the surface.
+    fn shared(mut self, sampling: Sampling, array: Array) -> Scatterers {
         if sampling == Sampling::Footprint {
-            points.share_speckle(array.num_channels());
+            self.share_speckle(array.num_channels());
         }
-        points.with_array(array)
+        self.with_array(array)
     }
 }
 
 /// Material points of tiles, ordered by `rank` of the body and by body.
-fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) -> u8) -> Scatterers {
+fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u32) -> u8) -> Scatterers {
     const BLOCK: usize = 512;
+    let scene = scenes[0];
     let mut bodies: Vec<u32> = (0..scene.num_bodies() as u32).collect();
     bodies.sort_by_key(|body| (rank(*body), *body));
     let mut ends = vec![0; bodies.len()];
@@ -182,6 +215,7 @@ fn of_tiles(scene: &PosedScene, tiles: &Tiles, array: Array, rank: impl Fn(u32) 
         let ((((((origin, body), position), normal), weights), patch), corners) = block;
         for (i, (piece, number)) in origin.iter().enumerate() {
             let piece = &tiles.pieces[*piece as usize];
+            let scene = scenes[piece.sector()];
             let point = &piece.points()[*number as usize];
             for (to, from) in weights[i * num_weights..]
                 .iter_mut()

@@ -13,11 +13,10 @@ use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
 use crate::rays::batch::{Found, Known, whole_groups};
 use crate::rays::camera::morton;
-use crate::rays::hits::{Cast, Counts};
-use crate::rays::scene::PosedScene;
+use crate::rays::hits::Counts;
 use crate::rays::surface::Surface;
 use crate::rays::tree::Tree;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::sector::Sector;
 
 /// Least and largest number of points of a body.
 const NUMBERS: (f64, f64) = (1024.0, 131_072.0);
@@ -135,24 +134,27 @@ struct Sight {
 }
 
 impl Speckle {
-    /// Points of a body and their visibility within the image of the refinement. `before`: result at an earlier time;
-    /// `moved`: boxes where bodies have moved since.
+    /// Points of a body and their visibility within a sector. `drawn`: the points, where another sector has drawn them;
+    /// `before`: result at an earlier time; `moved`: boxes where bodies have moved since.
     pub fn new(
-        scene: &PosedScene,
+        sector: &Sector,
         body: u32,
-        cast: &Cast,
-        refinement: &Refinement,
         seed: u64,
+        drawn: Option<&Arc<Points>>,
         before: Option<&Self>,
         moved: Option<&Tree>,
     ) -> (Self, Counts) {
+        let Sector {
+            scene,
+            cast,
+            refinement,
+            ..
+        } = sector;
         let surface = scene.surface(body);
         let floor = refinement.rcs_floor.min(FLOOR);
         let before = before.filter(|before| before.points.is_of(surface, floor, seed));
-        let points = before.map_or_else(
-            || Arc::new(Points::new(surface, floor, seed)),
-            |before| before.points.clone(),
-        );
+        let drawn = drawn.or(before.map(|before| &before.points)).cloned();
+        let points = drawn.unwrap_or_else(|| Arc::new(Points::new(surface, floor, seed)));
 
         // Rays to the points within the image, near ones after each other.
         let sight = |point: usize| {

@@ -15,5 +15,6 @@ pub mod reflectance;
 pub mod reflection_table;
 pub mod samples;
 pub mod sampling;
+pub mod sector;
 pub mod taper;
 pub mod tile_point;

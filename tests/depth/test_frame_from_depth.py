@@ -406,6 +406,7 @@ def test_millimetres_are_warned_of_whatever_the_shape(name: str) -> None:
         radar_motion=rc.Pose([0.0, 0.0, 1.0 if name == "person" else 0.0]),
         sampling="footprint",
         resolution=128,
+        field_of_view_deg=(60.0, 60.0),
     )
     image = simulator.depth_image()
     planar = image.distance * image.directions[..., 0]

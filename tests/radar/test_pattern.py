@@ -42,9 +42,8 @@ def spheres() -> rc.Scene:
 
 def simulator(scene: rc.Scene | None = None, **radar: Any) -> rc.Simulator:
     sensor = rc.Radar(WAVEFORM, **({"tx": TX, "rx": RX} | radar))
-    return rc.Simulator(
-        scene or spheres(), sensor, sampling="footprint", resolution=96, tolerance=1e-9, method="direct"
-    )
+    pixels: dict[str, Any] = {"sampling": "footprint", "resolution": 96, "field_of_view_deg": (60.0, 60.0)}
+    return rc.Simulator(scene or spheres(), sensor, tolerance=1e-9, method="direct", **pixels)
 
 
 def one_way_db(pattern: Any, azimuth_deg: float, elevation_deg: float) -> float:

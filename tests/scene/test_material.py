@@ -255,7 +255,7 @@ def wall(name: str) -> rc.Body:
 def test_extrapolation_warns_once_per_simulator() -> None:
     scene = rc.Scene([wall("plywood"), wall("plywood"), wall("brick"), wall("concrete")])
     for _ in range(2):
-        simulator = rc.Simulator(scene, RADAR, resolution=4)
+        simulator = rc.Simulator(scene, RADAR, resolution=4, field_of_view_deg=(60.0, 60.0))
         with pytest.warns(UserWarning, match=r"materials: extrapolated to 61 GHz") as caught:
             simulator.frame()
         assert [str(w.message) for w in caught] == [
@@ -266,8 +266,13 @@ def test_extrapolation_warns_once_per_simulator() -> None:
         simulator.paths()
         simulator.depth_image()
     with pytest.warns(UserWarning, match="pmma .known at 11 GHz"):
-        rc.Simulator(rc.Scene([wall("pmma")]), RADAR, resolution=4).depth_image()
-    rc.Simulator(rc.Scene([wall("concrete"), wall("skin"), wall("marble"), wall("pla")]), RADAR, resolution=4).frame()
+        rc.Simulator(rc.Scene([wall("pmma")]), RADAR, resolution=4, field_of_view_deg=(60.0, 60.0)).depth_image()
+    rc.Simulator(
+        rc.Scene([wall("concrete"), wall("skin"), wall("marble"), wall("pla")]),
+        RADAR,
+        resolution=4,
+        field_of_view_deg=(60.0, 60.0),
+    ).frame()
 
 
 def test_lambertian_surface_has_no_mirror_image() -> None:

@@ -20,6 +20,7 @@ def simulator(bodies: list[rc.Body], **options: Any) -> rc.Simulator:
     waveform = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
     radar = rc.Radar(waveform, pattern=options.pop("pattern", None))
     defaults = {"end_points": True, "rcs_floor": 1e-5, "ray_budget": np.inf, "resolution": 64, "tolerance": 1e-9}
+    defaults["field_of_view_deg"] = (60.0, 60.0)
     return rc.Simulator(rc.Scene(bodies), radar, **(defaults | options))
 
 

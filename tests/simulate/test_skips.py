@@ -30,8 +30,11 @@ def ten_bodies(velocity: float = 1.0) -> rc.Scene:
     return rc.Scene([*bodies, rc.Body(rc.shapes.sphere(0.08), motion=mover, name="mover")])
 
 
+PIXELS: dict[str, Any] = {"sampling": "footprint", "resolution": 128, "field_of_view_deg": (60.0, 60.0)}
+
+
 def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
-    return rc.Simulator(scene or ten_bodies(), RADAR, **{"sampling": "footprint", "resolution": 128, **options})
+    return rc.Simulator(scene or ten_bodies(), RADAR, **(PIXELS | options))
 
 
 def whole(sim: rc.Simulator) -> rc.Simulator:
@@ -135,17 +138,15 @@ def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> 
     wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
 
     def frame(gain_floor_db: float) -> rc.Frame:
-        return rc.Simulator(
-            wall, radar, sampling="footprint", resolution=128, gain_floor_db=gain_floor_db, method="direct"
-        ).frame()
+        return rc.Simulator(wall, radar, gain_floor_db=gain_floor_db, method="direct", **PIXELS).frame()
 
     all_of_it, most = frame(np.inf), frame(80.0)
     assert all_of_it.stats["tiles_skipped"] < most.stats["tiles_skipped"]
     assert most.stats["rays_cast"] < 0.7 * all_of_it.stats["rays_cast"]
     error = np.abs(all_of_it.cube - most.cube).max() / np.abs(all_of_it.cube).max()
     assert 0.0 < error < 1e-4
-    image = rc.Simulator(wall, radar, resolution=128).depth_image()
-    np.testing.assert_array_equal(image.body, rc.Simulator(wall, RADAR, resolution=128).depth_image().body)
+    image = rc.Simulator(wall, radar, **PIXELS).depth_image()
+    np.testing.assert_array_equal(image.body, rc.Simulator(wall, RADAR, **PIXELS).depth_image().body)
 
 
 def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> None:
@@ -164,9 +165,7 @@ def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> 
     for distance in (0.1, 0.3, 2.0):
         wall = rc.Body(rc.shapes.plate(8.0, 8.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([distance, 0, 0]))
         whole, most = (
-            rc.Simulator(
-                rc.Scene([wall]), radar, sampling="footprint", resolution=128, gain_floor_db=floor, method="direct"
-            )
+            rc.Simulator(rc.Scene([wall]), radar, gain_floor_db=floor, method="direct", **PIXELS)
             for floor in (np.inf, 80.0)
         )
         expected, frame = whole.frame(), most.frame()
@@ -187,8 +186,7 @@ def test_tiles_outside_of_a_table_are_not_cast() -> None:
     radar = rc.Radar(RADAR.waveform, pattern=table)
     wall = rc.Scene([rc.Body(rc.shapes.plate(8.0, 8.0), motion=rc.Pose([2.0, 0.0, 0.0]))])
     some, whole = (
-        rc.Simulator(wall, radar, sampling="footprint", resolution=128, gain_floor_db=floor, method="direct").frame()
-        for floor in (80.0, np.inf)
+        rc.Simulator(wall, radar, gain_floor_db=floor, method="direct", **PIXELS).frame() for floor in (80.0, np.inf)
     )
     np.testing.assert_array_equal(some.cube, whole.cube)
     # tan 10 over tan 30 degrees: 39 of 128 columns, 5 or 6 of 16 tiles.
@@ -202,7 +200,7 @@ def test_tiles_are_taken_over_behind_a_beam_too() -> None:
     radar = rc.Radar(RADAR.waveform, tx=[[0.0, 0.05, 0.0]], rx=[[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]], pattern=beam)
     ball = rc.Linear(rc.Pose([2.5, 0.3, 0.0]), velocity=[-2.0, 0.0, 0.0])
     scene = rc.Scene([*ten_bodies(0.0).bodies, rc.Body(rc.shapes.sphere(0.1), motion=ball)])
-    sim, fresh = (rc.Simulator(scene, radar, sampling="footprint", resolution=128) for _ in range(2))
+    sim, fresh = (rc.Simulator(scene, radar, **PIXELS) for _ in range(2))
     vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False)
     reused = []
     for time in np.arange(0.0, 1.15, 0.05):

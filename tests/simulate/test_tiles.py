@@ -141,7 +141,7 @@ def test_small_body_far_away_is_found_between_the_rays_of_the_base_grid() -> Non
 
 def test_budget_is_kept_and_said_once() -> None:
     ball = body(rc.shapes.sphere(0.2), 1.0)
-    sim = simulator([ball], rcs_floor=1e-7, ray_budget=30_000)
+    sim = simulator([ball], rcs_floor=1e-7, ray_budget=30_000, field_of_view_deg=(60.0, 60.0))
     with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget") as warned:
         frames = [sim.frame(0.0), sim.frame(0.1)]
     assert len(warned) == 1
@@ -153,7 +153,7 @@ def test_budget_is_kept_and_said_once() -> None:
 
 def test_budget_is_kept_where_thin_bars_alone_would_exceed_it() -> None:
     fence = boxes((0.002, 0.002, 2.0), [[0.0, 0.01 * k, 0.0] for k in range(-100, 100)], rc.Pose([2.5, 0.0, 0.0]))
-    sim = simulator([fence], ray_budget=20_000)
+    sim = simulator([fence], ray_budget=20_000, field_of_view_deg=(60.0, 60.0))
     with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
         stats = sim.frame().stats
     assert stats["cells_not_split"] > 0

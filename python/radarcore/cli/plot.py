@@ -82,18 +82,15 @@ def _of_recording(path: Path, kind: str, number: int | None) -> Any:
 
 def _of_scene(simulation: Simulation, kind: str, number: int | None) -> Any:
     run, simulator = simulation.run, simulation.simulator()
+    view = simulator.view_deg
     if kind in OF_RECORDINGS:
         return OF_RECORDINGS[kind](simulation.record()).figure
     if kind == "experiment":
-        return plot.experiment(
-            simulation.record(), simulation.scene, simulation.radar_motion, field_of_view_deg=run.field_of_view_deg
-        )
+        return plot.experiment(simulation.record(), simulation.scene, simulation.radar_motion, field_of_view_deg=view)
     times = frame_times(run.start, run.stop, run.rate)
     if kind == "above":
         shown = np.linspace(times[0], times[-1], 4) if number is None else [times[_number(number, len(times))]]
-        return plot.scene_from_above(
-            simulation.scene, simulation.radar_motion, shown, field_of_view_deg=run.field_of_view_deg
-        ).figure
+        return plot.scene_from_above(simulation.scene, simulation.radar_motion, shown, field_of_view_deg=view).figure
     time = times[_number(number, len(times))]
     middle = time + 0.5 * simulation.radar.waveform.duration
     if kind in OF_IMAGES:

@@ -35,7 +35,7 @@ def scene_from_above(
     times: ArrayLike = (0.0,),
     ax: Axes | None = None,
     *,
-    field_of_view_deg: tuple[float, float] | None = (60.0, 60.0),
+    field_of_view_deg: tuple[float, float] | None = None,
     colors: Mapping[str, str] | None = None,
 ) -> Axes:
     """Floor plan: x to the right, y up [m]; the sensor with its field of view at the last of the times.
@@ -53,7 +53,7 @@ def scene_from_above(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     field_of_view_deg : (float, float), optional
-        Horizontal and vertical angle of view [degrees]; None: not drawn.
+        Horizontal and vertical angle of view [degrees], such as `Simulator.view_deg`; default: not drawn.
     colors : dict, optional
         Colours by name; default: in turn for what moves.
     """

@@ -82,7 +82,7 @@ def experiment(
     radar_motion: AnyMotion | None = None,
     estimates: Mapping[str, Any] | None = None,
     *,
-    field_of_view_deg: tuple[float, float] | None = (60.0, 60.0),
+    field_of_view_deg: tuple[float, float] | None = None,
     max_range: float | None = None,
     window_length: int | None = None,
     remove_static: bool = True,
@@ -101,7 +101,7 @@ def experiment(
     estimates : dict, optional
         Tracks by name, as in `tracks`; default: the truth alone.
     field_of_view_deg : (float, float), optional
-        Horizontal and vertical angle of view [degrees]; None: not drawn.
+        Horizontal and vertical angle of view [degrees]; default: that of the simulation that was recorded, if any.
     max_range : float, optional
         End of the range axis of the map [m]; default: the largest unambiguous range.
     window_length : int, optional
@@ -133,6 +133,8 @@ def experiment(
 
     # The scene and one frame of what the radar makes of it.
     times = np.linspace(first, last, 4)
+    if field_of_view_deg is None:
+        field_of_view_deg = recording.source.get("field_of_view_deg")
     scene_names = above.draw_scene(from_above, scene, radar_motion, times, field_of_view_deg, colors)
     from_above.set_title("Scene from above")
     map_names = frame_pictures.draw_map(on_map, middle, dynamic_range_db=None, max_range=max_range)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
+from radarcore.radar import beam
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
@@ -102,6 +103,15 @@ class Radar(Twinned):
     def polarization_vector(self) -> tuple[float, float, float] | None:
         """Unit vector along the field of the antennas in the sensor frame; None without a polarisation."""
         return _POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
+
+    @property
+    def field_of_view_deg(self) -> tuple[float, float]:
+        """Horizontal and vertical angle that the antennas see [degrees].
+
+        The smallest field of view about the x axis with all directions in which the two-way gain of any TX-RX pair is
+        within 20 dB of the largest; at most 150 degrees. `Simulator` rounds it up to whole tiles of rays.
+        """
+        return beam.field_of_view_deg(self.tx_patterns, self.rx_patterns)
 
     @property
     def is_real(self) -> bool:

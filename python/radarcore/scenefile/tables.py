@@ -311,9 +311,11 @@ class RunTable(Table):
     resolution: int | tuple[int, int] | None = _key(
         None,
         "",
-        "rays across and down, or rows and columns; default: 256, and 128 per 60 degrees for adaptive sampling",
+        "rays across and down, or rows and columns; default: 256, for adaptive sampling 128 per 60 degrees, or more",
     )
-    field_of_view_deg: tuple[float, float] = _key((60.0, 60.0), "degrees", "horizontal and vertical")
+    field_of_view_deg: tuple[float, float] | None = _key(
+        None, "degrees", "horizontal and vertical; default: where any two-way gain is within 20 dB of the largest"
+    )
     sampling: Literal["adaptive", "fast", "footprint", "point"] = _key("adaptive", "", "sampling of surfaces by rays")
     rcs_floor: float | None = _key(
         None, "m^2", "smallest cross-section of interest, for adaptive sampling; default: 0.01, less for weak echoes"

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from math import hypot
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radarcore import _core, notice
+from radarcore.radar import beam
 from radarcore.radar.radar import Radar
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
+from radarcore.simulate.sectors import Angles, is_outside
+
+_PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
+"""Corners of a box and points between them, in parts of its sides."""
 
 
 class Doubts:
@@ -23,6 +31,7 @@ class Doubts:
     def __init__(self, radar: Radar, tolerance: float) -> None:
         self._radar, self._tolerance = radar, tolerance
         self._told: set[str] = set()
+        self._boxes: NDArray[np.float64] | None = None
 
     def of_materials(self, scene: Scene) -> None:
         """Warn of materials at frequencies for which they are not known."""
@@ -30,6 +39,40 @@ class Doubts:
             used = (body.material for body in scene.parts.meshed)
             if text := library.extrapolation(used, self._radar.waveform.center_frequency):
                 notice.warn(text)
+
+    def of_view(self, scene: Scene, poses: NDArray[np.float64], view: Angles) -> None:
+        """Warn of bodies that the antennas see beyond a field of view [degrees].
+
+        `poses`: (time, body + 1, 3, 4), those of the bodies with meshes and of the sensor, in the world.
+        """
+        meshed = scene.parts.meshed
+        if "view" in self._told or not meshed:
+            return
+        # Places on the bounding boxes of all bodies, in the sensor frame about the middle of the array.
+        if self._boxes is None:
+            low, high = np.array([_bounds(body.mesh.vertices) for body in meshed]).swapaxes(0, 1)
+            self._boxes = low[:, None] + _PLACES * (high - low)[:, None]
+        bodies, mount = poses[:, :-1], poses[:, -1:]
+        world = self._boxes @ bodies[..., :3].swapaxes(-1, -2) + bodies[..., None, :, 3]
+        seen = (world - mount[..., None, :, 3]) @ mount[..., :3] - self._radar.array_center
+
+        radar = self._radar
+        lost = is_outside(seen, view)
+        lost[lost] = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen[lost]).any(axis=-1)
+        if not lost.any():
+            return
+        self._told.add("view")
+        time, body = (int(index) for index in np.argwhere(lost)[0])
+        x, y, z = seen[time, body, len(_PLACES) // 2]
+        azimuth, elevation = np.rad2deg([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        others = int(lost.any(axis=0).sum()) - 1
+        name = scene.names[scene.parts.mesh_numbers[body]]
+        more = f", nor do {others} others" if others > 1 else ", nor does another body" if others else ""
+        notice.warn(
+            f"{name!r} lies in the beam of the antennas, at azimuth {azimuth:.0f} and elevation {elevation:.0f} "
+            f"degrees, but outside of field_of_view_deg ({view[0]:g}, {view[1]:g}): it returns nothing{more}; "
+            "without a given field of view all that the antennas see is simulated"
+        )
 
     def of_rate(self, rate: float) -> None:
         """Warn of frames that overlap at a rate [Hz]."""
@@ -67,3 +110,10 @@ class Doubts:
             return False
         self._told.add(kind)
         return True
+
+
+def _bounds(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Smallest and largest coordinates; not numbers without vertices."""
+    if len(vertices) == 0:
+        return np.full(3, np.nan), np.full(3, np.nan)
+    return vertices.min(axis=0), vertices.max(axis=0)

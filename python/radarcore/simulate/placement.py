@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +47,18 @@ class Placement:
         per_frame = num_times * (12 * (len(self._parts.meshed) + 1)) + _num_vertex_times(num_times) * vertices
         return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
 
-    def frames(self, starts: Sequence[float], num_times: int) -> Iterator[_core.Placement]:
-        """Placements at `num_times` times of each frame that starts at `starts` [s]."""
+    def frames(
+        self, starts: Sequence[float], num_times: int, look: Callable[[NDArray[np.float64]], None] | None = None
+    ) -> Iterator[_core.Placement]:
+        """Placements at `num_times` times of each frame that starts at `starts` [s].
+
+        `look` receives the poses in the middle of the frames, of the bodies and of the sensor, (frame, body + 1, 3, 4).
+        """
         first = np.array(starts)[:, None]
         times, vertex_times = first + self._offsets(num_times), first + self._offsets(_num_vertex_times(num_times))
         poses = self._motions.poses_at(times.ravel()).reshape(len(starts), num_times, -1, 3, 4)
+        if look is not None:
+            look(poses[:, num_times // 2])
         for frame in range(len(starts)):
             yield self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame]))
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import _core, check
+from radarcore.simulate.sectors import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
 from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 
 SAMPLINGS = ("adaptive", "fast", "footprint", "point")
@@ -16,17 +17,14 @@ SAMPLINGS = ("adaptive", "fast", "footprint", "point")
 _RCS_FLOORS = {"adaptive": 1e-2, "fast": 1e-1}
 """Smallest cross-section of interest by default [m^2]."""
 
-_CELLS_PER_DEGREE = 128.0 / 60.0
-"""Cells of the base grid of adaptive sampling per degree, by default."""
-
 _RAY_BUDGET = 400_000
 """Rays through cells of adaptive sampling by default."""
 
 _RAYS_PER_CELL = 4
 """Least budget of rays per cell of the base grid: all cells can be split once."""
 
-_IMAGE_SIDE = 256
-"""Pixels of images by default."""
+_IMAGE_SIDE = 2 * CELLS_AT_60
+"""Pixels of images by default; of those of rays and ray tubes up to 60 degrees, and more beyond."""
 
 MAX_BOUNCES = 64
 """Largest number of reflections: paths with more are lost in the noise."""
@@ -43,7 +41,7 @@ class Settings:
     """Settings of `Simulator`, which documents them."""
 
     resolution: int | tuple[int, int] | None = None
-    field_of_view_deg: tuple[float, float] = (60.0, 60.0)
+    field_of_view_deg: Angles | None = None
     sampling: str = "adaptive"
     tolerance: float = 1e-3
     method: str = "auto"
@@ -60,7 +58,7 @@ class Settings:
     def __post_init__(self) -> None:
         checked = {
             "resolution": None if self.resolution is None else _resolution(self.resolution),
-            "field_of_view_deg": _field_of_view(self.field_of_view_deg),
+            "field_of_view_deg": None if self.field_of_view_deg is None else _field_of_view(self.field_of_view_deg),
             "sampling": check.choice("sampling", self.sampling, SAMPLINGS),
             "tolerance": check_tolerance(self.tolerance),
             "method": check.choice("method", self.method, METHODS),
@@ -76,18 +74,50 @@ class Settings:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         if self.ray_budget is not None:
-            object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self.num_cells))
+            object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self._cells))
+
+    @property
+    def view_deg(self) -> Angles:
+        """Horizontal and vertical angle that frames have [degrees]: those chosen, or as wide as any antennas see."""
+        return self.field_of_view_deg or (MOST_OF_ANTENNAS, MOST_OF_ANTENNAS)
+
+    @property
+    def image_view_deg(self) -> Angles:
+        """Horizontal and vertical angle of depth images [degrees]: those chosen, or at most 110."""
+        horizontal, vertical = self.view_deg
+        most = MOST_OF_A_PLANE if self.field_of_view_deg is None else 180.0
+        return min(horizontal, most), min(vertical, most)
 
     @property
     def num_pixels(self) -> tuple[int, int]:
-        """Rows and columns of images, and of the rays of frames unless sampling is adaptive."""
-        return (_IMAGE_SIDE, _IMAGE_SIDE) if self.resolution is None else _resolution(self.resolution)
+        """Rows and columns across the field of view, of the rays of frames unless sampling is adaptive."""
+        return self._pixels.shape
 
     @property
     def num_cells(self) -> tuple[int, int]:
-        """Rows and columns of the base grid of adaptive sampling."""
-        columns, rows = (max(1, int(np.ceil(_CELLS_PER_DEGREE * angle - 1e-9))) for angle in self.field_of_view_deg)
-        return (rows, columns) if self.resolution is None else _resolution(self.resolution)
+        """Rows and columns of the base grid of adaptive sampling, across the field of view."""
+        return self._cells.shape
+
+    @property
+    def _cells(self) -> Sectors:
+        """Base grid of adaptive sampling."""
+        return Sectors.of(self.view_deg, self._number)
+
+    @property
+    def _pixels(self) -> Sectors:
+        """Pixels of regular images, and those that launch ray tubes."""
+        return Sectors.of(self.view_deg, self._number, _IMAGE_SIDE, narrowest=60.0)
+
+    @property
+    def _number(self) -> tuple[int, int] | None:
+        return None if self.resolution is None else _resolution(self.resolution)
+
+    @property
+    def num_rays(self) -> int:
+        """Largest number of rays of a cast, or that of the base grid where there is no limit."""
+        if not self.is_adaptive:
+            return self._pixels.num_pixels
+        return self._cells.num_pixels if self.most_rays is None else self.most_rays
 
     @property
     def is_adaptive(self) -> bool:
@@ -98,13 +128,13 @@ class Settings:
     def most_rays(self) -> int | None:
         """Largest number of rays through cells; None: as many as `rcs_floor` asks for."""
         if self.ray_budget is None:
-            rows, columns = self.num_cells
-            return max(_RAY_BUDGET, _RAYS_PER_CELL * rows * columns)
+            return max(_RAY_BUDGET, _RAYS_PER_CELL * self._cells.num_pixels)
         return None if self.ray_budget == np.inf else int(self.ray_budget)
 
     def to_dict(self) -> dict[str, Any]:
         """Settings that change results, for recordings; infinite ones are None, as JSON has no infinity."""
         values = {field.name: getattr(self, field.name) for field in fields(Settings)}
+        values["field_of_view_deg"] = self.view_deg
         values["resolution"] = self.num_cells if self.is_adaptive else self.num_pixels
         values["ray_budget"] = self.most_rays
         left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
@@ -112,12 +142,14 @@ class Settings:
 
     def to_core(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
         """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
-        half_sides = np.tan(0.5 * np.deg2rad(self.field_of_view_deg)).tolist()
-        rays = self.num_cells if self.is_adaptive else self.num_pixels
+        pixels, image = self._pixels, self.image_view_deg
+        rays = self._cells if self.is_adaptive else pixels
         return _core.Settings(
             sampling="adaptive" if self.is_adaptive else self.sampling,
-            rays=(*rays, *half_sides),
-            image=(*self.num_pixels, *half_sides),
+            rotations=rays.rotations,
+            rays=rays.planes,
+            tubes=pixels.planes,
+            image=one_plane(image, *(self._number or (_IMAGE_SIDE, _IMAGE_SIDE))),
             rcs_floor=_RCS_FLOORS.get(self.sampling, 1.0) if self.rcs_floor is None else self.rcs_floor,
             follows_echo=self.rcs_floor is None,
             ray_budget=self.most_rays,
@@ -164,13 +196,15 @@ def _positive_or_infinite(name: str, value: float, unit: str) -> float:
     return np.inf if value == np.inf else check.positive(name, value, unit)
 
 
-def _ray_budget(value: float, num_cells: tuple[int, int]) -> float:
+def _ray_budget(value: float, cells: Sectors) -> float:
     """Checked budget: enough for the base grid."""
     if value == np.inf:
         return np.inf
-    (rows, columns), budget = num_cells, check.count("ray_budget", value)
-    if budget < rows * columns:
-        raise ValueError(f"ray_budget: expected at least the {rows} x {columns} rays of the base grid, got {budget}")
+    (rows, columns), budget = cells.shape, check.count("ray_budget", value)
+    if budget < cells.num_pixels:
+        # Sides of a box leave out its corners.
+        size = f"{rows} x {columns}" if rows * columns == cells.num_pixels else f"{cells.num_pixels}"
+        raise ValueError(f"ray_budget: expected at least the {size} rays of the base grid, got {budget}")
     if budget >= 2**32:
         raise ValueError(f"ray_budget: expected less than 2**32, or inf, got {budget}")
     return budget

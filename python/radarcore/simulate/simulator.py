@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from math import hypot
 from os import PathLike
@@ -27,6 +27,7 @@ from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.doubts import Doubts
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
+from radarcore.simulate.sectors import Angles, whole_tiles
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.side_by_side import in_order
 from radarcore.simulate.times import frame_times
@@ -44,7 +45,7 @@ _NUM_TIMES = 17
 """Times of a frame at which motion is placed at first; a motion too fast for them is placed again."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Simulator(Settings):
     """Simulator of the frames that a radar receives from a scene.
 
@@ -55,10 +56,13 @@ class Simulator(Settings):
     radar_motion : Pose, Linear, Trajectory, Attached or function of time
         Sensor to world; default: the world's own frame, looking along +x.
     resolution : int or (rows, columns), optional
-        Pixels of images, and rays of frames; with adaptive sampling the cells of the base grid. Default: 256 x 256
-        pixels, and 128 cells per 60 degrees.
-    field_of_view_deg : (float, float)
-        Horizontal and vertical angle that is simulated [degrees], each below 180.
+        Pixels of depth images, and rays of frames; with adaptive sampling the cells of the base grid. All across the
+        field of view. Default: 256 x 256 pixels, and 128 cells per 60 degrees; of frames more beyond 60 degrees, so
+        that those in the middle are as small.
+    field_of_view_deg : (float, float), optional
+        Horizontal and vertical angle that is simulated [degrees], each below 180. Default: what the antennas see, see
+        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body within the beam of the antennas that
+        lies outside of angles that were given is warned of once.
     sampling : "adaptive", "fast", "footprint" or "point"
         Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
         are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
@@ -110,12 +114,26 @@ class Simulator(Settings):
     radar_motion: AnyMotion | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         for name, kind in (("scene", Scene), ("radar", Radar)):
             if not isinstance(value := getattr(self, name), kind):
                 raise TypeError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
+        super().__post_init__()
         motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
         object.__setattr__(self, "radar_motion", motion)
+
+    def __repr__(self) -> str:
+        values = {field.name: getattr(self, field.name) for field in fields(self)} | {
+            "field_of_view_deg": self.view_deg
+        }
+        return f"Simulator({', '.join(f'{name}={value!r}' for name, value in values.items())})"
+
+    @cached_property
+    def view_deg(self) -> Angles:
+        """Horizontal and vertical angle that frames have [degrees]: those chosen, or what the antennas see."""
+        if self.field_of_view_deg is not None:
+            return self.field_of_view_deg
+        horizontal, vertical = self.radar.field_of_view_deg
+        return whole_tiles(horizontal), whole_tiles(vertical)
 
     def with_radar(self, radar: Radar) -> Simulator:
         """Simulator of the same scene with another radar."""
@@ -188,7 +206,10 @@ class Simulator(Settings):
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
     def depth_image(self, time: float = 0.0) -> DepthImage:
-        """Depth image at a time [s]."""
+        """Depth image of a pinhole camera at a time [s].
+
+        Over `image_view_deg`: the field of view that was given, or what the antennas see up to 110 degrees.
+        """
         at = check.number("time", time, "s")
         self._doubts.of_materials(self.scene)
         hits, parts = self._engine.image(self._placement.at(at)), self.scene.parts
@@ -198,7 +219,7 @@ class Simulator(Settings):
             distance=hits.distance(),
             cos_incidence=hits.cos_incidence(threads=self.threads),
             body=numbers[body] if len(parts.point_numbers) else body,
-            field_of_view_deg=self.field_of_view_deg,
+            field_of_view_deg=self.image_view_deg,
             time=at,
             _hits=hits,
             _reflectance=self._reflectance,
@@ -233,7 +254,7 @@ class Simulator(Settings):
         engines = [self._engine, *(self._new_engine() for _ in range(side_by_side - 1))]
         for start, ideal, cube in in_order(self._received, placed, engines, _core.Simulator.stop):
             self._doubts.of_frame(ideal)
-            stats = stats_of(ideal)
+            stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg}
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
             yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats)
@@ -243,7 +264,12 @@ class Simulator(Settings):
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(starts), size):
             some = starts[first : first + size]
-            yield from zip(some, self._placement.frames(some, _NUM_TIMES), strict=True)
+            yield from zip(some, self._placement.frames(some, _NUM_TIMES, self._look), strict=True)
+
+    def _look(self, poses: NDArray[np.float64]) -> None:
+        """Warn of bodies outside of a field of view that was chosen, from the poses of frames."""
+        if self.field_of_view_deg is not None:
+            self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
     def _received(self, engine: _core.Simulator, placed: Placed) -> tuple[float, _core.IdealFrame, NDArray[Any]]:
         """Start [s], ideal frame and cube as received, of a placed motion."""
@@ -266,11 +292,9 @@ class Simulator(Settings):
     @property
     def _most_side_by_side(self) -> int:
         """Largest number of frames whose rays and samples fit the memory that a recording may take."""
-        rows, columns = self.num_cells if self.is_adaptive else self.num_pixels
-        rays = rows * columns if self.most_rays is None or not self.is_adaptive else self.most_rays
         wf = self.radar.waveform
         samples = len(self.radar.tx) * len(self.radar.rx) * wf.num_chirps * wf.num_samples
-        return _BYTES_SIDE_BY_SIDE // (_BYTES_PER_RAY * rays + _BYTES_PER_SAMPLE * samples)
+        return _BYTES_SIDE_BY_SIDE // (_BYTES_PER_RAY * self.num_rays + _BYTES_PER_SAMPLE * samples)
 
     @cached_property
     def _placement(self) -> Placement:

@@ -119,7 +119,7 @@ fn corner() -> PosedScene {
 }
 
 fn launches(scene: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
-    Launch::of_image(&scene.cast_image(plane).unwrap())
+    Launch::of_image(&scene.cast_image(plane).unwrap(), DMat3::IDENTITY)
 }
 
 /// Hit of a cell, if any.
@@ -130,6 +130,7 @@ fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
         start: 0.0,
     });
     (hit.body != NO_BODY).then_some(Launch {
+        rotation: DMat3::IDENTITY,
         center: [u, v],
         size: [1e-3, 1e-3],
         body: hit.body,
@@ -383,6 +384,7 @@ fn on_bowl(scene: &PosedScene) -> Launch {
     };
     let hit = surface.nearest(&ray, f64::INFINITY).unwrap();
     Launch {
+        rotation: DMat3::IDENTITY,
         center: [-0.02, 0.005],
         size: [1e-3, 1e-3],
         body: 0,

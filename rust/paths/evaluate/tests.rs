@@ -18,6 +18,7 @@ use crate::scattering::material::{Material, Response};
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::refinement::Refinement;
 use crate::scattering::samples::Samples;
+use crate::scattering::sector::Sector;
 
 fn array(pattern: &Pattern) -> Array {
     Array {
@@ -86,6 +87,36 @@ fn assert_rows_are(rows: &Rows<ROW>, expected: &Paths, num_paths: usize, stronge
     }
 }
 
+/// Material points of adaptive samples.
+fn of_cells(
+    scene: &PosedScene,
+    array: &Array,
+    materials: &[Material],
+    base: ImagePlane,
+    end_points: bool,
+) -> Scatterers {
+    let refinement = Refinement {
+        base,
+        rcs_floor: 1e-3,
+        follows_echo: false,
+        budget: None,
+        end_points,
+        beam: None,
+        join: 1.5,
+        skip_dark: true,
+        turns: &[],
+        reflections: &[],
+    };
+    let sector = Sector {
+        scene,
+        array,
+        cast: Cast::default(),
+        refinement,
+    };
+    let samples = Samples::new(&[sector], materials, 1, None).unwrap();
+    Scatterers::of_samples(&[(scene, array)], &samples, materials, array.clone(), |_| 0)
+}
+
 #[test]
 fn paths_together_are_those_one_by_one_on_every_instruction_set() {
     let beam = Pattern::Gaussian {
@@ -122,22 +153,7 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
             Sampling::Footprint,
             1,
         );
-        let of_cells = [false, true].map(|end_points| {
-            let refinement = Refinement {
-                base: plane,
-                rcs_floor: 1e-3,
-                follows_echo: false,
-                budget: None,
-                end_points,
-                beam: None,
-                join: 1.5,
-                skip_dark: true,
-                turns: &[],
-                reflections: &[],
-            };
-            let samples = Samples::new(&scene, &Cast::default(), &materials, &array, &refinement, 1, None).unwrap();
-            Scatterers::of_samples(&scene, &samples, &materials, array.clone(), |_| 0)
-        });
+        let of_cells = [false, true].map(|end_points| of_cells(&scene, &array, &materials, plane, end_points));
         let [of_tiles, of_leaves] = of_cells;
         for scatterers in [of_pixels, of_tiles, of_leaves] {
             let moved = [poses.clone(), vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)]].concat();

@@ -8,22 +8,24 @@ pub(super) fn planes(base: &ImagePlane) -> Vec<ImagePlane> {
     (0..=MAX_LEVEL).map(|level| base.divided(1 << level)).collect()
 }
 
-/// Places of the tiles of the base level and their numbers, row by row.
-pub(super) fn base_tiles(base: &ImagePlane) -> Vec<(u32, Place)> {
-    let columns = base.columns.div_ceil(TILE);
-    let place = |index: usize| Place {
-        level: 0,
-        row: index / columns,
-        column: index % columns,
-    };
-    (0..base.num_tiles())
-        .map(|index| (index as u32, place(index)))
-        .collect()
+/// Places of the tiles of the base level and their numbers, sector by sector and row by row.
+pub(super) fn base_tiles<'a>(bases: impl Iterator<Item = &'a ImagePlane>) -> Vec<(u32, Place)> {
+    let places = bases.enumerate().flat_map(|(sector, base)| {
+        let columns = base.columns.div_ceil(TILE);
+        (0..base.num_tiles()).map(move |index| Place {
+            sector,
+            level: 0,
+            row: index / columns,
+            column: index % columns,
+        })
+    });
+    (0..).zip(places).collect()
 }
 
-/// Place of a tile: level, and row and column among the tiles of the level.
+/// Place of a tile: sector, level, and row and column among the tiles of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
+    pub(super) sector: usize,
     pub(super) level: usize,
     pub(super) row: usize,
     pub(super) column: usize,
@@ -33,6 +35,7 @@ impl Place {
     /// Tile of half the cell size that covers a quarter.
     pub(super) fn quarter(&self, number: usize) -> Self {
         Self {
+            sector: self.sector,
             level: self.level + 1,
             row: 2 * self.row + number / 2,
             column: 2 * self.column + number % 2,
@@ -41,7 +44,8 @@ impl Place {
 
     /// Number that tells the places of a level apart.
     pub(super) fn key(&self) -> u64 {
-        (self.row as u64) << 32 | self.column as u64
+        // Rows and columns of tiles have 17 bits, see `Refinement::check`.
+        (self.sector as u64) << 56 | (self.row as u64) << 28 | self.column as u64
     }
 
     /// Pixels of the tile on the image plane of its level; none beyond the plane.

@@ -13,19 +13,18 @@ use super::points::Channels;
 use super::residual::BLOCKS;
 use super::small_parts::SmallParts;
 use super::tile::{ALL, Nearest, Scenery, Tile, Worker};
-use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Result, fits_memory};
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{Cast, Counts};
+use crate::rays::hits::Counts;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
-use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::reflection_table::Reflection;
+use crate::scattering::sector::Sector;
 use crate::scattering::tile_point::TilePoint;
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget.
@@ -54,8 +53,8 @@ pub struct Tiles {
     /// Number of weights per point.
     pub num_weights: usize,
     levels: Vec<Level>,
-    base: ImagePlane,
-    beam: Option<Beam>,
+    /// Base plane and beam of every sector.
+    sectors: Vec<(ImagePlane, Option<Beam>)>,
     turns: Vec<f32>,
     poses: Vec<Pose>,
     /// Cross-section that quarters were refined for [m^2].
@@ -79,6 +78,11 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// Number of the sector in whose axes the points are.
+    pub fn sector(&self) -> usize {
+        self.tile.place.sector
+    }
+
     /// The points.
     pub fn points(&self) -> &[TilePoint] {
         &self.tile.points.points[self.range.clone()]
@@ -118,64 +122,44 @@ struct Known<'a> {
 }
 
 impl Tiles {
-    /// Cast and refine tiles. `previous`: tiles at another time, and boxes where bodies have moved since; static tiles
-    /// are taken over.
-    pub fn new(
-        scene: &PosedScene,
-        cast: &Cast,
-        materials: &[Material],
-        array: &Array,
-        refinement: &Refinement,
-        previous: Option<(&Self, &Tree)>,
-    ) -> Result<Self> {
-        refinement.check()?;
-        let wavelength = SPEED_OF_LIGHT / array.frequency;
-        let planes = planes(&refinement.base);
-        let small_parts = SmallParts::new(scene, refinement, &planes, wavelength);
-        let width = refinement.base.du.max(refinement.base.dv);
-        let turns = || {
-            let bodies = 0..scene.num_bodies();
-            bodies.map(|body| stepped_turn(refinement.turns.get(body).copied().unwrap_or(0.0) as f32))
-        };
-        let join = turns().zip(0..).map(|(turn, body)| {
-            // Points of a body that deforms lie on triangles; joined points do not turn against each other.
-            let is_rigid = !scene.surface(body).is_deformed();
-            let is_joined = is_rigid && turn <= MOST_TURN;
-            let phase = if is_joined { refinement.join as f32 } else { 0.0 };
-            Join { phase, turn }
-        });
-        let mut own = Vec::new();
-        let mut reflections = refinement.reflections;
-        if reflections.is_empty() {
-            own.extend(
-                materials
-                    .iter()
-                    .map(|material| Reflection::new(material, wavelength, array.polarization)),
-            );
-            reflections = &own;
+    /// Cast and refine the tiles of all sectors, of which there is at least one. `previous`: tiles at another time, and
+    /// boxes where bodies have moved since, in the axes of every sector; static tiles are taken over.
+    pub fn new(sectors: &[Sector], materials: &[Material], previous: Option<(&Self, &[Tree])>) -> Result<Self> {
+        for sector in sectors {
+            sector.refinement.check()?;
         }
-        let scenery = Scenery {
-            scene,
-            cast,
-            array,
-            planes,
-            reflections,
-            channels: Channels::new(array, materials, width, TAU / wavelength),
-            join: join.collect(),
-            turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
-            wavenumber: TAU / wavelength,
-        };
+        let own: Vec<Vec<Reflection>> = sectors.iter().map(|sector| reflections(sector, materials)).collect();
+        let bases = || sectors.iter().map(|sector| &sector.refinement.base);
+        let width = bases().fold(0.0, |width: f64, base| width.max(base.du).max(base.dv));
+        let sceneries: Vec<Scenery> = sectors
+            .iter()
+            .zip(&own)
+            .map(|(sector, own)| scenery(sector, materials, own, width))
+            .collect();
+        let small_parts: Vec<SmallParts> = sectors
+            .iter()
+            .zip(&sceneries)
+            .map(|(sector, scenery)| {
+                let wavelength = SPEED_OF_LIGHT / sector.array.frequency;
+                SmallParts::new(sector.scene, &sector.refinement, &scenery.planes, wavelength)
+            })
+            .collect();
         let previous = previous.filter(|(tiles, _)| {
-            let is_alike = tiles.base == refinement.base && tiles.beam.as_ref() == refinement.beam;
+            let mut sectors = sectors.iter().map(|sector| &sector.refinement).zip(&tiles.sectors);
+            let is_alike = sectors.all(|(now, (base, beam))| now.base == *base && now.beam == beam.as_ref());
             // Tiles that a moved body touches are cast anew in any case.
-            let mut bodies = scenery.join.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
-            is_alike && bodies.all(|(((now, before), pose), body)| now.turn == *before || pose != scene.pose(body))
+            let first = &sceneries[0];
+            let mut bodies = first.join.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
+            let is_known = |(((now, before), pose), body): (((&Join, &f32), &Pose), u32)| {
+                now.turn == *before || pose != first.scene.pose(body)
+            };
+            is_alike && tiles.sectors.len() == sceneries.len() && bodies.all(is_known)
         });
-        let known = previous.map(|(tiles, moved)| Known::new(&scenery, &tiles.levels, moved, refinement));
+        let known = previous.map(|(tiles, moved)| Known::new(&sceneries, &tiles.levels, moved));
 
         let mut refine = Refine {
-            scenery: &scenery,
-            refinement,
+            sceneries: &sceneries,
+            sectors,
             small_parts: &small_parts,
             known: known.as_ref(),
             floor: None,
@@ -213,8 +197,9 @@ impl Tiles {
 
     /// Pieces of all quarters that were not split, base tile by base tile and level by level.
     fn gather(levels: Vec<Level>, refine: &Refine) -> Self {
-        let (refinement, num_weights) = (refine.refinement, refine.scenery.channels.number());
-        let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); refinement.base.num_tiles()];
+        let (first, sectors) = (&refine.sceneries[0], refine.sectors);
+        let num_weights = first.channels.number();
+        let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); levels[0].tiles.len()];
         for (number, level) in levels.iter().enumerate() {
             for (index, base) in level.base.iter().enumerate() {
                 if !level.tiles[index].nearest.is_empty() {
@@ -245,13 +230,15 @@ impl Tiles {
         Self {
             pieces,
             num_weights,
-            base: refinement.base,
-            beam: refinement.beam.cloned(),
-            turns: refine.scenery.join.iter().map(|join| join.turn).collect(),
-            poses: (0..refine.scenery.turns.len() as u32)
-                .map(|body| *refine.scenery.scene.pose(body))
+            sectors: sectors
+                .iter()
+                .map(|sector| (sector.refinement.base, sector.refinement.beam.cloned()))
                 .collect(),
-            rcs_floor: refine.floor.unwrap_or(refinement.rcs_floor),
+            turns: first.join.iter().map(|join| join.turn).collect(),
+            poses: (0..first.turns.len() as u32)
+                .map(|body| *first.scene.pose(body))
+                .collect(),
+            rcs_floor: refine.floor.unwrap_or(sectors[0].refinement.rcs_floor),
             num_coarse: refine.num_coarse(&levels),
             num_hit,
             num_lit,
@@ -265,9 +252,10 @@ impl Tiles {
 /// Refinement in progress.
 #[derive(Clone, Copy)]
 struct Refine<'a> {
-    scenery: &'a Scenery<'a>,
-    refinement: &'a Refinement<'a>,
-    small_parts: &'a SmallParts,
+    /// Of every sector.
+    sceneries: &'a [Scenery<'a>],
+    sectors: &'a [Sector<'a>],
+    small_parts: &'a [SmallParts],
     known: Option<&'a Known<'a>>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
@@ -280,14 +268,15 @@ impl Refine<'_> {
     /// Tiles of all levels; false where the rays would exceed the budget, and finer levels are missing. Tiles that were
     /// `tried` for a smaller cross-section are taken over.
     fn levels(&mut self, tried: &[Level]) -> Result<(Vec<Level>, bool)> {
-        let budget = self.refinement.budget.unwrap_or(usize::MAX);
+        let budget = self.settings().budget.unwrap_or(usize::MAX);
         let mut levels: Vec<Level> = Vec::new();
         let whole = |(base, place)| Wanted {
             base,
             place,
             packets: ALL,
         };
-        let mut next: Vec<Wanted> = base_tiles(&self.refinement.base).into_iter().map(whole).collect();
+        let bases = self.sectors.iter().map(|sector| &sector.refinement.base);
+        let mut next: Vec<Wanted> = base_tiles(bases).into_iter().map(whole).collect();
         let mut rays = 0;
         while !next.is_empty() {
             fits_memory("tiles", &[next.len()], MOST_BYTES)?;
@@ -312,7 +301,8 @@ impl Refine<'_> {
             let here = tried.get(wanted.place.level).and_then(|level| level.known(wanted));
             let known = here.or_else(|| self.known.and_then(|known| known.tile(wanted)));
             let is_new = known.is_none();
-            let tile = known.unwrap_or_else(|| Arc::new(self.scenery.tile(worker, wanted.place, wanted.packets)));
+            let scenery = &self.sceneries[wanted.place.sector];
+            let tile = known.unwrap_or_else(|| Arc::new(scenery.tile(worker, wanted.place, wanted.packets)));
             (tile, is_new)
         };
         let tiles: Vec<(Arc<Tile>, bool)> = all.par_iter().map_init(Worker::new, tile).collect();
@@ -357,8 +347,10 @@ impl Refine<'_> {
     /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
     /// of a mesh.
     fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
-        let allowed = self.allowed(number);
-        let (set, wavenumber) = (self.scenery.cast.level, self.scenery.wavenumber);
+        let sector = tile.place.sector;
+        let scenery = &self.sceneries[sector];
+        let allowed = self.allowed(scenery, number);
+        let (set, wavenumber) = (scenery.cast.level, scenery.wavenumber);
         let residual = tile.residual_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
         let mut wanted = 0_u16;
         for block in 0..BLOCKS {
@@ -366,10 +358,10 @@ impl Refine<'_> {
         }
         for quarter in 0..PACKETS {
             let all = u16::from(ALL) << (PACKETS * quarter);
-            if number < self.most_forced && self.small_parts.wants(&tile.place, quarter) {
+            if number < self.most_forced && self.small_parts[sector].wants(&tile.place, quarter) {
                 wanted |= all;
             } else if of_quarter(wanted, quarter) != 0 {
-                let skips = self.refinement.skip_dark;
+                let skips = self.settings().skip_dark;
                 wanted |= if skips { tile.blocks.bright & all } else { all };
             }
         }
@@ -377,20 +369,25 @@ impl Refine<'_> {
     }
 
     /// Allowed residual field per solid angle of a quarter of a level, times distance squared [m^2].
-    fn allowed(&self, level: usize) -> f64 {
-        let plane = &self.scenery.planes[level];
-        let floor = self.floor.unwrap_or(self.refinement.rcs_floor);
-        SHARE * field_of(floor, TAU / self.scenery.wavenumber) / (plane.du * plane.dv)
+    fn allowed(&self, scenery: &Scenery, level: usize) -> f64 {
+        let plane = &scenery.planes[level];
+        let floor = self.floor.unwrap_or(self.settings().rcs_floor);
+        SHARE * field_of(floor, TAU / scenery.wavenumber) / (plane.du * plane.dv)
+    }
+
+    /// Settings that all sectors have in common.
+    fn settings(&self) -> &Refinement<'_> {
+        &self.sectors[0].refinement
     }
 
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
     fn chosen_floor(&self, base: &Level) -> f64 {
         let strongest = base.tiles.iter().map(|tile| tile.echo).fold(0.0, f64::max);
-        let floor = self.refinement.rcs_floor;
-        if !self.refinement.follows_echo {
+        let floor = self.settings().rcs_floor;
+        if !self.settings().follows_echo {
             return floor;
         }
-        let wavelength = TAU / self.scenery.wavenumber;
+        let wavelength = TAU / self.sceneries[0].wavenumber;
         let cross_section = 4.0 * PI * (strongest / wavelength).powi(2);
         (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
     }
@@ -444,11 +441,11 @@ impl Level {
 }
 
 impl<'a> Known<'a> {
-    /// Tiles at another time; `moved`: boxes where bodies have moved since.
-    fn new(scenery: &Scenery, levels: &'a [Level], moved: &Tree, refinement: &Refinement) -> Self {
-        let tiles = base_tiles(&refinement.base);
+    /// Tiles at another time; `moved`: boxes where bodies have moved since, in the axes of every sector.
+    fn new(sceneries: &[Scenery], levels: &'a [Level], moved: &[Tree]) -> Self {
+        let tiles = base_tiles(sceneries.iter().map(|scenery| &scenery.planes[0]));
         let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
-            scenery.is_static(worker, *place, moved)
+            sceneries[place.sector].is_static(worker, *place, &moved[place.sector])
         });
         Self {
             levels,
@@ -460,6 +457,50 @@ impl<'a> Known<'a> {
     fn tile(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
         let level = self.levels.get(wanted.place.level);
         level.filter(|_| self.is_static[wanted.base as usize])?.known(wanted)
+    }
+}
+
+/// Tables of the reflection coefficients of the materials; none where the settings have them.
+fn reflections(sector: &Sector, materials: &[Material]) -> Vec<Reflection> {
+    if !sector.refinement.reflections.is_empty() {
+        return Vec::new();
+    }
+    let wavelength = SPEED_OF_LIGHT / sector.array.frequency;
+    let table = |material| Reflection::new(material, wavelength, sector.array.polarization);
+    materials.iter().map(table).collect()
+}
+
+/// What the tiles of a sector are evaluated by. `own`: tables in place of those of the settings; `width`: of the widest
+/// cells of any sector.
+fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflection], width: f64) -> Scenery<'a> {
+    let Sector {
+        scene,
+        array,
+        cast,
+        refinement,
+    } = sector;
+    let wavenumber = TAU / (SPEED_OF_LIGHT / array.frequency);
+    let turns = || {
+        let bodies = 0..scene.num_bodies();
+        bodies.map(|body| stepped_turn(refinement.turns.get(body).copied().unwrap_or(0.0) as f32))
+    };
+    let join = turns().zip(0..).map(|(turn, body)| {
+        // Points of a body that deforms lie on triangles; joined points do not turn against each other.
+        let is_rigid = !scene.surface(body).is_deformed();
+        let is_joined = is_rigid && turn <= MOST_TURN;
+        let phase = if is_joined { refinement.join as f32 } else { 0.0 };
+        Join { phase, turn }
+    });
+    Scenery {
+        scene,
+        cast,
+        array,
+        planes: planes(&refinement.base),
+        reflections: if own.is_empty() { refinement.reflections } else { own },
+        channels: Channels::new(array, materials, width, wavenumber),
+        join: join.collect(),
+        turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
+        wavenumber,
     }
 }
 

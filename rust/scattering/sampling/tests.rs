@@ -19,6 +19,7 @@ use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Material};
 use crate::scattering::patch::patch;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
+use crate::scattering::sector::Sector;
 use crate::scattering::taper::taper;
 
 const FREQUENCY: f64 = 60e9;
@@ -101,7 +102,17 @@ fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
 
 fn tiles(scene: &PosedScene, refinement: &Refinement) -> Tiles {
     let materials = vec![CONDUCTOR; scene.num_bodies()];
-    Tiles::new(scene, &Cast::default(), &materials, &array(), refinement, None).unwrap()
+    Tiles::new(&[sector(scene, &array(), refinement)], &materials, None).unwrap()
+}
+
+/// The one sector of a field of view.
+fn sector<'a>(scene: &'a PosedScene, array: &'a Array, refinement: &Refinement<'a>) -> Sector<'a> {
+    Sector {
+        scene,
+        array,
+        cast: Cast::default(),
+        refinement: *refinement,
+    }
 }
 
 /// Transfer function of material points, `sum w 2 cos exp(-2 j k R) / R^2`, at a wavenumber.
@@ -267,10 +278,9 @@ fn points_depend_neither_on_threads_nor_on_the_frame_before() {
     assert!(same(&fresh, &pool.install(|| tiles(&now, &settings))));
 
     let known = tiles(&before, &settings);
-    let moved = now.moved(&before).unwrap();
-    let materials = [CONDUCTOR; 2];
-    let cast = Cast::default();
-    let again = Tiles::new(&now, &cast, &materials, &array(), &settings, Some((&known, &moved))).unwrap();
+    let (moved, array) = (now.moved(&before).unwrap(), array());
+    let one = [sector(&now, &array, &settings)];
+    let again = Tiles::new(&one, &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
     assert!(same(&fresh, &again));
     assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
     assert!(!same(&fresh, &known));
@@ -363,8 +373,60 @@ fn wide_arrays_have_a_weight_per_channel() {
     let settings = refinement(base, 1e-2);
     for (offset, number) in [(0.003, 1), (0.3, 2)] {
         let materials: [Material; 1] = [CONDUCTOR];
-        let found = Tiles::new(&scene, &Cast::default(), &materials, &antennas(offset), &settings, None).unwrap();
+        let antennas = antennas(offset);
+        let found = Tiles::new(&[sector(&scene, &antennas, &settings)], &materials, None).unwrap();
         assert_eq!(found.num_weights, number);
         assert_eq!(found.points().weights.len(), number * found.points().points.len());
+    }
+}
+
+/// Cut out of the plane of a side of a box, between two values of u.
+fn between(low: f64, high: f64, half_height: f64, size: f64) -> ImagePlane {
+    let (rows, columns) = ((2.0 * half_height / size).ceil(), ((high - low) / size).ceil());
+    let du = (high - low) / columns;
+    ImagePlane {
+        rows: rows as usize,
+        columns: columns as usize,
+        du,
+        dv: 2.0 * half_height / rows,
+        axis_column: high / du,
+        axis_row: 0.5 * rows,
+    }
+}
+
+#[test]
+fn body_on_the_seam_of_two_sectors_echoes_as_in_the_middle_of_one() {
+    let (materials, array) = ([CONDUCTOR], array());
+    let sight = DMat3::from_rotation_z(45.0_f64.to_radians());
+    let to_left = DMat3::from_rotation_z(-90.0_f64.to_radians());
+    let turned = array.turned(&to_left);
+    // The finer the cells, the less the seam matters: one cell of a fan of cells is another.
+    let floor = 1e-5;
+    for (surface, most) in [(sphere(0.1), 0.3), (plates(&[[0.0, 0.0, 0.1, 0.1]]), 0.1)] {
+        let ahead = PosedScene::new(vec![surface.clone()], vec![at(1.0, 0.0, 0.0)]);
+        let front = refinement(ImagePlane::centered(64, 64, 0.5, 0.5), floor);
+        let middle = transfer(&tiles(&ahead, &front).points(), WAVENUMBER);
+
+        let aside = ahead.turned(&sight);
+        let left = aside.turned(&to_left);
+        let bases = [
+            between(-1.0, 1.0, 0.5, 1.0 / 64.0),
+            between(-1.0, -0.3, 0.5, 1.0 / 32.0),
+        ];
+        let settings = bases.map(|base| refinement(base, floor));
+        let sectors = [
+            sector(&aside, &array, &settings[0]),
+            sector(&left, &turned, &settings[1]),
+        ];
+        let found = Tiles::new(&sectors, &materials, None).unwrap();
+        // The points of both are in axes of their own, about one origin.
+        let on_seam = transfer(&found.points(), WAVENUMBER);
+        let halves = [0, 1].map(|number| found.pieces.iter().filter(|piece| piece.sector() == number).count());
+        assert!(halves.iter().all(|number| *number > 0), "{halves:?}");
+        let ratio = on_seam / middle;
+        assert!(
+            decibels(ratio.norm()).abs() < most && ratio.arg().abs() < 0.05,
+            "{ratio}"
+        );
     }
 }

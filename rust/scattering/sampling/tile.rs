@@ -69,8 +69,9 @@ pub struct Nearest {
     pub triangle: u32,
     /// Distance along the ray to the triangle [m].
     pub distance: f64,
-    /// Cell of the ray.
+    /// Cell of the ray, and number of its sector.
     pub cell: Cell,
+    pub sector: usize,
 }
 
 /// Memory of a thread, kept from tile to tile.
@@ -177,7 +178,7 @@ impl Kernel for Evaluate<'_> {
         let border = Border::new(&echoes, cells, rows, columns);
         let mut tile = Tile::without_hits(place, packets, border, rays);
         tile.blocks = Blocks::new::<I>(&echoes);
-        find_nearest::<I>(cells, &scratch.distance, plane, &mut tile.nearest);
+        find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
         cells.weigh::<I>();
         if place.level == 0 {
             tile.echo = cells.echo();
@@ -255,12 +256,14 @@ impl Tile {
         adjacent: impl Fn(Place) -> Option<&'a Self>,
     ) -> [f32; BLOCKS] {
         let Place {
+            sector,
             level: depth,
             row,
             column,
         } = self.place;
         let beside = |row: Option<usize>, column: Option<usize>| {
             let other = adjacent(Place {
+                sector,
                 level: depth,
                 row: row?,
                 column: column?,
@@ -282,7 +285,12 @@ impl Tile {
 
 /// Add the nearest hits of the bodies of a tile, from distances to triangles [m].
 #[inline(always)] // part of a kernel
-fn find_nearest<I: Isa>(cells: &Cells, distances: &[f64; MOST_RAYS], plane: &ImagePlane, found: &mut Vec<Nearest>) {
+fn find_nearest<I: Isa>(
+    cells: &Cells,
+    distances: &[f64; MOST_RAYS],
+    (sector, plane): (usize, &ImagePlane),
+    found: &mut Vec<Nearest>,
+) {
     let far = <I::F64 as Vector>::splat(f64::INFINITY);
     let mut rest = cells.hit;
     while rest != 0 {
@@ -313,6 +321,7 @@ fn find_nearest<I: Isa>(cells: &Cells, distances: &[f64; MOST_RAYS], plane: &Ima
             triangle: cells.triangle[at],
             distance: distances[at],
             cell,
+            sector,
         });
     }
 }

@@ -1,0 +1,342 @@
+"""Field of view: what the antennas see by default, sectors of wide ones, and bodies beyond one that was chosen."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+
+CONDUCTOR = rc.materials["perfect_conductor"]
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=1.5e13, sample_rate=2e6, num_samples=128, num_chirps=4, chirp_interval=3e-4
+)
+ISOTROPIC = rc.Radar(WAVEFORM)
+
+BGT60 = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, chirp_interval=300e-6)
+BEAM = rc.GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0)
+
+
+def towards(azimuth_deg: float, elevation_deg: float = 0.0, distance: float = 1.0) -> NDArray[np.float64]:
+    """Position in a direction."""
+    az, el = np.deg2rad([azimuth_deg, elevation_deg])
+    return distance * np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
+
+
+def looking_back(azimuth_deg: float, elevation_deg: float = 0.0, distance: float = 1.0) -> rc.Pose:
+    """Pose of what stands ahead, after a turn of the world about the sensor: first up, then to the left."""
+    turn = rc.Pose.from_rpy([0.0, 0.0, 0.0], np.deg2rad([0.0, -elevation_deg, azimuth_deg]))
+    return turn @ rc.Pose([distance, 0.0, 0.0])
+
+
+def conductor(mesh: rc.Mesh, pose: rc.Pose, name: str = "body") -> rc.Body:
+    return rc.Body(mesh, material=CONDUCTOR, motion=pose, name=name)
+
+
+def simulator(bodies: list[Any], radar: rc.Radar = ISOTROPIC, **options: Any) -> rc.Simulator:
+    return rc.Simulator(rc.Scene(bodies), radar, **options)
+
+
+def echo(sim: rc.Simulator) -> NDArray[np.complex128]:
+    """Phasor of every channel at the centre of the band."""
+    paths = sim.paths()
+    turns = np.exp(-2j * np.pi * sim.radar.waveform.center_frequency * paths.delay)
+    echoes: NDArray[np.complex128] = (paths.amplitude * turns).sum(axis=-1)
+    return echoes
+
+
+def db(ratio: Any) -> Any:
+    return 20.0 * np.log10(np.abs(ratio))
+
+
+# ---------------------------------------------------------------- what antennas see
+
+
+def test_gaussian_beam_is_seen_to_where_both_ways_are_20_db_down() -> None:
+    # 2 x 12.04 dB (angle / width)^2 of both ways.
+    expected = 2.0 * np.array([65.0, 40.0]) * np.sqrt(20.0 / (80.0 * np.log10(2.0)))
+    got = np.array(BGT60.field_of_view_deg)
+    assert (got >= expected).all()
+    assert (got <= expected + 2.0).all()
+
+
+def test_isotropic_antennas_see_150_degrees() -> None:
+    assert ISOTROPIC.field_of_view_deg == (150.0, 150.0)
+
+
+def test_narrow_beam_is_not_lost_between_samples() -> None:
+    pattern = rc.GaussianPattern(40.0, 0.3, 0.6)
+    horizontal, vertical = rc.Radar(WAVEFORM, pattern=pattern).field_of_view_deg
+    width = 2.0 * np.sqrt(20.0 / (80.0 * np.log10(2.0)))
+    assert 0.3 * width <= horizontal <= 0.5 * width
+    assert 0.6 * width <= vertical <= 1.2 * width
+
+
+def test_tilted_beam_makes_a_centred_field_of_view_that_holds_it() -> None:
+    angles = np.arange(-90.0, 91.0, 2.0)
+    gains = -0.05 * (angles[:, None] - 30.0) ** 2 - 0.05 * (angles[None, :] + 10.0) ** 2
+    pattern = rc.TabulatedPattern.from_degrees(angles, angles, np.maximum(gains, -90.0))
+    horizontal, vertical = rc.Radar(WAVEFORM, pattern=pattern).field_of_view_deg
+    # Both ways 20 dB down at 14.1 degrees from the peak; a degree or two to the next sample.
+    assert 2.0 * 44.1 <= horizontal <= 2.0 * 45.5
+    assert 2.0 * 24.1 <= vertical <= 2.0 * 30.0  # z/x of directions to the side is larger than tan(elevation)
+
+
+def test_pairs_see_what_both_of_their_antennas_see() -> None:
+    angles = np.arange(-90.0, 91.0, 1.0)
+
+    def aimed(azimuth_deg: float) -> rc.TabulatedPattern:
+        gains = -0.05 * (angles[:, None] - azimuth_deg) ** 2 - 0.05 * angles[None, :] ** 2
+        return rc.TabulatedPattern.from_degrees(angles, angles, np.maximum(gains, -90.0))
+
+    radar = rc.Radar(WAVEFORM, tx_patterns=[aimed(20.0)], rx_patterns=[aimed(-20.0)])
+    # The product of both is centred, as narrow as either.
+    assert 28.2 <= radar.field_of_view_deg[0] <= 32.0
+
+
+# ---------------------------------------------------------------- the default
+
+
+def test_default_is_what_the_antennas_see_in_whole_tiles_and_is_told() -> None:
+    sim = simulator([conductor(rc.shapes.sphere(0.1), rc.Pose([2.0, 0.0, 0.0]))], BGT60)
+    seen, view = np.array(BGT60.field_of_view_deg), np.array(sim.view_deg)
+    assert sim.field_of_view_deg is None
+    assert (view >= seen).all()
+    assert (view <= seen + 6.0).all()
+    assert sim.frame().stats["field_of_view_deg"] == sim.view_deg
+    assert f"field_of_view_deg={sim.view_deg}" in repr(sim)
+    recorded = sim.record(0.0, 0.01, progress=False).source
+    assert recorded["field_of_view_deg"] == list(sim.view_deg)
+    # The same angles and cells, given, are the same simulation.
+    again = dataclasses.replace(sim, field_of_view_deg=recorded["field_of_view_deg"])
+    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
+    again = dataclasses.replace(again, resolution=tuple(recorded["resolution"]))
+    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
+
+
+def test_another_radar_has_another_default() -> None:
+    sim = simulator([], BGT60).with_radar(ISOTROPIC)
+    assert sim.view_deg == (150.0, 150.0)
+
+
+def test_within_60_degrees_cells_are_those_of_a_field_of_60_degrees() -> None:
+    bodies = [
+        conductor(rc.shapes.sphere(0.1), rc.Pose([2.0, 0.7, -0.3])),
+        conductor(rc.shapes.plate(0.2, 0.1), rc.Pose.from_rpy([1.5, -0.5, 0.2], [0.0, 0.1, 0.3])),
+    ]
+    wide, narrow = simulator(bodies), simulator(bodies, field_of_view_deg=(60.0, 60.0))
+    assert wide.frame().stats["rays_cast"] == narrow.frame().stats["rays_cast"]
+    np.testing.assert_allclose(echo(wide), echo(narrow), rtol=1e-6)
+
+
+@pytest.mark.parametrize("azimuth_deg", [35.0, -35.0, 60.0])
+def test_sphere_is_seen_by_default_as_a_point_target_is(azimuth_deg: float) -> None:
+    radius, distance = 0.1, 3.0
+    radar = rc.Radar(WAVEFORM, tx=BGT60.tx, rx=BGT60.rx, pattern=BEAM)
+    ball = conductor(rc.shapes.sphere(radius), rc.Pose(towards(azimuth_deg, 0.0, distance)))
+    # Geometrical optics of a sphere: the echo of its nearest point, spread as from its focus.
+    nearest = distance - radius
+    point = rc.PointTarget(towards(azimuth_deg, 0.0, nearest), rcs=np.pi * radius**2 * (nearest / distance) ** 2)
+    ratio = echo(simulator([ball], radar)) / -echo(simulator([point], radar))
+    assert np.abs(db(ratio)).max() <= 1.0  # of single spheres; 0.6 over the band
+    assert np.abs(np.angle(ratio)).max() <= 0.15
+
+
+def test_scene_file_without_angles_has_the_default(tmp_path: Path) -> None:
+    from radarcore.scenefile.load import load_scene
+
+    path = tmp_path / "scene.toml"
+    path.write_text('[radar]\npreset = "bgt60tr13c"\n[run]\nstop = 0.1\n')
+    simulation = load_scene(path)
+    assert simulation.run.field_of_view_deg is None
+    assert simulation.simulator().view_deg == simulator([], BGT60).view_deg
+
+
+def test_depth_images_are_one_plane_of_at_most_110_degrees_unless_angles_are_given() -> None:
+    wall = conductor(rc.shapes.plate(100.0, 100.0), rc.Pose([1.0, 0.0, 0.0]))
+    image = simulator([wall]).depth_image()
+    assert image.field_of_view_deg == (110.0, 110.0)
+    np.testing.assert_allclose(image.distance * image.directions[..., 0], 1.0, rtol=1e-6)
+    given = simulator([wall], field_of_view_deg=(140.0, 30.0)).depth_image()
+    assert given.field_of_view_deg == (140.0, 30.0)
+    narrow = rc.Radar(WAVEFORM, pattern=BEAM)
+    assert simulator([wall], narrow).depth_image().field_of_view_deg == (110.0, simulator([], narrow).view_deg[1])
+
+
+# ---------------------------------------------------------------- sectors
+
+SAMPLINGS: dict[str, dict[str, Any]] = {
+    "tiles": {"rcs_floor": 1e-4},
+    "edge terms": {"rcs_floor": 1e-4, "end_points": True},
+    "pixels": {"sampling": "footprint", "resolution": 3200},
+}
+
+SIDES = [(70.0, 0.0), (-70.0, 0.0), (0.0, 70.0), (0.0, -70.0), (60.0, 40.0)]
+SEAMS = [(45.3, 0.0), (-45.3, 10.0), (0.0, 45.3), (45.3, 35.0), (65.0, 42.2)]
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), SIDES + SEAMS)
+def test_sphere_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: float, elevation_deg: float) -> None:
+    options, mesh = SAMPLINGS[sampling], rc.shapes.sphere(0.1)
+    ahead = simulator([conductor(mesh, rc.Pose([2.0, 0.0, 0.0]))], **options)
+    aside = simulator([conductor(mesh, rc.Pose(towards(azimuth_deg, elevation_deg, 2.0)))], **options)
+    ratio = (echo(aside) / echo(ahead)).item()
+    assert abs(db(ratio)) <= 0.6
+    assert abs(np.angle(ratio)) <= 0.1
+    truth = aside.frame().truth
+    assert truth is not None
+    assert truth.range[0] == pytest.approx(1.9, abs=1e-3)
+    place = towards(*np.rad2deg([truth.azimuth[0], truth.elevation[0]]).tolist())
+    assert np.linalg.norm(place - towards(azimuth_deg, elevation_deg)) <= 0.01
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), SIDES + SEAMS)
+def test_plate_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: float, elevation_deg: float) -> None:
+    options, mesh = SAMPLINGS[sampling], rc.shapes.plate(0.15, 0.1)
+    ahead = simulator([conductor(mesh, looking_back(0.0, 0.0, 2.0))], **options)
+    aside = simulator([conductor(mesh, looking_back(azimuth_deg, elevation_deg, 2.0))], **options)
+    ratio = (echo(aside) / echo(ahead)).item()
+    assert abs(db(ratio)) <= 0.2
+    assert abs(np.angle(ratio)) <= 0.02
+
+
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(70.0, 0.0), (45.3, 0.0), (0.0, -70.0)])
+def test_corner_aside_and_on_a_seam_echoes_as_ahead(azimuth_deg: float, elevation_deg: float) -> None:
+    options: dict[str, Any] = {"max_bounces": 2, "resolution": 1600}
+    mesh = rc.shapes.dihedral(0.1)
+    echoes = []
+    for angles in ((0.0, 0.0), (azimuth_deg, elevation_deg)):
+        sim = simulator([conductor(mesh, looking_back(*angles, 2.0))], **options)
+        stats = sim.frame().stats
+        assert stats["bounce_paths"] > 0
+        echoes.append(echo(sim).item())
+    assert abs(db(echoes[1] / echoes[0])) <= 0.5  # cells at the sides are twice as wide
+
+
+@pytest.mark.parametrize(("polarization", "angles"), [("vertical", (70.0, 0.0)), ("horizontal", (0.0, 70.0))])
+def test_polarisation_turns_with_the_sector(polarization: str, angles: tuple[float, float]) -> None:
+    radar = rc.Radar(WAVEFORM, polarization=polarization, rx=[[0.0, 0.0, 0.0]])
+    glass = rc.Material.dielectric(4.0)
+    echoes = []
+    for direction in ((0.0, 0.0), angles):
+        # Two reflections by a corner of glass, where both polarisations differ.
+        corner = rc.Body(rc.shapes.dihedral(0.1), material=glass, motion=looking_back(*direction, 2.0))
+        echoes.append(echo(simulator([corner], radar, max_bounces=2, resolution=1600)).item())
+    assert abs(db(echoes[1] / echoes[0])) <= 0.5
+
+
+def test_matt_points_on_a_seam_count_once() -> None:
+    matt = rc.Material.lambertian(0.8)
+    numbers = []
+    for angles in ((0.0, 0.0), (45.3, 0.0), (45.3, 35.0)):
+        plate = rc.Body(rc.shapes.plate(0.4, 0.4), material=matt, motion=looking_back(*angles, 2.0))
+        sim = simulator([plate])
+        powers_of_points = np.abs(sim.paths().amplitude) ** 2
+        numbers.append((np.count_nonzero(powers_of_points), powers_of_points.sum()))
+    counts, powers = np.array(numbers).T
+    assert (counts == counts[0]).all()  # all points of the plate are visible, and none twice
+    np.testing.assert_allclose(powers, powers[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
+@pytest.mark.parametrize("options", [{}, {"max_bounces": 2}, {"end_points": True}], ids=["one", "bounces", "ends"])
+def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, Any]) -> None:
+    if sampling == "footprint":
+        if "end_points" in options:
+            pytest.skip("of adaptive sampling alone")
+        options = options | {"resolution": 200}
+    still = [
+        conductor(rc.shapes.sphere(0.2), rc.Pose(towards(*angles, 2.0)), f"ball {number}")
+        for number, angles in enumerate([(45.3, 0.0), (-70.0, 0.0), (0.0, 70.0)])
+    ]
+    moving = rc.Body(
+        rc.shapes.dihedral(0.2), material=CONDUCTOR, motion=rc.Linear(looking_back(46.0, 20.0, 2.0), velocity=[0, 2, 0])
+    )
+    sim = simulator([*still, moving], **options)
+    first, second = sim.frame(0.0), sim.frame(0.1)
+    assert second.stats["tiles_reused"] > 0
+    assert second.stats["rays_cast"] < first.stats["rays_cast"]
+    np.testing.assert_array_equal(second.cube, dataclasses.replace(sim, threads=1).frame(0.1).cube)
+
+
+def test_budget_is_that_of_all_sectors() -> None:
+    ball = rc.shapes.sphere(0.5)
+    bodies = [conductor(ball, rc.Pose(towards(angle, 0.0, 1.2)), f"ball {angle}") for angle in (-65.0, 0.0, 65.0)]
+    most = 69_000
+    sim = simulator(bodies, rcs_floor=1e-6, ray_budget=most)
+    with pytest.warns(UserWarning, match="its finest cells or its ray_budget"):
+        frame = sim.frame()
+    assert frame.stats["cells_not_split"] > 0
+    assert frame.stats["rays_cast"] <= 2 * most  # with those of the cells that were tried
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # at the finest cells
+        unlimited = dataclasses.replace(sim, ray_budget=np.inf).frame()
+    assert unlimited.stats["rays_cast"] > most
+    # The corners of the grid are in no plane.
+    rows, columns = sim.num_cells
+    with pytest.raises(ValueError, match=r"ray_budget: expected at least the (\d+) rays") as refused:
+        simulator(bodies, ray_budget=1000)
+    assert 0.5 * rows * columns < int(str(refused.value).split()[5]) < 0.9 * rows * columns
+
+
+def test_turning_body_aside_is_cast_in_parts() -> None:
+    mesh = rc.shapes.plate(0.1, 0.1)
+    frames = []
+    for angle in (0.0, 70.0):
+        spin = rc.Linear(looking_back(angle, 0.0, 2.0), angular_velocity=[0.0, 0.0, 300.0])
+        frames.append(
+            simulator([rc.Body(mesh, material=CONDUCTOR, motion=spin)], rcs_floor=1e-4, retrace_deg=3.0).frame()
+        )
+    assert frames[0].stats["casts"] == frames[1].stats["casts"] > 1
+    power = [float((np.abs(frame.cube) ** 2).sum()) for frame in frames]
+    assert abs(10.0 * np.log10(power[1] / power[0])) <= 0.5
+
+
+# ---------------------------------------------------------------- bodies beyond a chosen field of view
+
+
+def beside(angle_deg: float, name: str = "ball") -> rc.Body:
+    return conductor(rc.shapes.sphere(0.1), rc.Pose(towards(angle_deg, 0.0, 2.0)), name)
+
+
+def test_body_in_the_beam_outside_of_the_chosen_field_of_view_is_warned_of_once() -> None:
+    sim = simulator([beside(0.0, "ahead"), beside(40.0), beside(45.0, "other")], BGT60, field_of_view_deg=(60.0, 60.0))
+    expected = r"'ball' lies in the beam .* azimuth 40 .*\(60, 60\).* nor does another body"
+    with pytest.warns(UserWarning, match=expected) as found:
+        frames = [sim.frame(), sim.frame(0.1), *sim.record(0.0, 0.05, progress=False).frames()]
+    assert len(frames) == 4
+    assert len(found) == 1
+    assert found[0].filename == __file__
+
+
+def test_recording_warns_of_a_body_that_leaves_the_field_of_view() -> None:
+    walker = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.0, 4.0, 0.0]))
+    sim = simulator([walker], BGT60, field_of_view_deg=(60.0, 60.0))
+    with pytest.warns(UserWarning, match="lies in the beam"):
+        sim.record(0.0, 0.5, 10.0, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("angles", "options"),
+    [
+        ((40.0, 20.0), {}),  # the default
+        ((0.0, 28.0), {"field_of_view_deg": (60.0, 60.0)}),  # inside
+        ((32.0,), {"field_of_view_deg": (60.0, 60.0)}),  # partly inside
+        ((80.0, 180.0), {"field_of_view_deg": (60.0, 60.0)}),  # outside of the beam
+        ((100.0,), {}),
+    ],
+)
+def test_no_warning_otherwise(angles: tuple[float, ...], options: dict[str, Any]) -> None:
+    bodies: list[Any] = [beside(angle, f"ball {angle}") for angle in angles]
+    bodies += [rc.PointTarget(towards(50.0)), rc.Body(rc.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulator(bodies, BGT60, **options).frame()
