@@ -81,9 +81,10 @@ pub(super) fn sum(
         scale: SCALE,
         tables: tables.clone(),
     };
-    let done = timed(&mut times.sum, || sum.samples(&part.waveform, &options))?;
+    let errors = timed(&mut times.sum, || sum.errors(options.is_parallel));
+    let done = timed(&mut times.sum, || sum.samples(&errors, &part.waveform, &options))?;
     Ok(done.map(|(samples, report)| {
-        let outcome = outcome(&sum, most, &report.plan, times);
+        let outcome = outcome(&sum, &errors, most, &report.plan, times);
         (samples, outcome)
     }))
 }
@@ -111,8 +112,7 @@ fn frame(part: &Part, times: [usize; 2]) -> Option<Block> {
 }
 
 /// Statistics of a sum, with the largest numbers of times of delays and of amplitudes.
-fn outcome(sum: &LaneSum, most: [usize; 2], plan: &Plan, times: StageTimes) -> Outcome {
-    let errors = sum.errors();
+fn outcome(sum: &LaneSum, errors: &[Errors], most: [usize; 2], plan: &Plan, times: StageTimes) -> Outcome {
     let batches = || sum.layers.iter().flat_map(|layer| layer.batches.iter().flatten());
     let [delays, amplitudes] = most;
     let still = batches().map(|batch| batch.still.len()).sum::<usize>();
@@ -126,8 +126,8 @@ fn outcome(sum: &LaneSum, most: [usize; 2], plan: &Plan, times: StageTimes) -> O
         nodes: Some(NodeTimes {
             delays,
             amplitudes,
-            phase: share(&errors, |errors| errors.further_phase),
-            weight: share(&errors, |errors| errors.further_amplitude),
+            phase: share(errors, |errors| errors.further_phase),
+            weight: share(errors, |errors| errors.further_amplitude),
         }),
         still_paths: still / errors.len().max(1),
         farthest: 0.5 * SPEED_OF_LIGHT * longest,

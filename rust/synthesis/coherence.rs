@@ -9,6 +9,14 @@
 const MOST_ROWS: usize = 64;
 const MOST_COLUMNS: usize = 128;
 
+/// Largest integer that is not greater than a number of magnitude below 2^31, without a call where the instruction set has
+/// none for it.
+#[inline(always)] // within loops over paths
+fn floor(x: f64) -> i64 {
+    const ABOVE: f64 = 2_147_483_648.0; // 2^31
+    (x + ABOVE) as i64 - (1 << 31)
+}
+
 /// Sums of amplitudes over cells of velocity and range of some paths of a channel; no memory before the first path.
 #[derive(Clone, Debug, Default)]
 pub struct Coherence {
@@ -44,9 +52,9 @@ impl Coherence {
             self.cells.resize(self.rows * self.columns, 0.0);
         }
         // Phases of samples repeat after a turn.
-        let column = (range - range.floor()) * self.columns as f64;
+        let column = (range - floor(range) as f64) * self.columns as f64;
         let column = (column as usize).min(self.columns - 1);
-        let row = (velocity * self.rows_per_turn).floor() as i64;
+        let row = floor(velocity * self.rows_per_turn);
         let row = row.cast_unsigned() as usize & (self.rows - 1);
         self.cells[row * self.columns + column] += amplitude as f32;
         self.squares += amplitude * amplitude;

@@ -18,6 +18,10 @@ _PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), 
 """Corners of a box and points between them, in parts of its sides."""
 
 
+_FRAMES_PER_LOOK = 8
+"""Frames placed one by one until bodies outside of the field of view are looked for again."""
+
+
 class Doubts:
     """Warnings of a simulation, each given once.
 
@@ -32,6 +36,7 @@ class Doubts:
         self._radar, self._tolerance = radar, tolerance
         self._told: set[str] = set()
         self._boxes: NDArray[np.float64] | None = None
+        self._num_looks = 0
 
     def of_materials(self, scene: Scene) -> None:
         """Warn of materials at frequencies for which they are not known."""
@@ -47,6 +52,10 @@ class Doubts:
         """
         meshed = scene.parts.meshed
         if "view" in self._told or not meshed:
+            return
+        # Frame by frame the look would take a twentieth of the time of a frame.
+        self._num_looks += 1
+        if len(poses) == 1 and self._num_looks % _FRAMES_PER_LOOK != 1:
             return
         # Places on the bounding boxes of all bodies, in the sensor frame about the middle of the array.
         if self._boxes is None:

@@ -27,6 +27,9 @@ const RESERVE: f64 = 2.0;
 /// Chunks of paths of one task, a constant: sums of errors do not depend on the number of threads.
 const PART: usize = 8;
 
+/// Shares of the batches of a channel whose cells are filled side by side, a constant.
+const SHARES: usize = 4;
+
 /// Largest magnitude of amplitudes whose squares are numbers.
 const LARGEST_AMPLITUDE: f64 = 1e150;
 
@@ -160,25 +163,46 @@ impl LaneSum {
         })
     }
 
-    /// Errors of every channel.
-    pub fn errors(&self) -> Vec<Errors> {
+    /// Errors of every channel, with the gain that its paths may have in phase.
+    pub fn errors(&self, is_parallel: bool) -> Vec<Errors> {
         let num_channels = self.layers.first().map_or(0, |layer| layer.batches.len());
-        let of_channel = |channel: usize| {
+        let batches: Vec<Vec<&Batch>> = (0..num_channels)
+            .map(|channel| self.layers.iter().flat_map(|layer| &layer.batches[channel]).collect())
+            .collect();
+        let shares = batches
+            .iter()
+            .flat_map(|batches| batches.chunks(batches.len().div_ceil(SHARES).max(1)));
+        let cells = parallel::map(is_parallel, shares.collect(), |share: &[&Batch]| {
+            let mut cells = Coherence::new(self.tables.num_chirps, self.tables.num_samples);
+            for batch in share {
+                batch.add_to(&mut cells, &self.tables);
+            }
+            cells
+        });
+        let mut cells = cells.into_iter();
+        let of_channel = |batches: &Vec<&Batch>| {
             let mut errors = Errors::default();
-            let mut coherence = Coherence::new(self.tables.num_chirps, self.tables.num_samples);
-            for batch in self.layers.iter().flat_map(|layer| &layer.batches[channel]) {
+            for batch in batches {
                 errors.add(&batch.errors);
-                batch.add_to(&mut coherence, &self.tables);
+            }
+            let num_shares = batches.chunks(batches.len().div_ceil(SHARES).max(1)).len();
+            let mut coherence = Coherence::default();
+            for share in cells.by_ref().take(num_shares) {
+                coherence.join(&share);
             }
             errors.coherence = coherence.gain(1);
             errors
         };
-        (0..num_channels).map(of_channel).collect()
+        batches.iter().map(of_channel).collect()
     }
 
-    /// Samples `(channel, chirp, sample)` and their report; none if the tolerance cannot be reached.
-    pub fn samples(&self, waveform: &Waveform, options: &Options) -> Result<Option<(Samples, Report)>> {
-        let errors = self.errors();
+    /// Samples `(channel, chirp, sample)` and their report, for [`Self::errors`]; none if the tolerance cannot be reached.
+    pub fn samples(
+        &self,
+        errors: &[Errors],
+        waveform: &Waveform,
+        options: &Options,
+    ) -> Result<Option<(Samples, Report)>> {
         // Factors of the samples take back the scale where single precision can.
         let back = if self.scale.log2().abs() <= EXPONENT {
             self.scale.recip()
@@ -187,7 +211,7 @@ impl LaneSum {
         };
         let power: Vec<f64> = errors.iter().map(|errors| errors.power * back * back).collect();
         let (mut known_gain, mut runs) = (1.0, 0);
-        while let Some((steps, plan)) = self.plan(&errors, options.tolerance, known_gain) {
+        while let Some((steps, plan)) = self.plan(errors, options.tolerance, known_gain) {
             fits_memory("grids", &[plan.memory()], 1)?;
             let samples = Samples::Single(self.run(steps, options, back));
             runs += 1;

@@ -37,7 +37,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
     let is_single = options.tolerance >= SINGLE_TOLERANCE;
     let lanes = LaneSum::of(waveform, series, options);
     if let Some(lanes) = &lanes
-        && let Some(done) = lanes.samples(waveform, options)?
+        && let Some(done) = lanes.samples(&lanes.errors(options.is_parallel), waveform, options)?
     {
         return Ok(done);
     }
@@ -83,7 +83,7 @@ pub fn plan(waveform: &Waveform, series: &PathSeries, options: &Options) -> Resu
     series.check_shapes()?;
     let lanes = LaneSum::of(waveform, series, options);
     if let Some(lanes) = &lanes
-        && let Some((_, plan)) = lanes.plan(&lanes.errors(), options.tolerance, 1.0)
+        && let Some((_, plan)) = lanes.plan(&lanes.errors(options.is_parallel), options.tolerance, 1.0)
     {
         return Ok(plan);
     }
@@ -265,7 +265,10 @@ impl<'a> Job<'a> {
                 ..*self.options
             };
             let sum = LaneSum::of(self.waveform, self.series, &options);
-            let samples = sum.and_then(|sum| sum.samples(self.waveform, &options).ok());
+            let samples = sum.and_then(|sum| {
+                let errors = sum.errors(options.is_parallel);
+                sum.samples(&errors, self.waveform, &options).ok()
+            });
             samples.flatten().is_some()
         };
         Err(self.refused(reachable(|tolerance| {
