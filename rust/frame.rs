@@ -122,7 +122,7 @@ pub fn simulate(
     })?;
 
     let mut frame = FrameBuilder::new(model)?;
-    for part in parts::of_frame(model, &placement, &rates) {
+    for part in parts::of_frame(model, &placement) {
         cancel.check()?;
         let rays = timed(&mut times.rays, || {
             let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
@@ -152,8 +152,7 @@ pub fn paths(
     cancel: &Cancel,
 ) -> Result<PathArrays> {
     let placement = model.placement(motion)?;
-    let rates = placement.rates(model.waveform.duration());
-    let part = &parts::of_frame(model, &placement, &rates)[0];
+    let part = &parts::of_frame(model, &placement)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
     let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())?;
     let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;

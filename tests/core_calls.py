@@ -193,7 +193,7 @@ def reflectance(materials: Any = (MATERIAL,), **changes: Any) -> Any:
 
 
 def response(cosine: Any = COSINES, **changes: Any) -> Any:
-    return GLASS.response(cosine, **({"wavelength": 5e-3, "te": 0.5, "tm": 0.5} | changes))
+    return GLASS.response(cosine, **({"wavelength": 5e-3, "seen": None} | changes))
 
 
 def deform(vertices: Any = VERTICES, **changes: Any) -> Any:

@@ -173,11 +173,12 @@ class Material:
         `roughness`: rms height [m]; or `scattering`: the part of the field that is scattered. None: a smooth surface.
         """
     def response(
-        self, cosine: NDArray[np.float64], *, wavelength: float, te: float, tm: float
+        self, cosine: NDArray[np.float64], *, wavelength: float, seen: tuple[float, float] | None
     ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Field reflection coefficients and albedos at cosines of incidence (n,).
 
-        As antennas see them that get the parts `te` and `tm` of both polarisations; the wavelength is in metres.
+        As antennas see them that get the parts `seen` of both polarisations, across the plane of incidence and in it;
+        None: without a polarisation. The wavelength is in metres.
         """
 
 @final

@@ -20,9 +20,6 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// Weights of antennas without a polarisation, docs/theory.md eq. (5).
-    pub const SCALAR: Self = Self { te: 0.5, tm: 0.5 };
-
     /// Weights of the field across the plane of incidence alone.
     pub const TE: Self = Self { te: 1.0, tm: 0.0 };
 

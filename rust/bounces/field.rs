@@ -4,6 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use crate::antennas::polarization::{NORMAL, transverse};
+use crate::scattering::material::mean_reflection;
 
 /// Field relative to the launched field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,18 +36,6 @@ impl Incidence {
     pub fn reflected(&self) -> DVec3 {
         self.direction + 2.0 * self.cosine() * self.normal
     }
-
-    /// Scalar reflection coefficient, docs/theory.md eq. (9): the power is the mean of both polarisations, the phase
-    /// that of the field across the plane of incidence. A mean of both fields would vanish where two walls meet at a
-    /// right angle.
-    fn scalar(&self) -> Complex64 {
-        let [te, tm] = self.coefficients;
-        let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
-        if te == Complex64::ZERO {
-            return Complex64::from(power.sqrt());
-        }
-        te * (power / te.norm_sqr()).sqrt()
-    }
 }
 
 impl Field {
@@ -76,7 +65,7 @@ impl Field {
     /// Field after the reflection.
     pub fn reflect(&self, incidence: &Incidence) -> Self {
         match *self {
-            Self::Scalar(field) => Self::Scalar(field * incidence.scalar()),
+            Self::Scalar(field) => Self::Scalar(field * mean_reflection(incidence.coefficients)),
             Self::Vector(field) => Self::Vector(reflect(field, incidence)),
         }
     }
@@ -97,7 +86,7 @@ impl Field {
             }
             (Self::Scalar(field), _) => {
                 let mean = 0.5 * (incidence.cosine() + incidence.normal.dot(direction));
-                field * incidence.scalar() * mean
+                field * mean_reflection(incidence.coefficients) * mean
             }
             (Self::Vector(_), None) => Complex64::ZERO,
         }

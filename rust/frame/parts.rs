@@ -22,36 +22,40 @@ pub struct Part {
     pub cast: f64,
     /// Half the duration of the part, in the unit of `cast`.
     pub half: f64,
-    /// Angle by which every body turns from the cast to either end of the part, seen from the sensor [rad].
+    /// Largest angle by which every body turns from the cast to any time of the part, seen from the sensor [rad].
     pub turns: Vec<f64>,
     /// True for the part that contains the middle of the frame, which gives the truth.
     pub has_middle: bool,
 }
 
-/// Parts within which no body turns by more than the limit of the settings, at the rates of the middle of the frame.
-pub fn of_frame(model: &Model, placement: &Placement, rates: &Placement) -> Vec<Part> {
-    let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
-    // A depth image has no boxes, and is never cast.
-    let each = model.boxes.iter().zip(poses.iter().zip(&pose_rates));
-    let turn_rates: Vec<f64> = each
-        .map(|(corners, (pose, rate))| turn_rate(corners, pose, rate))
-        .collect();
-    let fastest = turn_rates.iter().copied().fold(0.0, f64::max);
-    let ranges = split(&model.waveform, fastest, model.settings.retrace);
-    let number = ranges.len();
-    let middle = 0.5 * model.waveform.duration();
-    let mut parts: Vec<Part> = ranges
+/// Parts within which no body turns by more than the limit of the settings from the pose in which it is cast.
+pub fn of_frame(model: &Model, placement: &Placement) -> Vec<Part> {
+    let (waveform, most) = (&model.waveform, model.settings.retrace);
+    let most_parts = 2 * waveform.chirp_times.len() + 1;
+    let mut number = 1;
+    let turns = loop {
+        // A depth image has no boxes, and is never cast.
+        let turns = turns(&model.boxes, placement, number);
+        let largest = turns.iter().flatten().copied().fold(0.0, f64::max);
+        if largest <= most || number >= most_parts {
+            break turns;
+        }
+        // An odd number, so that one part contains the middle of the frame.
+        let wanted = (number as f64 * largest / most).ceil().min(most_parts as f64);
+        number = (wanted as usize | 1).max(number + 2);
+    };
+    let middle = 0.5 * waveform.duration();
+    let mut parts: Vec<Part> = split(waveform, number)
         .into_iter()
-        .map(|chirps| Part::new(&model.waveform, chirps, number))
+        .map(|(at, chirps)| Part {
+            turns: turns[at].clone(),
+            ..Part::new(waveform, chirps, number)
+        })
         .collect();
     let distance = |part: &Part| (part.start + 0.5 * part.waveform.duration() - middle).abs();
-    let nearest = (0..number).min_by(|a, b| distance(&parts[*a]).total_cmp(&distance(&parts[*b])));
+    let nearest = (0..parts.len()).min_by(|a, b| distance(&parts[*a]).total_cmp(&distance(&parts[*b])));
     if let Some(nearest) = nearest {
         parts[nearest].has_middle = true;
-    }
-    for part in &mut parts {
-        let half = 0.5 * part.waveform.duration();
-        part.turns = turn_rates.iter().map(|rate| rate * half).collect();
     }
     parts
 }
@@ -97,16 +101,39 @@ impl Part {
     }
 }
 
-/// Angular rate of the aspect of a body [rad/s], by rotation or by passing the sensor: the largest rate of the
-/// direction to the sensor, in body axes, over the corners of the bounding box and the point of the box nearest to the
-/// sensor.
-fn turn_rate(&[low, high]: &[DVec3; 2], pose: &Pose, rate: &Pose) -> f64 {
+/// Largest angles by which bodies turn, as the sensor sees them, from the middle of a part of the frame to any time of it
+/// [rad], (part, body), for a number of parts of equal duration: by rotation, or by passing the sensor.
+fn turns(boxes: &[[DVec3; 2]], placement: &Placement, number: usize) -> Vec<Vec<f64>> {
+    // Series through n times have at most n - 1 turning points.
+    let steps = placement.num_times().div_ceil(number).max(4).next_multiple_of(2);
+    let are_still = placement.are_still();
+    if are_still.iter().all(|is_still| *is_still) {
+        return vec![vec![0.0; boxes.len()]; number];
+    }
+    let time = |step: usize| 2.0 * step as f64 / (number * steps) as f64 - 1.0;
+    let poses: Vec<Vec<Pose>> = (0..=number * steps)
+        .map(|step| placement.poses_at(time(step)))
+        .collect();
+    let of_body = |part: usize, body: usize| {
+        if are_still[body] {
+            return 0.0;
+        }
+        let sensor = |step: usize| poses[step][body].point_to_body(DVec3::ZERO);
+        let (first, last) = (part * steps, (part + 1) * steps);
+        let from = sensor(first + steps / 2);
+        (first..=last).fold(0.0, |most: f64, step| most.max(turn(&boxes[body], from, sensor(step))))
+    };
+    let of_part = |part: usize| (0..boxes.len()).map(|body| of_body(part, body)).collect();
+    (0..number).map(of_part).collect()
+}
+
+/// Angle between the directions to two places of the sensor in body axes [rad]: the largest over the corners of the
+/// bounding box and the point of the box nearest to the first place.
+fn turn(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> f64 {
     if low.cmpgt(high).any() {
         return 0.0;
     }
-    let sensor = pose.point_to_body(DVec3::ZERO);
-    let velocity = -(rate.rotation.transpose() * pose.translation) - pose.rotation.transpose() * rate.translation;
-    let nearest = sensor.clamp(low, high);
+    let nearest = from.clamp(low, high);
     let corner = |number: u32| {
         DVec3::new(
             if number & 1 == 0 { low.x } else { high.x },
@@ -114,39 +141,32 @@ fn turn_rate(&[low, high]: &[DVec3; 2], pose: &Pose, rate: &Pose) -> f64 {
             if number & 4 == 0 { low.z } else { high.z },
         )
     };
-    let places = (0..8).map(corner).chain((nearest != sensor).then_some(nearest));
-    places.fold(0.0, |fastest: f64, place| {
-        let offset = sensor - place;
-        let distance = offset.length().max(f64::MIN_POSITIVE);
-        let along = velocity.dot(offset) / distance;
-        fastest.max((velocity.length_squared() - along * along).max(0.0).sqrt() / distance)
+    let places = (0..8).map(corner).chain((nearest != from).then_some(nearest));
+    places.fold(0.0, |most: f64, place| {
+        let (a, b) = (from - place, to - place);
+        most.max(a.cross(b).length().atan2(a.dot(b)))
     })
 }
 
-/// Split the chirps into an odd number of parts of equal duration, so that one contains the middle; chirps are not cut.
-/// Within a part no body turns by more than `most` [rad] from the middle of the part.
-fn split(waveform: &Waveform, turn_rate: f64, most: f64) -> Vec<Range<usize>> {
+/// Split the chirps into a number of parts of equal duration; chirps are not cut. Parts without a chirp are left out: with
+/// the number of every part.
+fn split(waveform: &Waveform, number: usize) -> Vec<(usize, Range<usize>)> {
     let starts = &waveform.chirp_times;
     let (first, last) = (starts[0], waveform.duration());
-    let wanted = (0.5 * turn_rate * (last - first) / most)
-        .ceil()
-        .clamp(1.0, 2.0 * starts.len() as f64);
-    let number = wanted as usize | 1;
     let edge = |i: usize| first + (last - first) * i as f64 / number as f64 - 1e-9 * (last - first);
     let mut ends = vec![0];
     for i in 1..number {
         ends.push(starts.partition_point(|start| *start < edge(i)));
     }
     ends.push(starts.len());
-    ends.dedup();
-    ends.windows(2).map(|pair| pair[0]..pair[1]).collect()
+    let parts = ends.windows(2).map(|pair| pair[0]..pair[1]).enumerate();
+    parts.filter(|(_, chirps)| !chirps.is_empty()).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
-
     use super::*;
+    use crate::paths::placement::World;
     use glam::DMat3;
 
     fn waveform() -> Waveform {
@@ -161,41 +181,51 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_odd_in_number_and_have_all_chirps_once() {
+    fn parts_have_all_chirps_once() {
         let wf = waveform();
-        assert_eq!(split(&wf, 0.0, 0.1).len(), 1);
-        assert_eq!(split(&wf, 1e9, f64::INFINITY).len(), 1);
-        for turn_rate in [5.0, 20.0, 100.0, 1e9] {
-            let parts = split(&wf, turn_rate, 0.1);
-            assert!(parts.len() % 2 == 1 || parts.len() == 64, "{}", parts.len());
-            assert_eq!(parts.iter().map(ExactSizeIterator::len).sum::<usize>(), 64);
-            assert!(parts.windows(2).all(|pair| pair[0].end == pair[1].start));
-            // Half the duration of a part, at this rate, is within 0.1 rad, unless a chirp is cut no more.
-            let longest = parts.iter().map(ExactSizeIterator::len).max().unwrap();
-            assert!(longest == 1 || 0.5 * turn_rate * 3e-4 * (longest - 1) as f64 <= 0.1);
+        for number in [1, 3, 5, 64, 129] {
+            let parts = split(&wf, number);
+            assert_eq!(parts.len(), number.min(64));
+            assert_eq!(parts.iter().map(|(_, chirps)| chirps.len()).sum::<usize>(), 64);
+            assert!(parts.windows(2).all(|pair| pair[0].1.end == pair[1].1.start));
         }
     }
 
-    #[test]
-    fn body_that_passes_by_turns_as_seen_from_its_nearest_point() {
-        let surface = [DVec3::new(0.0, -0.1, -0.1), DVec3::new(0.0, 0.1, 0.1)];
-        let pose = Pose {
+    /// Poses of one body at Chebyshev times, and a sensor at the origin.
+    fn placement(pose: impl Fn(f64) -> Pose) -> Placement {
+        let poses: Vec<Pose> = chebyshev_nodes(9).into_iter().map(pose).collect();
+        let sensor = Pose {
             rotation: DMat3::IDENTITY,
-            translation: DVec3::new(2.0, 0.0, 0.0),
-        };
-        let still = DMat3::ZERO;
-        let passing = Pose {
-            rotation: still,
-            translation: DVec3::new(0.0, 3.0, 0.0),
-        };
-        assert!((turn_rate(&surface, &pose, &passing) - 1.5).abs() < 1e-12);
-        let turning = Pose {
-            rotation: DMat3::from_rotation_z(FRAC_PI_2) * 4.0,
             translation: DVec3::ZERO,
         };
-        let got = turn_rate(&surface, &pose, &turning);
-        // d/dt R = 4 (z x) R up to the part along z; the direction to the sensor turns at 4 rad/s seen from the origin,
-        // and a little faster where that is nearer.
-        assert!((4.0..4.1).contains(&got), "{got}");
+        let world = World {
+            sensor: vec![sensor; poses.len()],
+            poses,
+            points: Vec::new(),
+            vertices: Vec::new(),
+        };
+        world.seen(DVec3::ZERO)
+    }
+
+    #[test]
+    fn bodies_turn_by_the_largest_angle_from_the_middle_of_a_part() {
+        let surface = [DVec3::new(0.0, -0.1, -0.1), DVec3::new(0.0, 0.1, 0.1)];
+        let at = |y: f64, angle: f64| Pose {
+            rotation: DMat3::from_rotation_z(angle),
+            translation: DVec3::new(2.0, y, 0.0),
+        };
+        // Passing by 2 m away, as seen from the point of the body that is nearest: its middle.
+        let passing = placement(|x| at(0.3 * x, 0.0));
+        let expected = 0.15_f64.atan();
+        let got = turns(&[surface], &passing, 1)[0][0];
+        assert!((expected..1.01 * expected).contains(&got), "{got}");
+        // A swing rests in the middle of the frame.
+        let swinging = placement(|x| at(0.0, 0.7 * x * x));
+        let got = turns(&[surface], &swinging, 1)[0][0];
+        assert!((0.69..0.75).contains(&got), "{got}");
+        let parts = turns(&[surface], &swinging, 3);
+        assert!(parts[1][0] < 0.09 && parts[0][0] > 0.35, "{parts:?}");
+        // What stands still turns in no part.
+        assert_eq!(turns(&[surface], &placement(|_| at(0.0, 1.0)), 3), vec![vec![0.0]; 3]);
     }
 }

@@ -49,18 +49,18 @@ impl Material {
     }
 
     /// Field reflection coefficients and albedos (n,) at cosines of incidence (n,), for antennas that receive the parts
-    /// `te` and `tm` of both polarisations.
-    #[pyo3(signature = (cosine, *, wavelength, te, tm))]
+    /// `te` and `tm` of both polarisations; none: for antennas without a polarisation.
+    #[pyo3(signature = (cosine, *, wavelength, seen))]
     fn response<'py>(
         &self,
         py: Python<'py>,
         cosine: PyReadonlyArray1<'_, f64>,
         wavelength: f64,
-        te: f64,
-        tm: f64,
+        seen: Option<(f64, f64)>,
     ) -> PyResult<ResponseArrays<'py>> {
         let cosines = numbers("cosine", &cosine, [None])?.iter();
-        let of = |cosine: &f64| self.0.response(*cosine, wavelength, Seen { te, tm });
+        let seen = seen.map(|(te, tm)| Seen { te, tm });
+        let of = |cosine: &f64| self.0.response(*cosine, wavelength, seen);
         let (reflection, albedo): (Vec<_>, Vec<_>) = cosines.map(of).map(|r| (r.reflection, r.albedo)).unzip();
         Ok((reflection.into_pyarray(py), albedo.into_pyarray(py)))
     }

@@ -1,5 +1,6 @@
 //! Scene of posed bodies: a tree over their boxes above the trees of their surfaces.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
@@ -7,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::geometry::aabb::Bounds;
 use crate::geometry::pose::Pose;
+use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::rays::packet::View;
 use crate::rays::surface::{Nearest, Surface, above};
@@ -29,6 +31,8 @@ pub struct PosedScene {
     pub(super) top: Tree,
     /// Body of every leaf of `top`.
     pub(super) bodies: Vec<u32>,
+    /// Hashes of the bodies, see [`Self::content_hash`].
+    pub(super) hashes: Vec<u64>,
 }
 
 /// Nearest surface along a ray.
@@ -70,7 +74,15 @@ impl PosedScene {
         let bounds = |body: &u32| bounds(&surfaces[*body as usize], &poses[*body as usize]);
         let boxes: Vec<Bounds> = all.iter().map(bounds).collect();
         let (top, leaves) = Tree::build(boxes.len(), 1, |i| boxes[i]);
+        let mut numbers = HashMap::new();
+        let hash = |surface: &Arc<Surface>| {
+            let number = numbers.entry(surface.content_hash()).or_insert(0_u64);
+            *number += 1;
+            // The first of equal bodies has the hash of its surface.
+            surface.content_hash() ^ if *number > 1 { mix(*number) } else { 0 }
+        };
         Self {
+            hashes: surfaces.iter().map(hash).collect(),
             bodies: leaves.iter().map(|leaf| all[leaf[0] as usize]).collect(),
             surfaces,
             views: poses.iter().map(View::new).collect(),
@@ -87,6 +99,12 @@ impl PosedScene {
     /// Surface of a body.
     pub fn surface(&self, body: u32) -> &Surface {
         &self.surfaces[body as usize]
+    }
+
+    /// Hash of the vertices and triangles of a body, and of its number among the bodies of which these are equal: bodies
+    /// with other ones do not change it.
+    pub fn content_hash(&self, body: u32) -> u64 {
+        self.hashes[body as usize]
     }
 
     /// Pose of a body in the sensor frame.

@@ -61,6 +61,7 @@ pub struct Speckle {
 
 impl Points {
     /// Random points of a surface, in a number within [`NUMBERS`] for which no single point matters; `rcs_floor` [m^2].
+    /// The seed is that of the body.
     pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
         let number_of_triangles = surface.num_triangles() as u32;
         let mut sums = Vec::with_capacity(number_of_triangles as usize);
@@ -84,7 +85,7 @@ impl Points {
             source: source(surface, rcs_floor, seed),
         };
         let mut triangle = 0;
-        let mut state = mix(seed ^ surface.content_hash());
+        let mut state = mix(seed);
         let mut draw = || {
             state = mix(state);
             (state >> 11) as f64 / (1_u64 << 53) as f64
@@ -152,6 +153,7 @@ impl Speckle {
         } = sector;
         let surface = scene.surface(body);
         let floor = refinement.rcs_floor.min(FLOOR);
+        let seed = seed ^ scene.content_hash(body);
         let before = before.filter(|before| before.points.is_of(surface, floor, seed));
         let drawn = drawn.or(before.map(|before| &before.points)).cloned();
         let points = drawn.unwrap_or_else(|| Arc::new(Points::new(surface, floor, seed)));

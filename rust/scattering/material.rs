@@ -63,12 +63,12 @@ impl Response {
 }
 
 impl Material {
-    /// Response at a cosine of incidence and a wavelength [m], as received by the antennas.
-    pub fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {
+    /// Response at a cosine of incidence and a wavelength [m], as received by antennas; none: without a polarisation.
+    pub fn response(&self, cosine: f64, wavelength: f64, seen: Option<Seen>) -> Response {
         match self {
             // r_TE = -r_TM = reflection.
             Self::Constant(constant) => Response {
-                reflection: constant.reflection * (seen.te + seen.tm),
+                reflection: constant.reflection * seen.map_or(1.0, |seen| seen.te + seen.tm),
                 ..*constant
             },
             Self::Dielectric(dielectric) => dielectric.response(cosine, wavelength, seen),
@@ -103,14 +103,25 @@ impl Material {
     }
 }
 
+/// Reflection coefficient without a polarisation, docs/theory.md eq. (5), from `r_TE` and `r_TM`: the power is the mean of
+/// both polarisations, the phase that of the field across the plane of incidence. A mean of both fields would vanish
+/// where two walls meet at a right angle.
+pub(crate) fn mean_reflection([te, tm]: [Complex64; 2]) -> Complex64 {
+    let power = 0.5 * (te.norm_sqr() + tm.norm_sqr());
+    if te == Complex64::ZERO {
+        return Complex64::from(power.sqrt());
+    }
+    te * (power / te.norm_sqr()).sqrt()
+}
+
 impl Dielectric {
     /// Response by docs/theory.md eqs. (4) to (6).
-    fn response(&self, cosine: f64, wavelength: f64, seen: Seen) -> Response {
+    fn response(&self, cosine: f64, wavelength: f64, seen: Option<Seen>) -> Response {
         let (cosine, k) = (cosine.max(GRAZING), TAU / wavelength);
 
         // The polarisations of the antennas, and the part that is scattered.
         let [te, tm] = self.fresnel(cosine, k);
-        let gamma = te * seen.te - tm * seen.tm;
+        let gamma = seen.map_or_else(|| mean_reflection([te, tm]), |seen| te * seen.te - tm * seen.tm);
         let (kept, scattered) = self.roughness.parts(cosine, k);
         Response {
             reflection: gamma * kept,
@@ -180,7 +191,7 @@ mod tests {
         }
     }
 
-    fn gamma(dielectric: Dielectric, cosine: f64, seen: Seen) -> Complex64 {
+    fn gamma(dielectric: Dielectric, cosine: f64, seen: Option<Seen>) -> Complex64 {
         Material::Dielectric(dielectric)
             .response(cosine, WAVELENGTH, seen)
             .reflection
@@ -207,25 +218,25 @@ mod tests {
     #[test]
     fn glass_of_index_three_halves_reflects_a_fifth_of_the_field_and_nothing_at_brewsters_angle() {
         let glass = half_space(Complex64::new(2.25, 0.0));
-        for seen in [Seen::SCALAR, Seen::TE, Seen::TM] {
+        for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
             assert!((gamma(glass, 1.0, seen) + 0.2).norm() < 1e-15);
         }
         let brewster = 1.5_f64.atan().cos();
-        assert!(gamma(glass, brewster, Seen::TM).norm() < 1e-15);
+        assert!(gamma(glass, brewster, Some(Seen::TM)).norm() < 1e-15);
         // At Brewster's angle r_TE = cos 2 theta.
-        assert!((gamma(glass, brewster, Seen::TE) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
+        assert!((gamma(glass, brewster, Some(Seen::TE)) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
     }
 
     #[test]
     fn what_is_no_denser_than_air_reflects_nothing_and_what_conducts_everything() {
         let (air, metal) = (half_space(Complex64::ONE), half_space(Complex64::new(1.0, -1e24)));
         for cosine in [1.0, 0.5, 1e-3, 0.0, -1.0] {
-            for seen in [Seen::SCALAR, Seen::TE, Seen::TM] {
+            for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
                 assert_eq!(gamma(air, cosine, seen), Complex64::ZERO);
             }
         }
         for cosine in [1.0, 0.5, 1e-3] {
-            for seen in [Seen::SCALAR, Seen::TE, Seen::TM] {
+            for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
                 assert!((gamma(metal, cosine, seen) + 1.0).norm() < 1e-8, "{cosine}");
             }
         }
@@ -234,9 +245,9 @@ mod tests {
     #[test]
     fn waves_reflect_whole_beyond_the_critical_angle() {
         let thin = half_space(Complex64::new(0.25, 0.0)); // critical angle 30 degrees
-        assert!((gamma(thin, 0.5, Seen::TE).norm() - 1.0).abs() < 1e-15);
-        assert!((gamma(thin, 0.5, Seen::TM).norm() - 1.0).abs() < 1e-15);
-        assert!(gamma(thin, 0.9, Seen::TE).norm() < 0.9);
+        assert!((gamma(thin, 0.5, Some(Seen::TE)).norm() - 1.0).abs() < 1e-15);
+        assert!((gamma(thin, 0.5, Some(Seen::TM)).norm() - 1.0).abs() < 1e-15);
+        assert!(gamma(thin, 0.9, Some(Seen::TE)).norm() < 0.9);
     }
 
     #[test]
@@ -247,15 +258,15 @@ mod tests {
             thickness: Some(0.5 * WAVELENGTH / inside),
             ..half_space(Complex64::new(index * index, 0.0))
         };
-        assert!(gamma(slab, cosine, Seen::TE).norm() < 1e-15);
-        assert!(gamma(slab, cosine, Seen::TM).norm() < 1e-15);
-        assert!(gamma(slab, 1.0, Seen::SCALAR).norm() > 0.1);
+        assert!(gamma(slab, cosine, Some(Seen::TE)).norm() < 1e-15);
+        assert!(gamma(slab, cosine, Some(Seen::TM)).norm() < 1e-15);
+        assert!(gamma(slab, 1.0, None).norm() > 0.1);
         let skin = half_space(Complex64::new(7.975, -10.904));
         let thick = Dielectric {
             thickness: Some(0.02),
             ..skin
         };
-        assert!((gamma(thick, cosine, Seen::TE) - gamma(skin, cosine, Seen::TE)).norm() < 1e-15);
+        assert!((gamma(thick, cosine, Some(Seen::TE)) - gamma(skin, cosine, Some(Seen::TE))).norm() < 1e-15);
     }
 
     #[test]
@@ -276,8 +287,8 @@ mod tests {
         ] {
             for cosine in [1.0, 0.6, 0.1] {
                 let [te, tm] = material.reflection_coefficients(cosine, WAVELENGTH);
-                assert_eq!(te, material.response(cosine, WAVELENGTH, Seen::TE).reflection);
-                assert_eq!(-tm, material.response(cosine, WAVELENGTH, Seen::TM).reflection);
+                assert_eq!(te, material.response(cosine, WAVELENGTH, Some(Seen::TE)).reflection);
+                assert_eq!(-tm, material.response(cosine, WAVELENGTH, Some(Seen::TM)).reflection);
             }
         }
     }
@@ -288,8 +299,8 @@ mod tests {
         for roughness in [Roughness::Height(0.3e-3), Roughness::Scattering(0.6)] {
             for cosine in [1.0, 0.5, 0.1] {
                 let rough = Material::Dielectric(Dielectric { roughness, ..skin });
-                let power = rough.response(cosine, WAVELENGTH, Seen::SCALAR).power();
-                assert!((power - gamma(skin, cosine, Seen::SCALAR).norm_sqr()).abs() < 1e-15);
+                let power = rough.response(cosine, WAVELENGTH, None).power();
+                assert!((power - gamma(skin, cosine, None).norm_sqr()).abs() < 1e-15);
             }
         }
     }

@@ -37,7 +37,7 @@ impl<'a> MaterialFrame<'a> {
         Self {
             pose: scene.pose(body),
             moved,
-            speckle: mix(seed ^ surface.content_hash()),
+            speckle: mix(seed ^ scene.content_hash(body)),
         }
     }
 

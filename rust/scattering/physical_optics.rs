@@ -43,7 +43,7 @@ impl Weigh<'_> {
     pub(crate) fn response(&self, material: &Material, normal: DVec3, t: DVec3, r: DVec3) -> Response {
         let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
         let polarization = self.array.polarization;
-        let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, normal, t, r));
+        let seen = polarization.map(|e| Seen::by(e, normal, t, r));
         material.response(cosine, SPEED_OF_LIGHT / self.array.frequency, seen)
     }
 

@@ -20,7 +20,7 @@ pub fn reflectance<'a>(
 ) -> Vec<f64> {
     let wavelength = SPEED_OF_LIGHT / frequency;
     if materials.iter().all(|m| matches!(m, Material::Constant(_))) {
-        let of = |m: &Material| m.response(1.0, wavelength, Seen::SCALAR).power();
+        let of = |m: &Material| m.response(1.0, wavelength, None).power();
         let per_body: Vec<f64> = materials.iter().map(of).collect();
         let of = |body: &u32| per_body.get(*body as usize).copied().unwrap_or(0.0);
         return hits.body.iter().map(of).collect();
@@ -35,9 +35,7 @@ pub fn reflectance<'a>(
             let direction = hits
                 .plane
                 .direction(pixel / hits.plane.columns, pixel % hits.plane.columns);
-            let seen = polarization.map_or(Seen::SCALAR, |e| {
-                Seen::by(e, smooth.normal[pixel], direction, direction)
-            });
+            let seen = polarization.map(|e| Seen::by(e, smooth.normal[pixel], direction, direction));
             material.response(smooth.cosine[pixel], wavelength, seen).power()
         })
         .collect()

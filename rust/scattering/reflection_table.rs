@@ -30,7 +30,7 @@ impl Reflection {
             (Material::Constant(constant), None) => Self::Constant(parts(constant.reflection)),
             (_, None) => Self::Scalar(
                 cosines()
-                    .map(|cosine| parts(material.response(cosine, wavelength, Seen::SCALAR).reflection))
+                    .map(|cosine| parts(material.response(cosine, wavelength, None).reflection))
                     .collect(),
             ),
             (_, Some(polarization)) => Self::Polarized(
@@ -101,7 +101,7 @@ mod tests {
                 );
                 for (table, seen) in tables
                     .iter()
-                    .zip([Seen::SCALAR, Seen::by(up, normal, DVec3::X, DVec3::X)])
+                    .zip([None, Some(Seen::by(up, normal, DVec3::X, DVec3::X))])
                 {
                     let exact = material.response(cosine, WAVELENGTH, seen).reflection;
                     let [re, im] = table.at(cosine as f32, || (normal, DVec3::X)).map(f64::from);

@@ -134,7 +134,7 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
     SURFACE.quality(crease_angle=value, wavelength=value)
     for material in wild_materials:
         reflectance([material], polarization=(value,) * 3)
-        material.response(np.array([0.0, 1.0, value]), wavelength=value, te=value, tm=value)
+        material.response(np.array([0.0, 1.0, value]), wavelength=value, seen=(value, value))
     if np.isfinite(value):
         wild, rates_of = np.full((2, 3), value), np.full((2, 3), value)
         for method in ("direct", "auto", "grid", "recurrence", "lanes"):

@@ -19,6 +19,11 @@ def fresnel(eps: complex, cosine: Any) -> tuple[Any, Any]:
     return (cosine - q) / (cosine + q), (eps * cosine - q) / (eps * cosine + q)
 
 
+def mean(te: Any, tm: Any) -> Any:
+    """Reflection coefficient of the mean power of both polarisations, at the phase of TE."""
+    return te / np.abs(te) * np.sqrt(0.5 * (np.abs(te) ** 2 + np.abs(tm) ** 2))
+
+
 def waveform(frequency: float = 60e9) -> rc.Waveform:
     return rc.Waveform(start_frequency=frequency, slope=1.0, sample_rate=1e6, num_samples=1)
 
@@ -45,7 +50,7 @@ def test_every_polarisation_sees_the_same_of_a_plate_at_normal_incidence(name: s
     # The plate is seen at up to 8 degrees: what polarisations get of its rim differs by sin^4 = 4e-4 at most, and
     # not at all where turning the square plate by 90 degrees exchanges them.
     for polarization in ("vertical", "horizontal", [0.0, 0.6, 0.8]):
-        assert echo(material, polarization=polarization) == pytest.approx(scalar, rel=2e-4)
+        assert echo(material, polarization=polarization) == pytest.approx(scalar, rel=4e-4)
     for polarization in ("horizontal", [0.0, 1.0, 0.0]):
         assert echo(material, polarization=polarization) == pytest.approx(vertical, rel=1e-5)
 
@@ -64,7 +69,7 @@ def bistatic(degrees: float) -> Any:
 @pytest.mark.parametrize("degrees", [20.0, 45.0, 65.0])
 def test_plate_between_two_antennas_reflects_at_half_the_angle_between_them(degrees: float) -> None:
     te, tm = fresnel(2.25, np.cos(np.deg2rad(degrees)))
-    for polarization, expected in ((None, 0.5 * (te - tm)), ("vertical", te), ("horizontal", -tm)):
+    for polarization, expected in ((None, mean(te, tm)), ("vertical", te), ("horizontal", -tm)):
         settings: dict[str, Any] = {"polarization": polarization, "antennas": bistatic(degrees), "resolution": 256}
         ratio = -echo(GLASS, **settings) / echo(CONDUCTOR, **settings)
         # The angle varies by 6 degrees over the plate, evenly about the mirror point.
@@ -88,7 +93,7 @@ def image(polarization: Any, **keywords: Any) -> rc.DepthImage:
 
 def test_reflectance_of_an_image_is_that_of_the_angle_and_the_polarisation() -> None:
     te, tm = fresnel(2.25, image(None).cos_incidence)
-    scalar = np.abs(0.5 * (te - tm)) ** 2
+    scalar = np.abs(mean(te, tm)) ** 2
     # Roughness moves power from the mirror image to the diffuse part, no more.
     for keywords in ({}, {"roughness": 3e-4}, {"scattering": 0.7}):
         np.testing.assert_allclose(image(None, **keywords).reflectance, scalar, rtol=1e-9)
@@ -162,3 +167,19 @@ def test_depth_images_and_simulators_of_dielectrics_are_pickled() -> None:
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(seen)).reflectance, seen.reflectance)
     again = pickle.loads(pickle.dumps(simulator))
     np.testing.assert_array_equal(again.frame().cube, simulator.frame().cube)
+
+
+@pytest.mark.parametrize("max_bounces", [1, 3])
+def test_power_without_a_polarisation_is_the_mean_over_both(max_bounces: int) -> None:
+    # Matt concrete at 70 degrees, where the fields of both polarisations have opposite signs.
+    concrete = rc.materials["concrete"].with_surface(scattering=1.0)
+    turned = rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.0, np.deg2rad(70.0)])
+    scene = rc.Scene([rc.Body(rc.shapes.plate(0.3, 0.3), material=concrete, motion=turned)])
+
+    def power(polarization: Any) -> float:
+        radar = rc.Radar(waveform(), polarization=polarization)
+        cubes = [rc.Simulator(scene, radar, seed=seed, max_bounces=max_bounces).frame().cube for seed in range(3)]
+        return float(np.mean(np.abs(cubes) ** 2))
+
+    both = 0.5 * (power("vertical") + power("horizontal"))
+    assert 10.0 * np.log10(power(None) / both) == pytest.approx(0.0, abs=0.1)

@@ -138,3 +138,24 @@ def test_speckle_moves_with_its_body_from_frame_to_frame() -> None:
         power += abs(first) * abs(later)
     assert abs(product) / power > 0.99
     assert abs(np.angle(product)) < 0.1
+
+
+@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
+def test_bodies_of_equal_meshes_have_speckle_of_their_own(sampling: str) -> None:
+    # Mirror images of each other: with equal speckle their echoes would be equal, and add up to four times the power.
+    plate = rc.shapes.plate(0.3, 0.3)
+    places = [rc.Pose([2.0, 0.5, 0.0]), rc.Pose([2.0, -0.5, 0.0])]
+
+    def mean_power(motions: list[rc.Pose]) -> float:
+        bodies = [matt(plate, motion) for motion in motions]
+        cubes = [simulator(bodies, sampling=sampling, seed=seed).frame().cube for seed in range(60)]
+        return float(np.mean(np.abs(cubes) ** 2))
+
+    alone = [mean_power([place]) for place in places]
+    # Three standard deviations of the mean of 60 exponentially distributed intensities.
+    assert mean_power(places) == pytest.approx(sum(alone), rel=3.0 / np.sqrt(60.0))
+    # Other bodies change nothing of that.
+    other = rc.Body(rc.shapes.sphere(0.05), material=rc.Material(0.0), motion=rc.Pose([3.0, 0.0, 0.7]))
+    both = [matt(plate, place) for place in places]
+    cubes = [simulator(bodies, sampling=sampling).frame().cube for bodies in (both, [other, *both])]
+    np.testing.assert_allclose(cubes[1], cubes[0], atol=1e-4 * np.abs(cubes[0]).max())

@@ -14,8 +14,8 @@ from radarcore.units import SPEED_OF_LIGHT
 _REFERENCE_FREQUENCY = 60e9
 """Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
-_SEEN = {None: (0.5, 0.5), "te": (1.0, 0.0), "tm": (0.0, 1.0)}
-"""Weights of both polarisations at the antennas."""
+_SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
+"""Weights of both polarisations at the antennas; None: without a polarisation."""
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,9 @@ class Material:
         cos_incidence : array_like
             Cosines of the angle of incidence, any shape.
         polarization : None, "te" or "tm"
-            None: what a radar without a polarisation gets, ``(r_TE - r_TM) / 2``; "te", the field across the plane of
-            incidence: ``r_TE``; "tm", the field in it: ``-r_TM``, so that both are -1 for a perfect conductor.
+            None: a radar without a polarisation, which gets the mean power of both, with the phase of ``r_TE``; "te", the
+            field across the plane of incidence: ``r_TE``; "tm", the field in it: ``-r_TM``, so that all are -1 for a
+            perfect conductor.
 
         Returns
         -------
@@ -164,9 +165,8 @@ class Material:
             bad = cosines[~((cosines >= 0.0) & (cosines <= 1.0))].flat[0]
             raise ValueError(f"cos_incidence: expected cosines from 0 to 1, got {bad:g}")
         at = check.positive("frequency", frequency, "Hz")
-        te, tm = _SEEN[polarization]
         flat = np.ascontiguousarray(cosines.ravel())
-        reflection, albedo = self._core_at(at).response(flat, wavelength=SPEED_OF_LIGHT / at, te=te, tm=tm)
+        reflection, albedo = self._core_at(at).response(flat, wavelength=SPEED_OF_LIGHT / at, seen=_SEEN[polarization])
         return reflection.reshape(cosines.shape), albedo.reshape(cosines.shape)
 
     def is_valid_at(self, frequency: float) -> bool:

@@ -31,7 +31,7 @@ impl Criterion<'_> {
             return CellEcho::NOTHING;
         }
         let polarization = self.array.polarization;
-        let seen = polarization.map_or(Seen::SCALAR, |e| Seen::by(e, found.normal, direction, direction));
+        let seen = polarization.map(|e| Seen::by(e, found.normal, direction, direction));
         let response = self.materials[found.body as usize].response(cosine, self.wavelength, seen);
         let wavenumber = TAU / self.wavelength;
         let edges = cell.edges(found.distance, found.normal);
