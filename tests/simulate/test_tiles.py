@@ -97,6 +97,8 @@ def integral(target: rc.Body, pitch: float = 3e-4) -> NDArray[np.complex128]:
     corners = target.mesh.vertices[target.mesh.triangles] @ pose.rotation.T + pose.position
     for a, b, c in corners:
         normal = np.cross(b - a, c - a)
+        if a @ normal >= 0.0:  # faces away, as all of its plane
+            continue
         number = [max(2, int(np.linalg.norm(side) / pitch)) for side in (b - a, c - a)]
         u, v = ((np.arange(n) + 0.5) / n for n in number)
         inside = np.add.outer(u, v) < 1.0
@@ -106,7 +108,12 @@ def integral(target: rc.Body, pitch: float = 3e-4) -> NDArray[np.complex128]:
         distance = np.linalg.norm(points, axis=1)
         cosine = -(points @ normal) / distance / np.linalg.norm(normal)
         strength = np.maximum(cosine, 0.0) * weight / (4.0 * np.pi * distance**2)
-        sums += np.exp(-4j * np.pi / C * BAND[:, None] * distance) @ strength
+        # Equal steps of frequency are equal turns.
+        field = strength * np.exp(-4j * np.pi / C * BAND[0] * distance)
+        turn = np.exp(-4j * np.pi / C * (BAND[1] - BAND[0]) * distance)
+        for k in range(len(BAND)):
+            sums[k] += field.sum()
+            field *= turn
     return -1j * sums
 
 

@@ -149,9 +149,9 @@ class Material:
         cos_incidence : array_like
             Cosines of the angle of incidence, any shape.
         polarization : None, "te" or "tm"
-            None: a radar without a polarisation, which gets the mean power of both, with the phase of ``r_TE``; "te", the
-            field across the plane of incidence: ``r_TE``; "tm", the field in it: ``-r_TM``, so that all are -1 for a
-            perfect conductor.
+            None: a radar without a polarisation, which gets the mean power of both, with the phase of ``r_TE``; "te",
+            the field across the plane of incidence: ``r_TE``; "tm", the field in it: ``-r_TM``, so that all are -1 for
+            a perfect conductor.
 
         Returns
         -------
