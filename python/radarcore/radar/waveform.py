@@ -29,7 +29,7 @@ class Waveform(Twinned):
     start_frequency : float
         Frequency at the start of the ramp [Hz].
     slope : float
-        Slope of the ramp [Hz/s]; negative for a down-chirp.
+        Slope of the ramp [Hz/s]; negative for a down-chirp, 0 for a CW radar, which measures velocities alone.
     sample_rate : float
         Samples per second of one receiver [Hz].
     num_samples : int
@@ -66,8 +66,6 @@ class Waveform(Twinned):
         put = object.__setattr__
         put(self, "start_frequency", check.positive("start_frequency", self.start_frequency, "Hz"))
         put(self, "slope", check.number("slope", self.slope, "Hz/s"))
-        if self.slope == 0.0:
-            raise ValueError("slope: expected a positive (up-chirp) or negative (down-chirp) number [Hz/s], got 0")
         put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
         put(self, "num_samples", check.count("num_samples", self.num_samples))
         put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
@@ -167,6 +165,11 @@ class Waveform(Twinned):
         return bool(np.abs(self.chirp_times - uniform).max() <= 1e-9 * self.chirp_interval)
 
     @property
+    def is_cw(self) -> bool:
+        """True without a ramp: velocities are measured, ranges are not."""
+        return self.slope == 0.0
+
+    @property
     def bandwidth(self) -> float:
         """Sampled bandwidth [Hz]: ``abs(slope) * num_samples / sample_rate``."""
         return abs(self.slope) * self.num_samples / self.sample_rate
@@ -183,13 +186,13 @@ class Waveform(Twinned):
 
     @property
     def range_resolution(self) -> float:
-        """Width of a range bin [m], ``c / (2 bandwidth)``."""
-        return SPEED_OF_LIGHT / (2.0 * self.bandwidth)
+        """Width of a range bin [m], ``c / (2 bandwidth)``; inf for a CW radar."""
+        return np.inf if self.is_cw else SPEED_OF_LIGHT / (2.0 * self.bandwidth)
 
     @property
     def max_range(self) -> float:
-        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that."""
-        return SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
+        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that. Inf for a CW radar."""
+        return np.inf if self.is_cw else SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
 
     @property
     def velocity_resolution(self) -> float:
@@ -225,10 +228,16 @@ class Waveform(Twinned):
         """Range of every bin of a range transform of length `num_bins` [m], (num_bins,).
 
         Bin k lies at ``k c sample_rate / (2 abs(slope) num_bins)``. A real receiver has the first
-        ``num_bins // 2 + 1`` of them. Default: `num_samples`.
+        ``num_bins // 2 + 1`` of them. Default: `num_samples`. A ValueError for a CW radar.
         """
+        self.require_range()
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
         return np.arange(n, dtype=np.float64) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
+
+    def require_range(self) -> None:
+        """Refuse a CW radar with a ValueError: its samples say nothing of range."""
+        if self.is_cw:
+            raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
     def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
