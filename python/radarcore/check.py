@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import difflib
 import operator
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import wraps
+from inspect import signature
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+_Kind = TypeVar("_Kind", bound=type)
 
 
 def number(name: str, value: object, unit: str = "") -> float:
@@ -131,3 +136,25 @@ def near_names(name: object, known: Iterable[str]) -> str:
     names = list(known)
     meant = near(name, names)
     return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"
+
+
+def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse an unknown keyword of a class or function with a TypeError that suggests near ones."""
+    names = list(known)
+    for name in given:
+        if name not in names:
+            raise TypeError(f"{owner}: unknown keyword {name!r}; {near_names(name, names)}")
+
+
+def knows_keywords(kind: _Kind) -> _Kind:
+    """The class, whose constructor then says which keyword an unknown one is near to."""
+    construct: Callable[..., None] = kind.__init__  # type: ignore[misc]  # of this class, not of one below it
+    known = list(signature(construct).parameters)[1:]
+
+    @wraps(construct)
+    def checked(self: Any, *args: Any, **given: Any) -> None:
+        keywords(kind.__name__, given, known)
+        construct(self, *args, **given)
+
+    kind.__init__ = checked  # type: ignore[misc]
+    return kind

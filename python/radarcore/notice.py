@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-_PACKAGE = __file__.removesuffix("notice.py")
+_OURS = {"radarcore", "dataclasses", "functools"}
+"""Packages between the user's line and a warning: constructors of dataclasses are ours, too."""
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
@@ -17,7 +18,7 @@ def warn(message: str, category: type[Warning] = UserWarning) -> None:
     from inspect import currentframe  # takes longer to load than the rest
 
     frame, level = currentframe(), 1
-    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _OURS:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)
 

@@ -107,7 +107,7 @@ def test_receivers_are_known_by_their_places(mask: int) -> None:
 
 def test_three_receivers_anywhere_are_all_of_them() -> None:
     waveform = rc.bgt60tr13c().waveform
-    assert Settings.from_radar(rc.Radar(waveform, rx=[[0, 0, 0], [0, 0.5, 0], [0, 1, 0]])).rx_mask == 7
+    assert Settings.from_radar(rc.Radar(waveform, rx=[[0, 0, 0], [0, 0.2, 0], [0, 0.4, 0]])).rx_mask == 7
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_other_receivers_are_refused(rx: list[list[float]], count: int) -> None:
     ("radar", "message"),
     [
         (
-            rc.Radar(rc.bgt60tr13c().waveform, tx=[[0, 0, 0], [0, 1, 0]]),
+            rc.Radar(rc.bgt60tr13c().waveform, tx=[[0, 0, 0], [0, 0.1, 0]]),
             "tx: expected one antenna, got 2",
         ),
         (
@@ -163,9 +163,10 @@ def test_other_receivers_are_refused(rx: list[list[float]], count: int) -> None:
 )
 def test_radar_that_the_chip_cannot_be_is_refused_in_its_own_words(radar: rc.Radar, message: str) -> None:
     if message == "num_samples: ":
-        radar = rc.Radar(
-            radar.waveform.replace(sample_rate=500e3, chirp_interval=5e-3, frame_interval=1.0), rx=radar.rx
+        waveform = radar.waveform.replace(
+            sample_rate=500e3, slope=radar.waveform.slope / 4.0, chirp_interval=5e-3, frame_interval=1.0
         )
+        radar = rc.Radar(waveform, rx=radar.rx)
         message = "num_samples: expected 1 to 816 at 500 kHz (ramps of at most 1.6383 ms), got 1100"
     with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
         Settings.from_radar(radar)
@@ -177,7 +178,5 @@ def test_radar_of_impossible_settings_is_refused() -> None:
         Settings(rx_mask=0).to_radar()
     with pytest.raises(ValueError, match=r"^sample_rate: expected 78.201 kHz to 4 MHz"):
         Settings(sample_rate=1.0).to_radar()
-    with pytest.raises(ValueError, match=r"^slope: expected"):
-        Settings(end_frequency=58e9).to_radar()
     with pytest.raises(TypeError, match=r"^radar: expected Radar, got Settings"):
         Settings.from_radar(Settings())  # type: ignore[arg-type]

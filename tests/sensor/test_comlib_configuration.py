@@ -117,7 +117,7 @@ def test_refusal_of_the_board_is_told_in_words():
     with pytest.raises(
         RequestError, match=r"pipe: endpoint 1 refused a request: unsupported frame format \(0x0008\)"
     ) as refused:
-        board.configure(radar(num_samples=4096, num_chirps=64, frame_interval=None))
+        board.configure(radar(num_samples=4096, num_chirps=64, frame_interval=None, slope=1e12))
     assert refused.value.status == 0x08
     with pytest.raises(RequestError, match="sample rate out of range"):
         board.configure(radar(sample_rate=4e6))

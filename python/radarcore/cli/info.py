@@ -94,8 +94,8 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "samples per chirp": wf.num_samples,
         "chirps per frame": wf.num_chirps,
         "chirp interval [s]": wf.chirp_interval,
-        "range bin [m]": wf.range_resolution,
-        "largest range [m]": radar.max_range,
+        "range bin [m]": None if wf.is_cw else wf.range_resolution,
+        "largest range [m]": None if wf.is_cw else radar.max_range,
         "velocity bin [m/s]": wf.velocity_resolution,
         "largest velocity [m/s]": wf.max_velocity,
     }

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
+from radarcore.sealed import sealed
 
 _LONG_BUILD = 1_000_000
 """Triangles that are built in less than a second."""
 
 
+@sealed
 class Mesh:
     """Triangles of one body, in its own coordinates.
 
@@ -47,7 +49,7 @@ class Mesh:
         For coordinates that are not finite and vertex numbers out of range; says which row.
     """
 
-    __slots__ = ("_core", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")
+    __slots__ = ("_core", "_is_sealed", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")
 
     vertices: NDArray[np.float64]
     triangles: NDArray[np.uint32]
@@ -142,7 +144,7 @@ def _restore_mesh(
 ) -> Mesh:
     """Mesh from its pickle; the tree is built again."""
     mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
-    mesh.num_dropped = num_dropped
+    object.__setattr__(mesh, "num_dropped", num_dropped)
     return mesh
 
 

@@ -7,8 +7,10 @@ from numpy.typing import ArrayLike
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.sealed import sealed
 
 
+@sealed
 class Attached:
     """A motion relative to another: a body, or the radar, mounted on something that moves.
 

@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.motion.function import derivative
+from radarcore.sealed import sealed
 
 Vertices = NDArray[np.float64]
 
 
+@sealed
 class Deformation:
     """Vertices at given times and a cubic spline through them.
 
@@ -59,6 +61,7 @@ class Deformation:
         return f"<Deformation: {self.num_vertices} vertices at {len(self.times)} times, {first:g} to {last:g} s>"
 
 
+@sealed
 class DeformationFunction:
     """Vertices given by a function of time, whose results are checked.
 

@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.protocol import Motion, one_by_one
+from radarcore.sealed import sealed
 
 
+@sealed
 class Function:
     """A motion given by a function of time.
 

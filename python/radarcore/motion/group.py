@@ -13,6 +13,7 @@ from radarcore.motion.attached import Attached, carried_poses, carried_rates
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.motion.static import is_static
+from radarcore.sealed import sealed
 
 
 class Links(Protocol):
@@ -39,6 +40,7 @@ class Group(Protocol):
         ...
 
 
+@sealed
 class LinkMotion:
     """Motion of one link of an arm or a person.
 

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.sealed import sealed
 
 
+@sealed
 class Trajectory:
     """A smooth motion through poses at given times: C2 splines of position and rotation.
 

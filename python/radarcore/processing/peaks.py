@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.inputs import checked_samples, require_uniform_chirps
-from radarcore.processing.spectra import range_doppler
+from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
@@ -26,7 +26,7 @@ class Peak:
     Parameters
     ----------
     range : float
-        Range at the middle of the frame, ``waveform.duration / 2`` [m].
+        Range at the middle of the frame, ``waveform.duration / 2`` [m]; NaN for a CW radar.
     velocity : float
         Range rate, receding positive [m/s]; NaN for a single chirp.
     power : float
@@ -85,7 +85,8 @@ def strongest_peak(
     Raises
     ------
     ValueError, TypeError
-        As `range_doppler`; for NaN or infinite samples; for limits in the wrong order.
+        As `range_doppler`, but for a CW radar, unless with limits of range; for NaN or infinite samples; for limits in
+        the wrong order.
     """
     # Check all arguments before any work.
     samples = checked_samples(
@@ -102,18 +103,21 @@ def strongest_peak(
             f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
     range_limits = _limits("range", "m", min_range, max_range)
+    if waveform.is_cw and range_limits != (0.0, np.inf):
+        waveform.require_range()
     velocity_limits = _limits("velocity", "m/s", min_velocity, max_velocity)
 
     # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
     # of velocity (or range): that axis then has one cell.
     fast_weights = window_weights("window", window, waveform.num_samples)
     slow_weights = window_weights("doppler_window", doppler_window, waveform.num_chirps)
-    has_range, has_velocity = (np.count_nonzero(weights) > 1 for weights in (fast_weights, slow_weights))
+    has_range = np.count_nonzero(fast_weights) > 1 and not waveform.is_cw
+    has_velocity = np.count_nonzero(slow_weights) > 1
     num_range = waveform.num_samples * (_PADDING if has_range else 1)
     num_velocity = waveform.num_chirps * (_PADDING if has_velocity else 1)
     power: NDArray[np.float64] | float = 0.0
     for channel in samples:
-        spectrum = range_doppler(
+        spectrum = spectrum_of(
             channel,
             waveform,
             window=window,
@@ -142,8 +146,12 @@ def strongest_peak(
     def measure(row: Any, column: Any) -> tuple[Any, Any]:
         beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
         if not has_velocity:
-            return 0.5 * SPEED_OF_LIGHT * beat / waveform.slope + 0.0 * row, np.full(np.shape(row + column), np.nan)
+            without = np.full(np.shape(row + column), np.nan)
+            return without if waveform.is_cw else 0.5 * SPEED_OF_LIGHT * beat / waveform.slope + 0.0 * row, without
         doppler = (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval)
+        if waveform.is_cw:
+            velocity = 0.5 * SPEED_OF_LIGHT * doppler / waveform.start_frequency + 0.0 * column
+            return np.full(np.shape(velocity), np.nan), velocity
         # d/dt and d/dT of eq. (1)'s phase: doppler = rate (f0 + slope (t - tau)), beat = slope tau + doppler.
         shift = beat - doppler
         velocity = 0.5 * SPEED_OF_LIGHT * doppler / (waveform.start_frequency + waveform.slope * middle_fast - shift)
@@ -153,7 +161,8 @@ def strongest_peak(
     # The strongest within the limits.
     rows, columns = np.ogrid[: power.shape[0], : power.shape[1]]
     ranges, velocities = measure(rows, columns)
-    is_peak &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
+    if not waveform.is_cw:
+        is_peak &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
     if has_velocity:
         is_peak &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
     if not is_peak.any():

@@ -41,8 +41,14 @@ def range_profile(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the waveform; for integers (raw ADC counts) and other dtypes.
+        For shapes that do not fit the waveform, and for a CW radar; for integers (raw ADC counts) and other dtypes.
     """
+    waveform.require_range()
+    return fast_spectrum(cube, waveform, window=window, num_bins=num_bins)
+
+
+def fast_spectrum(cube: ArrayLike, waveform: Waveform, *, window: Window, num_bins: int | None) -> NDArray[Any]:
+    """`range_profile`, also of a CW radar, whose bins are no ranges."""
     samples = checked_samples(cube, "(..., sample)", num_samples=waveform.num_samples)
     n = transform_length("num_bins", num_bins, "num_samples", waveform.num_samples)
     windowed = samples * window_weights("window", window, waveform.num_samples).astype(samples.real.dtype)
@@ -90,16 +96,37 @@ def range_doppler(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the waveform, and for chirps at unequal intervals; for integers (raw ADC
-        counts) and other dtypes.
+        For shapes that do not fit the waveform, for chirps at unequal intervals, and for a CW radar; for integers
+        (raw ADC counts) and other dtypes.
     """
+    waveform.require_range()
+    return spectrum(
+        cube,
+        waveform,
+        window=window,
+        doppler_window=doppler_window,
+        num_range_bins=num_range_bins,
+        num_velocity_bins=num_velocity_bins,
+    )
+
+
+def spectrum(
+    cube: ArrayLike,
+    waveform: Waveform,
+    *,
+    window: Window,
+    doppler_window: Window,
+    num_range_bins: int | None,
+    num_velocity_bins: int | None,
+) -> NDArray[Any]:
+    """`range_doppler`, also of a CW radar, whose bins are no ranges."""
     samples = checked_samples(
         cube, "(..., chirp, sample)", num_chirps=waveform.num_chirps, num_samples=waveform.num_samples
     )
     require_uniform_chirps(waveform)
     n = transform_length("num_velocity_bins", num_velocity_bins, "num_chirps", waveform.num_chirps)
     transform_length("num_range_bins", num_range_bins, "num_samples", waveform.num_samples)
-    profile = range_profile(samples, waveform, window=window, num_bins=num_range_bins)
+    profile = fast_spectrum(samples, waveform, window=window, num_bins=num_range_bins)
     profile *= window_weights("doppler_window", doppler_window, waveform.num_chirps).astype(profile.real.dtype)[:, None]
-    spectrum: NDArray[Any] = np.fft.fftshift(np.fft.fft(profile, n, axis=-2), axes=-2)
-    return spectrum
+    transformed: NDArray[Any] = np.fft.fftshift(np.fft.fft(profile, n, axis=-2), axes=-2)
+    return transformed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.processing.inputs import require_uniform_chirps
-from radarcore.processing.spectra import range_profile
+from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.recording import Recording
@@ -90,7 +90,7 @@ def spectrogram(
     overlap : float
         Part of the window that the next one shares, from 0 to below 1.
     min_range, max_range : float, optional
-        Range gate [m]: the bins of the range profile whose centres lie within. Default: all.
+        Range gate [m]: the bins of the range profile whose centres lie within; none for a CW radar. Default: all.
     remove_static : bool
         Subtract from every range bin and channel its mean over the recording. What stands still throughout goes,
         however strong; what moves slowly, or rests for a while, stays.
@@ -173,6 +173,7 @@ def range_time(
     range_time : RangeTime
     """
     wf = _waveform(recording)
+    wf.require_range()
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     is_iq = np.iscomplexobj(recording.cube)
     num_ranges = n if is_iq else n // 2 + 1
@@ -204,7 +205,7 @@ def _profiles(
         channels = slice(index, index + 1)
 
     def profile(frame: NDArray[Any]) -> NDArray[Any]:
-        return range_profile(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
+        return fast_spectrum(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
 
     mean: NDArray[Any] | float = 0.0
     if remove_static:
@@ -233,6 +234,10 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     if farthest < nearest:
         raise ValueError(f"max_range: expected at least min_range = {nearest:g} m, got {farthest:g}")
     wf = recording.radar.waveform
+    if wf.is_cw:
+        if min_range is not None or max_range is not None:
+            wf.require_range()
+        return slice(None)
     ranges = wf.range_axis()[: None if np.iscomplexobj(recording.cube) else wf.num_samples // 2 + 1]
     if nearest > ranges[-1]:
         raise ValueError(f"min_range: expected at most {ranges[-1]:g} m, the last range bin, got {nearest:g}")

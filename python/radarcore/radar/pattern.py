@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.radar.pattern_files import read_table
 from radarcore.twin import Twinned
 from radarcore.units import power_from_db
@@ -22,15 +22,22 @@ from radarcore.units import power_from_db
 _LARGEST_GAIN_DB = 1000.0
 """Gains of tables are within this [dB]."""
 
+_RADIATED_DB = 1.0
+"""Power radiated over power fed beyond which gain and beam widths contradict each other [dB]: data sheets round."""
+
+_NUM_ANGLES = 180
+"""Angles of either kind at which the gain is taken for the power."""
+
 
 @dataclass(frozen=True)
 class IsotropicPattern(Twinned):
-    """Constant gain in all directions."""
+    """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of."""
 
     gain_db: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
+        _warn_of_gain(self, self.gain_db, "in all directions")
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together."""
@@ -55,6 +62,11 @@ class GaussianPattern(Twinned):
         Power gain on boresight [dBi].
     beamwidth_azimuth_deg, beamwidth_elevation_deg : float
         Full widths at half power [degrees].
+
+    Warns
+    -----
+    UserWarning
+        For more gain than beams of these widths can have: the antenna would radiate more power than it is fed with.
     """
 
     gain_db: float
@@ -65,6 +77,8 @@ class GaussianPattern(Twinned):
         object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
         for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
             object.__setattr__(self, name, check.positive(name, getattr(self, name), "degrees"))
+        widths = self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg
+        _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together."""
@@ -114,6 +128,7 @@ class TabulatedPattern(Twinned):
         put(self, "azimuth", _angles("azimuth", azimuth, np.pi, "rad"))
         put(self, "elevation", _angles("elevation", elevation, 0.5 * np.pi, "rad"))
         put(self, "gain_db", _gains(gain_db, (len(self.azimuth), len(self.elevation))))
+        _warn_of_gain(self, float(self.gain_db.max()), "with a beam as wide as that of the table")
 
     @classmethod
     def from_degrees(cls, azimuth_deg: ArrayLike, elevation_deg: ArrayLike, gain_db: ArrayLike) -> TabulatedPattern:
@@ -196,6 +211,26 @@ def pattern_from_dict(values: Mapping[str, Any]) -> Pattern:
     parameters = dict(values)
     kind = check.choice("pattern kind", parameters.pop("kind", None), tuple(_KINDS))
     return _KINDS[kind](**parameters)
+
+
+def _warn_of_gain(
+    pattern: Pattern, peak_db: float, beam: str, beamwidths_deg: tuple[float, float] = (180.0, 180.0)
+) -> None:
+    """Warn of a pattern that radiates more power to the front, x > 0, than the antenna is fed with.
+
+    What goes to the back is left out: constant gains of up to 3 dBi stand for elements in front of a ground.
+    """
+    # Midpoints of equal steps, to twice the beam width on either side.
+    halves = [np.deg2rad(min(90.0, 2.0 * width)) for width in beamwidths_deg]
+    azimuth, elevation = (half * (np.arange(-_NUM_ANGLES + 1, _NUM_ANGLES, 2) / _NUM_ANGLES) for half in halves)
+    density = pattern.gain(azimuth[:, None], elevation) * np.cos(elevation)
+    radiated = float(density.mean() * halves[0] * halves[1] / np.pi)
+    excess_db = 10.0 * np.log10(radiated) if radiated > 0.0 else -np.inf
+    if excess_db > _RADIATED_DB:
+        notice.warn(
+            f"gain_db: expected at most {peak_db - excess_db:.3g} dBi {beam}, as no antenna radiates more power than "
+            f"it is fed with, got {peak_db:g} dBi"
+        )
 
 
 def _angles(name: str, value: ArrayLike, limit: float, unit: str) -> NDArray[np.float64]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 from radarcore import check
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, check_frequency
+
+_BGT60_BAND = (57e9, 64e9)
+"""Frequencies that the chip reaches [Hz]: the ISM band at 60 GHz."""
 
 
 def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0, **waveform: Any) -> Radar:
@@ -30,7 +34,14 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         Transmitted power [dBm].
     **waveform
         Keywords of `Waveform` in place of the defaults.
+
+    Raises
+    ------
+    ValueError
+        For a ramp that begins or ends outside of 57 to 64 GHz, and as `Waveform`.
     """
+    names = [field.name for field in fields(Waveform)]
+    check.keywords("bgt60tr13c", waveform, ["stop_frequency", "tx_power_dbm", *names])
     settings: dict[str, Any] = {
         "start_frequency": 58e9,
         "sample_rate": 2e6,
@@ -38,17 +49,18 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         "num_chirps": 64,
         "adc_delay": 3.1125e-6,
     } | waveform
+    start = _check_band("start_frequency", settings["start_frequency"])
     if "slope" not in settings:
-        start = check.positive("start_frequency", settings["start_frequency"], "Hz")
-        stop = check.positive("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency, "Hz")
+        stop = _check_band("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency)
         if start == stop:
             raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
-        sweep = check.non_negative("adc_delay", settings["adc_delay"], "s") + check.count(
-            "num_samples", settings["num_samples"]
-        ) / check.positive("sample_rate", settings["sample_rate"], "Hz")
-        settings["slope"] = (stop - start) / sweep
+        settings["slope"] = (stop - start) / _sweep(settings)
     elif stop_frequency is not None:
         raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
+    else:
+        _check_band(
+            "slope, end of the ramp", start + check.number("slope", settings["slope"], "Hz/s") * _sweep(settings)
+        )
     if "chirp_times" not in settings:
         settings.setdefault("chirp_interval", 591.125e-6)
     if "frame_interval" not in settings:
@@ -63,3 +75,20 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
         tx_power_dbm=tx_power_dbm,
         receiver=Receiver(output="real", noise_figure_db=12.0),
     )
+
+
+def _sweep(settings: dict[str, Any]) -> float:
+    """Duration of a ramp [s]: to the end of the last sample."""
+    sampled = check.count("num_samples", settings["num_samples"]) / check.positive(
+        "sample_rate", settings["sample_rate"], "Hz"
+    )
+    return check.non_negative("adc_delay", settings["adc_delay"], "s") + sampled
+
+
+def _check_band(name: str, value: object) -> float:
+    """A frequency of the chip [Hz]."""
+    frequency = check_frequency(name, value)
+    lowest, highest = _BGT60_BAND
+    if not lowest <= frequency <= highest:
+        raise ValueError(f"{name}: expected {lowest:g} to {highest:g} [Hz] of a BGT60TR13C, got {frequency:.6g}")
+    return frequency

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.radar import beam
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
@@ -18,7 +18,11 @@ from radarcore.radar.waveform import Waveform
 from radarcore.twin import Twinned
 from radarcore.units import power_from_dbm
 
+_WIDEST_APERTURE = 100.0
+"""Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
 
+
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Radar(Twinned):
     """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
@@ -39,6 +43,11 @@ class Radar(Twinned):
     polarization : "vertical", "horizontal" or (3,) array_like, optional
         Direction of the field of every element, TX and RX: along z, along y, or a unit vector in the sensor frame; of
         every ray the part across it. None: what materials reflect is averaged over polarisations.
+
+    Warns
+    -----
+    UserWarning
+        For antennas more than 100 wavelengths apart, which is hardly meant.
     """
 
     waveform: Waveform
@@ -82,6 +91,12 @@ class Radar(Twinned):
         put(self, "tx_power_dbm", check.number("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
         put(self, "polarization", _polarization(polarization))
+        aperture = float(np.linalg.norm(np.ptp(np.concatenate([self.tx, self.rx]), axis=0)))
+        if aperture > _WIDEST_APERTURE * waveform.wavelength:
+            notice.warn(
+                f"tx, rx: expected antennas within {_WIDEST_APERTURE:g} wavelengths of each other "
+                f"({_WIDEST_APERTURE * waveform.wavelength:.3g} m), got {aperture:.4g} m (2.5 mm is 2.5e-3)"
+            )
 
     @property
     def num_channels(self) -> int:

@@ -8,6 +8,7 @@ from radarcore import check
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
 
+@check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Receiver:
     """Output and noise of a receiver.

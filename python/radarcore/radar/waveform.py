@@ -9,14 +9,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.twin import Twinned
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
 """Largest number of samples or chirps of a frame: axes of so many still fit into memory."""
 
+_LOWEST_FREQUENCY, _HIGHEST_FREQUENCY = 1e8, 3e12
+"""Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz]."""
 
+_WIDEST_BAND = 0.3
+"""Sampled bandwidth over centre frequency beyond which a slope is hardly meant."""
+
+_LONGEST_CHIRP = 0.1
+"""Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
+
+
+def check_frequency(name: str, value: object) -> float:
+    """A frequency that a radar can have [Hz]."""
+    frequency = check.positive(name, value, "Hz")
+    if not _LOWEST_FREQUENCY <= frequency <= _HIGHEST_FREQUENCY:
+        raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {frequency:g}")
+    return frequency
+
+
+@check.knows_keywords
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waveform(Twinned):
     """A frame of FMCW chirps and its sampling.
@@ -29,7 +47,7 @@ class Waveform(Twinned):
     start_frequency : float
         Frequency at the start of the ramp [Hz].
     slope : float
-        Slope of the ramp [Hz/s]; negative for a down-chirp.
+        Slope of the ramp [Hz/s]; negative for a down-chirp, 0 for a CW radar, which measures velocities alone.
     sample_rate : float
         Samples per second of one receiver [Hz].
     num_samples : int
@@ -49,7 +67,13 @@ class Waveform(Twinned):
     Raises
     ------
     ValueError
-        For numbers that are not finite, not positive where they must be, or chirps that overlap.
+        For numbers that are not finite, not positive where they must be, frequencies outside of 100 MHz to 3 THz, or
+        chirps that overlap.
+
+    Warns
+    -----
+    UserWarning
+        For what is hardly meant: a sampled band wider than 30 % of its centre frequency, or ramps longer than 0.1 s.
     """
 
     start_frequency: float
@@ -64,10 +88,8 @@ class Waveform(Twinned):
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "start_frequency", check.positive("start_frequency", self.start_frequency, "Hz"))
+        put(self, "start_frequency", check_frequency("start_frequency", self.start_frequency))
         put(self, "slope", check.number("slope", self.slope, "Hz/s"))
-        if self.slope == 0.0:
-            raise ValueError("slope: expected a positive (up-chirp) or negative (down-chirp) number [Hz/s], got 0")
         put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
         put(self, "num_samples", check.count("num_samples", self.num_samples))
         put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
@@ -87,6 +109,22 @@ class Waveform(Twinned):
         if self.frame_interval is None:
             put(self, "frame_interval", self._default_frame_interval)
         put(self, "frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
+        self._warn_of_ramp(sweep)
+
+    def _warn_of_ramp(self, sweep: float) -> None:
+        """Warn of a ramp that is hardly meant; `sweep`: its duration [s]."""
+        if self.is_cw:
+            return
+        if self.bandwidth > _WIDEST_BAND * self.center_frequency:
+            notice.warn(
+                f"slope: expected a sampled band of at most {100.0 * _WIDEST_BAND:g} % of its centre frequency "
+                f"{self.center_frequency:.4g} Hz, got {self.bandwidth:.4g} Hz (slopes are in Hz/s: 20 MHz/us is 2e13)"
+            )
+        if sweep > _LONGEST_CHIRP:
+            notice.warn(
+                f"sample_rate: expected ramps of at most {_LONGEST_CHIRP:g} s, got {sweep:.4g} s for "
+                f"{self.num_samples} samples at {self.sample_rate:g} Hz (2 MHz is 2e6)"
+            )
 
     def _starts(self, sweep: float) -> NDArray[np.float64]:
         """Start of every chirp [s]; sets `chirp_interval` where it follows from the starts."""
@@ -127,8 +165,8 @@ class Waveform(Twinned):
         `Waveform`. A stop below the start is a down-chirp. An `adc_delay` shifts the sampled band by
         ``slope * adc_delay``, its width stays.
         """
-        start = check.positive("start_frequency", start_frequency, "Hz")
-        stop = check.positive("stop_frequency", stop_frequency, "Hz")
+        start = check_frequency("start_frequency", start_frequency)
+        stop = check_frequency("stop_frequency", stop_frequency)
         if start == stop:
             raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
         duration = check.count("num_samples", num_samples) / check.positive("sample_rate", sample_rate, "Hz")
@@ -167,6 +205,11 @@ class Waveform(Twinned):
         return bool(np.abs(self.chirp_times - uniform).max() <= 1e-9 * self.chirp_interval)
 
     @property
+    def is_cw(self) -> bool:
+        """True without a ramp: velocities are measured, ranges are not."""
+        return self.slope == 0.0
+
+    @property
     def bandwidth(self) -> float:
         """Sampled bandwidth [Hz]: ``abs(slope) * num_samples / sample_rate``."""
         return abs(self.slope) * self.num_samples / self.sample_rate
@@ -183,13 +226,13 @@ class Waveform(Twinned):
 
     @property
     def range_resolution(self) -> float:
-        """Width of a range bin [m], ``c / (2 bandwidth)``."""
-        return SPEED_OF_LIGHT / (2.0 * self.bandwidth)
+        """Width of a range bin [m], ``c / (2 bandwidth)``; inf for a CW radar."""
+        return np.inf if self.is_cw else SPEED_OF_LIGHT / (2.0 * self.bandwidth)
 
     @property
     def max_range(self) -> float:
-        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that."""
-        return SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
+        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that. Inf for a CW radar."""
+        return np.inf if self.is_cw else SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
 
     @property
     def velocity_resolution(self) -> float:
@@ -225,10 +268,16 @@ class Waveform(Twinned):
         """Range of every bin of a range transform of length `num_bins` [m], (num_bins,).
 
         Bin k lies at ``k c sample_rate / (2 abs(slope) num_bins)``. A real receiver has the first
-        ``num_bins // 2 + 1`` of them. Default: `num_samples`.
+        ``num_bins // 2 + 1`` of them. Default: `num_samples`. A ValueError for a CW radar.
         """
+        self.require_range()
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
         return np.arange(n, dtype=np.float64) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
+
+    def require_range(self) -> None:
+        """Refuse a CW radar with a ValueError: its samples say nothing of range."""
+        if self.is_cw:
+            raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
     def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).

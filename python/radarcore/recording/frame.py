@@ -55,12 +55,12 @@ class Truth:
             raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
         for name in TRUTH_FIELDS:
             try:
-                values = np.asarray(getattr(self, name), dtype=np.float64)
+                values = np.array(getattr(self, name), dtype=np.float64)
             except (TypeError, ValueError) as error:
                 raise TypeError(f"{name}: expected numbers of shape {shape}, got {getattr(self, name)!r}") from error
             if values.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, check.frozen(values))
 
     def select(self, names: Sequence[str]) -> Truth:
         """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""

@@ -57,7 +57,7 @@ class Recording(Stored):
     def __post_init__(self) -> None:
         check_radar(self.radar)
         object.__setattr__(self, "cube", checked_cube(self.cube, (None, *frame_shape(self.radar))))
-        object.__setattr__(self, "time", check.array("time", self.time, (len(self.cube),)))
+        object.__setattr__(self, "time", check.frozen(check.array("time", self.time, (len(self.cube),))))
         check_truth(self.truth, (len(self.cube),))
         if not isinstance(self.source, dict):
             raise TypeError(f"source: expected a dict, got {type(self.source).__name__}")

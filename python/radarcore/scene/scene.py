@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radarcore import _core
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
+from radarcore.sealed import sealed
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,11 @@ class Parts:
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
     @classmethod
     def of(cls, bodies: tuple[Body | PointTarget, ...]) -> Parts:
         """The parts of a scene."""
@@ -72,6 +78,7 @@ class Parts:
         return np.ascontiguousarray(deformation.rate_at(time))
 
 
+@sealed
 class Scene:
     """Bodies and point targets; an empty scene is a scene without echoes.
 

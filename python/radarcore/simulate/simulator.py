@@ -45,6 +45,7 @@ _NUM_TIMES = 17
 """Times of a frame at which motion is placed at first; a motion too fast for them is placed again."""
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulator(Settings):
     """Simulator of the frames that a radar receives from a scene.

@@ -16,8 +16,10 @@ from radarcore.models.robots.data import through_obj
 from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
+from radarcore.sealed import sealed
 
 
+@sealed
 class Human:
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
 

@@ -14,6 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.sealed import sealed
 
 _Floats = NDArray[np.float64]
 _Phasors = NDArray[np.complex128]
@@ -71,6 +72,7 @@ class PathPoint(NamedTuple):
     """Derivative of the heading by distance [1/m]; positive to the left."""
 
 
+@sealed
 class FloorPath:
     """A path through waypoints on the floor, by distance travelled.
 

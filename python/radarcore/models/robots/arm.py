@@ -20,6 +20,7 @@ from radarcore.motion.group import LinkMotion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
+from radarcore.sealed import sealed
 
 RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Pose of a radar that looks along the flange: its x, y and z axes are z, x and y of ``tool0``.
@@ -28,6 +29,7 @@ Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """
 
 
+@sealed
 class RobotArm:
     """A tree of joints, with meshes on the links between them.
 
@@ -242,6 +244,7 @@ class RobotArm:
         return f"<RobotArm {self.name!r}: {len(self.links)} links, joints {', '.join(self.joint_names) or 'none'}>"
 
 
+@sealed
 class MovingArm:
     """A robot arm whose joints, and perhaps base, move; `RobotArm.moving` makes it.
 

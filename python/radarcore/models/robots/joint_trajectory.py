@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 from radarcore import check, notice
 from radarcore.geometry.pose import Matrix
 from radarcore.models.robots.joint import Joint, Jointed
+from radarcore.sealed import sealed
 
 
+@sealed
 class JointTrajectory:
     """Joint angles that pass through given values: C2 cubic splines, at rest at both ends.
 

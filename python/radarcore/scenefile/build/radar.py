@@ -25,17 +25,12 @@ _WAVEFORM_KEYS = (
     "frame_interval",
     "adc_delay",
 )
-# Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz].
-_LOWEST_FREQUENCY, _HIGHEST_FREQUENCY = 1e8, 3e12
 
 
 def radar_of(table: RadarTable, directory: Path) -> Radar:
     """The radar of a table; files of patterns are relative to the directory."""
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
     waveform = {name: given[name] for name in _WAVEFORM_KEYS if name in given}
-    for name in ("start_frequency", "stop_frequency"):
-        if not _LOWEST_FREQUENCY <= waveform.get(name, _LOWEST_FREQUENCY) <= _HIGHEST_FREQUENCY:
-            raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {waveform[name]:g}")
     others: dict[str, Any] = {
         name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization") if name in given
     }

@@ -1,0 +1,66 @@
+"""A CW radar, of slope 0: samples by the direct sum, velocities, and no ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from reference import beat_signal_reference
+
+WAVEFORM = rc.Waveform(
+    start_frequency=24e9, slope=0.0, sample_rate=1e6, num_samples=32, num_chirps=64, chirp_interval=200e-6
+)
+VELOCITY = 3.0
+
+
+@pytest.fixture(scope="module")
+def recording() -> rc.Recording:
+    point = rc.PointTarget([20.0, 0.0, 0.0], velocity=[VELOCITY, 0.0, 0.0])
+    return rc.Simulator(rc.Scene([point]), rc.Radar(WAVEFORM)).record(0.0, 0.2, 20.0, progress=False)
+
+
+@pytest.mark.parametrize("method", ["direct", "grid"])
+@pytest.mark.parametrize("num_paths", [1, 300])
+def test_samples_are_those_of_the_direct_sum(method: str, num_paths: int) -> None:
+    rng = np.random.default_rng(num_paths)
+    delay, rate = rng.uniform(1e-8, 1e-7, num_paths), rng.normal(size=num_paths) * 3e-8
+    amplitude = rng.normal(size=num_paths) + 1j * rng.normal(size=num_paths)
+    cube = rc.beat_signal(delay, amplitude, WAVEFORM, delay_rate=rate, method=method)
+    expected = beat_signal_reference(delay, amplitude, WAVEFORM, rate)
+    assert np.sqrt(np.mean(np.abs(cube - expected) ** 2)) <= 1e-3 * np.linalg.norm(amplitude)  # the tolerance
+
+
+def test_velocity_is_that_of_the_target(recording: rc.Recording) -> None:
+    peak = rc.strongest_peak(recording[0].cube, WAVEFORM)
+    assert abs(peak.velocity - VELOCITY) <= 0.02 * WAVEFORM.velocity_resolution  # as `strongest_peak` promises
+    assert np.isnan(peak.range)
+    spectrogram = rc.spectrogram(recording)
+    found = spectrogram.velocity[spectrogram.power.argmax(axis=1)]
+    assert (np.abs(found - VELOCITY) <= 0.5 * WAVEFORM.velocity_resolution).all()
+
+
+def test_nothing_of_it_is_a_range() -> None:
+    assert WAVEFORM.is_cw
+    assert WAVEFORM.bandwidth == 0.0
+    assert WAVEFORM.range_resolution == WAVEFORM.max_range == np.inf
+
+
+@pytest.mark.parametrize(
+    "measure",
+    [
+        lambda _: WAVEFORM.range_axis(),
+        lambda rec: rc.range_profile(rec.cube, WAVEFORM),
+        lambda rec: rc.range_doppler(rec.cube, WAVEFORM),
+        lambda rec: rc.range_time(rec),
+        lambda rec: rc.spectrogram(rec, max_range=3.0),
+        lambda rec: rc.strongest_peak(rec.cube[0], WAVEFORM, min_range=1.0),
+    ],
+    ids=["axis", "profile", "map", "over time", "gate", "limit"],
+)
+def test_functions_of_range_say_that_there_is_none(measure: Callable[[Any], object], recording: rc.Recording) -> None:
+    with pytest.raises(ValueError, match=r"a CW radar \(slope = 0 Hz/s\) measures no range"):
+        measure(recording)

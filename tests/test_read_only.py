@@ -1,0 +1,92 @@
+"""Descriptions are read-only: what was derived from an attribute would not follow it."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+PLATE = rc.shapes.plate(0.2, 0.2)
+POSES = [rc.Pose(), rc.Pose([1.0, 0.0, 0.0])]
+RADAR = rc.bgt60tr13c()
+SCENE = rc.Scene([rc.Body(PLATE, motion=rc.Pose([0.5, 0.0, 0.0])), rc.PointTarget([0.8, 0.0, 0.0])])
+RECORDING = rc.Simulator(SCENE, RADAR, resolution=8).record(0.0, 0.2, 10.0, progress=False)
+
+ATTRIBUTES: list[tuple[Any, str]] = [
+    (rc.Simulator(SCENE, RADAR), "radar"),
+    (rc.Simulator(SCENE, RADAR), "scene"),
+    (rc.Simulator(SCENE, RADAR), "sampling"),
+    (RADAR, "tx"),
+    (RADAR.waveform, "slope"),
+    (RADAR.pattern, "gain_db"),
+    (RADAR.receiver, "output"),
+    (SCENE, "bodies"),
+    (SCENE, "names"),
+    (SCENE, "bodys"),
+    (SCENE.bodies[0], "material"),
+    (rc.materials["metal"], "albedo"),
+    (PLATE, "vertices"),
+    (PLATE, "shading"),
+    (PLATE, "crease_angle_deg"),
+    (rc.Pose(), "position"),
+    (rc.Linear(rc.Pose()), "velocity"),
+    (rc.Trajectory([0.0, 1.0], POSES), "times"),
+    (rc.Trajectory([0.0, 1.0], POSES), "poses"),
+    (rc.Deformation([0.0, 1.0], [PLATE.vertices] * 2), "vertices"),
+    (rc.Function(lambda _: rc.Pose()), "pose"),
+    (rc.Attached(rc.Pose()), "parent"),
+    (rc.models.Human(), "height"),
+    (rc.models.Human().path, "waypoints"),
+    (rc.models.RobotArm.ur10(), "joints"),
+    (rc.models.RobotArm.ur10().moving(np.zeros(6)), "base"),
+    (RECORDING, "cube"),
+    (RECORDING.truth, "range"),
+    (rc.Camera(1.0, 1.0, 0.5, 0.5), "fx"),
+]
+
+ARRAYS: dict[str, Callable[[], Any]] = {
+    "antennas": lambda: RADAR.tx,
+    "chirp times": lambda: RADAR.waveform.chirp_times,
+    "vertices": lambda: PLATE.vertices,
+    "triangles": lambda: PLATE.triangles,
+    "position": lambda: rc.Pose().position,
+    "times of poses": lambda: rc.Trajectory([0.0, 1.0], POSES).times,
+    "points of a scene": lambda: SCENE.parts.positions,
+    "cross-sections of a scene": lambda: SCENE.parts.cross_sections,
+    "times of frames": lambda: RECORDING.time,
+    "truth": lambda: RECORDING.truth and RECORDING.truth.range,
+}
+
+
+@pytest.mark.parametrize(("owner", "name"), ATTRIBUTES, ids=[f"{type(o).__name__}.{n}" for o, n in ATTRIBUTES])
+def test_attributes_are_read_only(owner: Any, name: str) -> None:
+    before = getattr(owner, name, None)
+    with pytest.raises(AttributeError, match=name):
+        setattr(owner, name, None)
+    assert getattr(owner, name, None) is before
+    with pytest.raises(AttributeError, match=name):
+        delattr(owner, name)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_are_read_only(name: str) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        ARRAYS[name]()[...] = 0
+
+
+def test_truth_is_a_copy() -> None:
+    distance = np.ones(1)
+    truth = rc.Truth(("a",), distance, distance, distance, distance)
+    distance[0] = 2.0
+    assert truth.range[0] == 1.0
+
+
+@pytest.mark.parametrize("made", [SCENE, PLATE, rc.Trajectory([0.0, 1.0], POSES), rc.models.Human()])
+def test_what_is_read_only_can_be_pickled_and_stays_so(made: Any) -> None:
+    with pytest.raises(AttributeError, match="read-only"):
+        pickle.loads(pickle.dumps(made)).names = ()
