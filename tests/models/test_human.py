@@ -177,6 +177,7 @@ def test_standing_person_has_all_poses_too_and_does_not_move():
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+@pytest.mark.filterwarnings("ignore:.* beyond max_velocity")
 def test_frames_take_delays_at_8_times_in_turns_too(tolerance):
     waveform = rc.Waveform.from_sweep(
         start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4

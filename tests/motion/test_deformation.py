@@ -278,6 +278,7 @@ def test_frame_follows_vertices_through_its_chirps() -> None:
     assert relative_error(samples / samples[0], expected / expected[0]) <= SYNTHESIS
 
 
+@pytest.mark.filterwarnings("ignore:.* beyond max_velocity")
 def test_quick_vertices_are_placed_at_as_many_times_as_they_need() -> None:
     # Three cycles of 10 rad of phase in a frame, as vertices and as a motion of the whole body.
     mesh, frame = grid(), waveform().duration
@@ -460,6 +461,7 @@ def test_function_that_returns_no_vertices_is_refused_with_the_time(
         simulator([body]).depth_image(0.25)
 
 
+@pytest.mark.filterwarnings("ignore:no body is seen")
 def test_a_body_that_shrinks_to_nothing_and_turns_inside_out_is_silent_or_seen() -> None:
     body = rc.Body(PLATE, material=HALF_MATT, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=lambda t: t * PLATE.vertices)
     sim = simulator([body])

@@ -77,6 +77,7 @@ def test_two_poses_are_a_straight_uniform_motion() -> None:
     np.testing.assert_allclose(motion.rate_at(2.0)[:, 3], [0.5, 0.0, 1.0], atol=1e-14)
 
 
+@pytest.mark.filterwarnings("ignore:.* beyond max_velocity")
 def test_frames_follow_the_true_path_of_a_sensor_that_swings() -> None:
     # 4 m/s^2 and more: a rate frozen at the start of the 25 ms frame would be off by 1 mm, or a quarter of a turn.
     waveform = rc.Waveform(

@@ -287,6 +287,7 @@ def test_budget_is_that_of_all_sectors() -> None:
     assert 0.5 * rows * columns < int(str(refused.value).split()[5]) < 0.9 * rows * columns
 
 
+@pytest.mark.filterwarnings("ignore:.*has a radial speed")
 def test_turning_body_aside_is_cast_in_parts() -> None:
     mesh = rc.shapes.plate(0.1, 0.1)
     frames = []

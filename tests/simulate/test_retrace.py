@@ -16,6 +16,10 @@ WAVEFORM = rc.Waveform.from_sweep(
 DURATION = WAVEFORM.duration
 
 
+# Rays are few, as only casts are counted, and bodies quick.
+pytestmark = pytest.mark.filterwarnings("ignore:no body is seen", "ignore:.* beyond max_velocity")
+
+
 def casts(
     motion: Any, sensor: Any = None, size: float = 1e-3, waveform: rc.Waveform = WAVEFORM, most: float = 5.0
 ) -> int:

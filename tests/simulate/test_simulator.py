@@ -294,6 +294,7 @@ def test_empty_scene_is_silent() -> None:
     assert simulator([]).paths().delay.shape == (2, 0)
 
 
+@pytest.mark.filterwarnings("ignore:no body is seen")
 def test_scene_behind_the_sensor_or_of_no_reflection_is_silent() -> None:
     behind = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([-1.5, 0.0, 0.0]))
     black = rc.Body(rc.shapes.sphere(0.2), material=rc.Material(0.0), motion=rc.Pose([1.5, 0.0, 0.0]))

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.geometry.pose import relative_poses
-from radarcore.motion.protocol import Motion, poses_at
 from radarcore.radar.radar import Radar
-from radarcore.scene.body import Body
 from radarcore.scene.scene import Scene
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
@@ -17,35 +14,47 @@ _ROOM = 2.0
 _CLEARANCE = 1e-3
 
 
-def check_antennas(scene: Scene, motion: Motion, radar: Radar, time: float) -> None:
-    """Refuse a surface or a point at an antenna when the run begins, at a time [s].
+def check_antennas(
+    scene: Scene, poses: NDArray[np.float64], radar: Radar, time: float, *, name: str = "radar_motion"
+) -> None:
+    """Refuse a surface or a point at an antenna when a run begins, at a time [s]; `name` is what places the radar.
 
-    Nor may the antennas be inside a body, unless it is large enough to be a room around them.
+    Nor may the antennas be inside a body, unless it is large enough to be a room around them. `poses`, those of the
+    bodies with meshes and of the sensor at that time, (body + 1, 3, 4), to the world.
     """
     antennas = np.concatenate([radar.tx, radar.rx])
-    parts, sensor = scene.parts, poses_at(motion, [time])[0]
-    poses = np.array([poses_at(body.motion, [time])[0] for body in parts.meshed]).reshape(-1, 3, 4)
-    for pose, number in zip(relative_poses(poses, sensor), parts.mesh_numbers, strict=True):
-        body = scene.bodies[number]
-        assert isinstance(body, Body)  # by its number
-        corners = body.mesh.vertices[body.mesh.triangles] @ pose[:, :3].T + pose[:, 3]
-        _check_gap(min(_distance_to_triangles(antenna, corners) for antenna in antennas), scene.names[number])
-        size = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) if len(corners) > 0 else 0.0
-        if size < _ROOM and any(_is_inside(antenna, corners) for antenna in antennas):
+    parts, sensor = scene.parts, poses[-1]
+    world = antennas @ sensor[:, :3].T + sensor[:, 3]
+    for mesh, number in enumerate(parts.mesh_numbers):
+        pose = poses[mesh]
+        local, vertices = (world - pose[:, 3]) @ pose[:, :3], parts.vertices_at(mesh, time)
+        if len(vertices) == 0:
+            continue
+        # Few antennas are near the box around a body, and few triangles near these antennas.
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        near = local[((local > low - _CLEARANCE) & (local < high + _CLEARANCE)).all(axis=1)]
+        if len(near) == 0:
+            continue
+        corners = vertices[parts.meshed[mesh].mesh.triangles]
+        lowest, highest = corners.min(axis=1) - _CLEARANCE, corners.max(axis=1) + _CLEARANCE
+        for antenna in near:
+            beside = corners[((antenna > lowest) & (antenna < highest)).all(axis=1)]
+            _check_gap(_distance_to_triangles(antenna, beside), name, scene.names[number])
+        if np.linalg.norm(high - low) < _ROOM and any(_is_inside(antenna, corners) for antenna in near):
             raise ValueError(
-                f"pose: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
+                f"{name}: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
                 f"got them inside {scene.names[number]!r}"
             )
-    points = (parts.positions + time * parts.velocities - sensor[:, 3]) @ sensor[:, :3]
+    points = parts.positions + time * parts.velocities
     for point, number in zip(points, parts.point_numbers, strict=True):
-        _check_gap(float(np.linalg.norm(point - antennas, axis=1).min()), scene.names[number])
+        _check_gap(float(np.linalg.norm(point - world, axis=1).min()), name, scene.names[number])
 
 
-def _check_gap(gap: float, name: str) -> None:
+def _check_gap(gap: float, name: str, body: str) -> None:
     if gap < _CLEARANCE:
         raise ValueError(
-            f"pose: expected all antennas at least {1e3 * _CLEARANCE:g} mm from every surface when the run begins, "
-            f"got {1e3 * gap:.2g} mm to {name!r}"
+            f"{name}: expected all antennas at least {1e3 * _CLEARANCE:g} mm from every surface when the run begins, "
+            f"got {1e3 * gap:.2g} mm to {body!r}"
         )
 
 

@@ -12,6 +12,8 @@ from radarcore.radar import beam
 from radarcore.radar.radar import Radar
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
+from radarcore.simulate.clearance import check_antennas
+from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
 
 _PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -82,6 +84,49 @@ class Doubts:
             f"degrees, but outside of field_of_view_deg ({view[0]:g}, {view[1]:g}): it returns nothing{more}; "
             "without a given field of view all that the antennas see is simulated"
         )
+
+    def of_place(self, scene: Scene, placement: Placement, time: float) -> None:
+        """Refuse antennas inside of a body or at its surface, at the first time [s] that is simulated."""
+        if "place" not in self._told:
+            check_antennas(scene, placement.poses_at(time), self._radar, time)
+            self._told.add("place")
+
+    def of_sight(self, scene: Scene, placement: Placement, time: float) -> None:
+        """Warn of a scene of which nothing is seen: where the nearest of its bodies lies at a time [s]."""
+        if not scene.bodies or not self._is_new("sight"):
+            return
+        parts, poses = scene.parts, placement.poses_at(time)
+        sensor = poses[-1]
+        middles = dict(zip(parts.point_numbers.tolist(), parts.positions + time * parts.velocities, strict=True))
+        for mesh, number in enumerate(parts.mesh_numbers.tolist()):
+            vertices, pose = parts.vertices_at(mesh, time), poses[mesh]
+            if len(vertices) > 0:
+                middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+                middles[number] = pose[:, :3] @ middle + pose[:, 3]
+        seen = {number: (middle - sensor[:, 3]) @ sensor[:, :3] for number, middle in middles.items()}
+        if not seen:
+            notice.warn("no body is seen: none of them has a surface")
+            return
+        nearest = min(seen, key=lambda number: float(np.linalg.norm(seen[number])))
+        x, y, z = seen[nearest].tolist()
+        azimuth, elevation = np.rad2deg([np.arctan2(y, x), np.arctan2(z, hypot(x, y))])
+        notice.warn(
+            f"no body is seen: the middle of the nearest, {scene.names[nearest]!r}, lies at {hypot(x, y, z):.4g} m, "
+            f"azimuth {azimuth:.0f} and elevation {elevation:.0f} degrees from the x axis that the radar looks along, "
+            f"at {time:g} s"
+        )
+
+    def of_velocities(self, names: tuple[str, ...], truth: NDArray[np.float64]) -> None:
+        """Warn of bodies, (body, 4) as the core has their truth, that are too fast for the chirps of a frame."""
+        wf = self._radar.waveform
+        if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps or len(truth) == 0:
+            return
+        speeds = np.nan_to_num(np.abs(truth[:, 1]))
+        if (fastest := float(speeds.max())) > wf.max_velocity and self._is_new("velocity"):
+            notice.warn(
+                f"{names[int(speeds.argmax())]!r} has a radial speed of {fastest:.3g} m/s, beyond max_velocity "
+                f"{wf.max_velocity:.3g} m/s of the waveform: it appears at wrong velocities"
+            )
 
     def of_rate(self, rate: float) -> None:
         """Warn of frames that overlap at a rate [Hz]."""

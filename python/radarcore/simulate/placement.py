@@ -62,6 +62,11 @@ class Placement:
         for frame in range(len(starts)):
             yield self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame]))
 
+    def poses_at(self, time: float) -> NDArray[np.float64]:
+        """Poses of the bodies with meshes and, last, of the sensor, at one time [s], (body + 1, 3, 4), to the world."""
+        poses: NDArray[np.float64] = self._motions.poses_at(np.array([time]))[0]
+        return poses
+
     def at(self, time: float) -> _core.Placement:
         """Placement at one time [s]."""
         times = np.array([time])

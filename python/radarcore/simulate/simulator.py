@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion
+from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 from radarcore.receive.chain import receive
 from radarcore.recording.frame import Frame, Truth
@@ -105,6 +105,17 @@ class Simulator(Settings):
     threads : int, optional
         Threads to use; default: all cores. Results do not depend on it.
 
+    Raises
+    ------
+    ValueError
+        At the first frame, for antennas within 1 mm of a surface or inside of a body smaller than 2 m.
+
+    Warns
+    -----
+    UserWarning
+        Once each: for echoes beyond `Radar.max_range`, bodies faster than `Waveform.max_velocity`, a scene of which no
+        body is seen, and where the numbers behind the result do not hold.
+
     Notes
     -----
     Settings are read-only: `dataclasses.replace` makes another simulator.
@@ -149,7 +160,10 @@ class Simulator(Settings):
         own. `Frame.truth` holds for the middle of the frame.
         """
         start = check.number("time", time, "s")
-        return next(self._frames(self._placed([start]), 1))
+        frame = next(self._frames(self._placed([start]), 1))
+        if not sees_anything(frame):
+            self._doubts.of_sight(self.scene, self._placement, start)
+        return frame
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
         """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
@@ -200,6 +214,7 @@ class Simulator(Settings):
         """
         start = check.number("time", time, "s")
         self._doubts.of_materials(self.scene)
+        self._doubts.of_place(self.scene, self._placement, start)
         place = self._placement
         frame = next(place.frames([start], _NUM_TIMES))
         delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
@@ -244,7 +259,7 @@ class Simulator(Settings):
         is_hidden : (n,) bool
         """
         at = check.number("time", time, "s")
-        world, sensor = check.array("points", points, (None, 3)), as_motion("radar_motion", self.radar_motion).at(at)
+        world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
         is_hidden, _ = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
         return is_hidden
@@ -258,10 +273,12 @@ class Simulator(Settings):
             stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg}
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
+            self._doubts.of_velocities(self.scene.names, ideal.truth)
             yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats)
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
+        self._doubts.of_place(self.scene, self._placement, starts[0])
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(starts), size):
             some = starts[first : first + size]
@@ -286,9 +303,13 @@ class Simulator(Settings):
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
         number = min(len(times), self.threads or _num_cores(), self._most_side_by_side)
         with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
+            sees = False
             for frame in self._frames(self._placed(times), max(1, number)):
+                sees |= sees_anything(frame)
                 yield frame
                 bar.update()
+        if not sees:
+            self._doubts.of_sight(self.scene, self._placement, times[0])
 
     @property
     def _most_side_by_side(self) -> int:
@@ -299,7 +320,12 @@ class Simulator(Settings):
 
     @cached_property
     def _placement(self) -> Placement:
-        return Placement(self.scene, as_motion("radar_motion", self.radar_motion), self.radar.waveform)
+        return Placement(self.scene, self._motion, self.radar.waveform)
+
+    @property
+    def _motion(self) -> Motion:
+        """Sensor to world."""
+        return as_motion("radar_motion", self.radar_motion)
 
     @cached_property
     def _engine(self) -> _core.Simulator:
@@ -349,6 +375,11 @@ class Simulator(Settings):
 def _num_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def sees_anything(frame: Frame) -> bool:
+    """True for a simulated frame in which rays met a body, or points sent echoes."""
+    return any(frame.stats.get(name, 0) > 0 for name in ("rays_hit", "paths", "bounce_paths"))
 
 
 def stats_of(ideal: _core.IdealFrame) -> dict[str, Any]:

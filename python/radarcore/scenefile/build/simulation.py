@@ -13,6 +13,7 @@ from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.tables import SceneTable
 from radarcore.simulate.clearance import check_antennas
+from radarcore.simulate.placement import Placement
 from radarcore.simulate.times import frame_times
 
 
@@ -29,5 +30,6 @@ def simulation(table: SceneTable, file: Path) -> Simulation:
             found.simulator()
             frame_times(table.run.start, table.run.stop, table.run.rate)
         with located("sensor: "):
-            check_antennas(found.scene, found.radar_motion, found.radar, found.run.start)
+            poses = Placement(found.scene, motion, radar.waveform).poses_at(found.run.start)
+            check_antennas(found.scene, poses, radar, found.run.start, name="pose")
     return found

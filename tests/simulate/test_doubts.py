@@ -1,0 +1,115 @@
+"""What a simulator refuses at its first frame, and what it warns of once."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+WAVEFORM = rc.Waveform.from_sweep(
+    start_frequency=60e9, stop_frequency=60.1e9, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=3e-4
+)
+RADAR = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]])
+PLATE = rc.shapes.plate(0.3, 0.3)
+
+
+def simulator(*bodies: rc.Body | rc.PointTarget, motion: rc.Pose | None = None) -> rc.Simulator:
+    return rc.Simulator(rc.Scene(bodies), RADAR, radar_motion=motion, resolution=32)
+
+
+def body(mesh: rc.Mesh, motion: rc.Pose | rc.Linear | None = None, name: str = "part") -> rc.Body:
+    return rc.Body(mesh, motion=motion, name=name)
+
+
+FIRST: dict[str, Callable[[rc.Simulator], object]] = {
+    "frame": lambda sim: sim.frame(0.0),
+    "paths": lambda sim: sim.paths(0.0),
+    "record": lambda sim: sim.record(0.0, 0.1, 10.0, progress=False),
+}
+
+
+@pytest.mark.parametrize("first", FIRST.values(), ids=FIRST)
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (body(rc.shapes.box([0.3, 0.3, 0.3])), "expected the antennas outside of every body .* inside 'part'"),
+        (body(PLATE), "expected all antennas at least 1 mm from every surface .* got 0 mm to 'part'"),
+        (
+            body(PLATE, rc.Pose([0.5e-3, 0.0, 0.0])),
+            "expected all antennas at least 1 mm from every surface .* got 0.5 mm to 'part'",
+        ),
+        (
+            rc.PointTarget([0.0, 2.5e-3, 0.0], name="part"),
+            "expected all antennas at least 1 mm from every surface .* got 0 mm to 'part'",
+        ),
+    ],
+    ids=["inside", "touching", "too near", "point"],
+)
+def test_antennas_in_or_at_a_body_are_refused(
+    part: rc.Body | rc.PointTarget, message: str, first: Callable[[rc.Simulator], object]
+) -> None:
+    sim = simulator(part)
+    for _ in range(2):
+        with pytest.raises(ValueError, match=f"radar_motion: {message}"):
+            first(sim)
+
+
+def test_antennas_in_a_room_or_beside_a_body_are_not() -> None:
+    mount = rc.Pose([1.0, 2.0, 3.0], rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.2, 0.1]).rotation)
+    room = body(rc.shapes.box([4.0, 4.0, 4.0]), mount)
+    assert simulator(room, body(PLATE, mount @ rc.Pose([2e-3, 0.0, 0.0])), motion=mount).frame().stats["rays_hit"] > 0
+
+
+def test_large_meshes_cost_little_where_the_antennas_are_far_from_their_surface() -> None:
+    sphere = rc.shapes.sphere(1.5, subdivisions=7)  # 327 680 triangles around the antennas
+    sim = simulator(body(sphere))
+    place = sim._placement.poses_at(0.0)
+    start = perf_counter()
+    sim._doubts.of_place(sim.scene, sim._placement, 0.0)
+    assert place.shape == (2, 3, 4)
+    assert perf_counter() - start < 1.0  # 0.05 s on one core; every triangle by itself would take half a second
+
+
+def warned(run: Callable[[], object]) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run()
+    assert {warning.filename for warning in caught} <= {__file__}
+    return [str(warning.message) for warning in caught]
+
+
+def test_body_beyond_the_largest_velocity_is_said_once() -> None:
+    fast = rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.1 * WAVEFORM.max_velocity, 0.0, 0.0])
+    sim = simulator(body(PLATE, rc.Pose([3.0, 1.0, 0.0]), "still"), body(PLATE, fast, "part"))
+    (said,) = warned(lambda: [sim.frame(time) for time in (0.0, 0.05)])
+    assert said.startswith("'part' has a radial speed of 4.58 m/s, beyond max_velocity 4.16 m/s of the waveform")
+    slow = rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.9 * WAVEFORM.max_velocity, 0.0, 0.0])
+    assert warned(lambda: simulator(body(PLATE, slow)).frame(0.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("position", "where"),
+    [([-3.0, 0.0, 0.0], "3 m, azimuth 180 and elevation 0"), ([0.5, 0.0, 3.0], "3.041 m, azimuth 0 and elevation 81")],
+)
+def test_scene_of_which_nothing_is_seen_says_where_the_nearest_body_is(position: list[float], where: str) -> None:
+    parts = body(PLATE, rc.Pose([-9.0, 0.0, 0.0]), "far"), body(PLATE, rc.Pose(position), "part")
+    for run in (
+        lambda sim: [sim.frame(time) for time in (0.0, 0.1)],
+        lambda sim: sim.record(0.0, 0.2, 10.0, progress=False),
+    ):
+        sim = simulator(*parts)
+        (said,) = warned(lambda run=run, sim=sim: run(sim))
+        assert said.startswith(f"no body is seen: the middle of the nearest, 'part', lies at {where} degrees from")
+
+
+def test_body_that_comes_into_view_later_in_a_recording_is_not_missed() -> None:
+    passing = rc.Linear(rc.Pose([2.0, -3.0, 0.0]), velocity=[0.0, 30.0, 0.0])
+    sim = simulator(body(PLATE, passing))
+    assert [said for said in warned(lambda: sim.record(0.0, 0.2, 10.0, progress=False)) if "seen" in said] == []
+    assert warned(lambda: simulator().frame(0.0)) == []  # an empty scene is a scene
+    assert np.isfinite(sim.frame(0.1).cube).all()
