@@ -605,7 +605,7 @@ def test_floor_is_a_positive_number_of_decibels(floor: Any) -> None:
 
 
 def test_recordings_and_other_radars_keep_the_settings() -> None:
-    sim = simulator([ball()], resolution=16, max_bounces=2, bounce_floor_db=50.0)
+    sim = simulator([ball()], resolution=16, field_of_view_deg=(20.0, 20.0), max_bounces=2, bounce_floor_db=50.0)
     source = sim.record(0.0, 0.01, progress=False).source
     assert (source["max_bounces"], source["bounce_floor_db"]) == (2, 50.0)
     other = sim.with_radar(CHANNELS)

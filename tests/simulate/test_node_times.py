@@ -34,6 +34,7 @@ def test_slow_amplitudes_of_fast_paths_are_taken_at_few_times() -> None:
     assert stats["amplitude_nodes"] <= 12
 
 
+@pytest.mark.filterwarnings("ignore:.*has a radial speed of")
 @pytest.mark.parametrize(("start", "most"), [(0.0, 4), (1e5, 6), (1e6, 12)])
 @pytest.mark.parametrize("speed", [1.0, 30.0])
 def test_large_absolute_times_take_little_more(start: float, most: int, speed: float) -> None:
