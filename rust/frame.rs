@@ -21,13 +21,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::paths::placement::World;
 use crate::rays::scene::Occlusion;
 use crate::synthesis::beat::Samples;
 
 pub use groups::PathArrays;
-pub use model::{Cancel, DepthImage, Model, RaySampling, Scene, Settings, Source};
+pub use model::{DepthImage, Model, RaySampling, Scene, Settings, Source};
 pub use outcome::Outcome;
 pub use rays::Image;
 pub use truth::Truth;

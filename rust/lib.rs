@@ -128,6 +128,7 @@
 
 mod antennas;
 mod bounces;
+mod cancel;
 mod constants;
 mod error;
 mod frame;

@@ -63,7 +63,9 @@ def add_noise(samples: NDArray[np.float32] | NDArray[np.float64], *, deviation: 
     """Add white noise of a standard deviation to samples (n,), in place. Equal seeds and streams give equal noise."""
 
 def cross_sections(
-    surface: Surface,
+    surfaces: Sequence[Surface],
+    body_poses: NDArray[np.float64],
+    body_materials: Sequence[Material],
     transmitter: NDArray[np.float64],
     receiver: NDArray[np.float64],
     *,
@@ -71,10 +73,12 @@ def cross_sections(
     polarization: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     max_bounces: int,
     threads: int | None = None,
+    report: Callable[[int], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Radar cross-sections [m^2] of a perfect conductor, (direction,), by up to `max_bounces` reflections.
+    """Radar cross-sections [m^2] of bodies at poses (body, 3, 4), (direction,), by up to `max_bounces` reflections.
 
-    Unit vectors (direction, 3) lead from the surface to both antennas; `polarization` has those along their fields.
+    Unit vectors (direction, 3) lead from the bodies to both antennas; `polarization` has those along their fields.
+    `report` receives the number of directions that are done, from time to time.
     """
 
 @final

@@ -1,151 +1,214 @@
-//! Far fields and radar cross-sections of a body: ray tubes of a plane wave, and the field radiated in one direction.
+//! Far fields and radar cross-sections of bodies in a plane wave.
+//!
+//! The first reflection is an integral over the triangles (`first_reflection`). Paths of several reflections are ray
+//! tubes, cell by cell of a plane across the wave; a cell whose quarters radiate another field is quartered.
 
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::aspect::Aspect;
+use super::first_reflection::{Reflected, first_reflection};
 use super::shooting::{Limits, Radiation, Shooter};
 use super::tube::Tube;
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
-use crate::geometry::pose::Pose;
+use crate::geometry::aabb::Bounds;
 use crate::rays::scene::PosedScene;
-use crate::rays::surface::Surface;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 
-/// Rays of cross-sections.
-const RAYS: Rays = Rays {
-    per_wavelength: 6.0,
-    least: 64.0,
-    most: 1024.0,
-};
+/// Number of cells across the scene at first, along the longer side of the rectangle that covers it.
+const CELLS: f64 = 128.0;
 
-/// Number of rays across a body, along each side of the rectangle that covers it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Rays {
-    /// Rays per wavelength.
-    pub(super) per_wavelength: f64,
-    /// Least number of rays.
-    pub(super) least: f64,
-    /// Largest number of rays.
-    pub(super) most: f64,
-}
+/// Side of the smallest cells [wavelengths].
+const FINEST: f64 = 1.0 / 6.0;
 
-/// Directions and polarisations of incidence and of reception.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aspect {
-    /// Unit vectors from the body to the transmitter and to the receiver.
-    pub directions: [DVec3; 2],
-    /// Field vectors of both antennas, whose transverse part counts; none: antennas without a polarisation.
-    pub polarizations: Option<[DVec3; 2]>,
-}
+/// Largest difference between the fields radiated by a cell and by its quarters, relative to that of a plate of its
+/// size that faces the radar.
+const MOST_DIFFERENT: f64 = 0.02;
 
-/// Radar cross-sections [m^2] of a body of one material at a frequency [Hz], by up to `max_bounces` reflections.
+/// Radar cross-sections [m^2] of the bodies of a scene at a frequency [Hz], by up to `max_bounces` reflections; one
+/// material per body. `done` is called after every aspect.
 pub fn cross_sections(
-    surface: &Arc<Surface>,
-    material: Material,
+    scene: &PosedScene,
+    materials: &[Material],
     frequency: f64,
     aspects: &[Aspect],
     max_bounces: usize,
+    (cancel, done): (&Cancel, &(dyn Fn() + Sync)),
 ) -> Result<Vec<f64>> {
     if !(frequency > 0.0 && frequency.is_finite()) {
         return Err(Error::value("frequency", "a positive number [Hz]", frequency));
     }
-    let fields = far_fields(
-        surface,
-        material,
-        SPEED_OF_LIGHT / frequency,
-        aspects,
-        max_bounces,
-        RAYS,
-    );
-    Ok(fields.into_iter().map(|f| 4.0 * PI * f.norm_sqr()).collect())
-}
-
-/// Far fields f of a body of one material, with `f exp(-j k R) / R` at a distance R in a unit wave [m].
-pub(super) fn far_fields(
-    surface: &Arc<Surface>,
-    material: Material,
-    wavelength: f64,
-    aspects: &[Aspect],
-    max_bounces: usize,
-    rays: Rays,
-) -> Vec<Complex64> {
-    if surface.num_triangles() == 0 {
-        return vec![Complex64::ZERO; aspects.len()];
-    }
-    let scene = PosedScene::new(vec![surface.clone()], vec![Pose::IDENTITY]);
     let shooter = Shooter {
-        scene: &scene,
-        materials: &[material],
-        wavelength,
+        scene,
+        materials,
+        wavelength: SPEED_OF_LIGHT / frequency,
         limits: Limits {
             max_bounces,
             floor: 0.0,
         },
     };
-    aspects.iter().map(|aspect| shooter.far_field(aspect, rays)).collect()
+    let of = |aspect: &Aspect| {
+        let Reflected { field, diffuse } = shooter.far_field(aspect, cancel)?;
+        done();
+        Ok(4.0 * PI * field.norm_sqr() + diffuse)
+    };
+    aspects.par_iter().map(of).collect()
 }
 
 impl Shooter<'_> {
-    fn far_field(&self, aspect: &Aspect, rays: Rays) -> Complex64 {
-        let k = -aspect.directions[0];
-        let bounds = self.scene.surface(0).bounds();
-        let corners = bounds.corners();
-
-        // A rectangle across the wave that covers the body, one side of it horizontal where there is one.
-        let across = DVec3::Z.cross(k).try_normalize().unwrap_or(DVec3::Y);
-        let axes = [across, k.cross(across)];
-        let range = |axis: DVec3| {
-            let positions = corners.map(|corner| corner.dot(axis));
-            let low = positions.iter().copied().fold(f64::INFINITY, f64::min);
-            (low, positions.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low)
-        };
-        let [first, second] = axes.map(range);
-        let finest = rays.per_wavelength / self.wavelength;
-        let number = |extent: f64| (extent * finest).ceil().clamp(rays.least, rays.most) as usize;
-        let (columns, rows) = (number(first.1), number(second.1));
-        let size = [first.1 / columns as f64, second.1 / rows as f64];
-        if size[0] * size[1] == 0.0 {
-            return Complex64::ZERO; // seen edge-on
+    fn far_field(&self, aspect: &Aspect, cancel: &Cancel) -> Result<Reflected> {
+        let mut reflected = first_reflection(self, aspect, cancel)?;
+        if self.limits.max_bounces > 1 {
+            reflected.field += self.bounced(aspect, cancel)?;
         }
-        let (near, depth) = range(k);
-
-        // Sums of rows, added in their order.
-        let row = |row: usize| -> Complex64 {
-            let height = second.0 + (row as f64 + 0.5) * size[1];
-            let cell = |column: usize| {
-                let origin = (first.0 + (column as f64 + 0.5) * size[0]) * axes[0] + height * axes[1];
-                self.cell(aspect, origin + (near - 0.1 * depth.max(size[0])) * k, axes, size)
-            };
-            (0..columns).map(cell).sum()
-        };
-        let rows: Vec<Complex64> = (0..rows).into_par_iter().map(row).collect();
-
         // j k / (2 pi) times the sum.
-        rows.into_iter().sum::<Complex64>() * Complex64::I / self.wavelength
+        reflected.field *= Complex64::I / self.wavelength;
+        Ok(reflected)
     }
 
-    /// Field radiated by one cell towards the receiver.
-    fn cell(&self, aspect: &Aspect, origin: DVec3, axes: [DVec3; 2], size: [f64; 2]) -> Complex64 {
-        let ([from, to], polarizations) = (aspect.directions, aspect.polarizations);
-        let Some(tube) = Tube::plane_wave(self.scene, origin, -from, axes, polarizations.map(|e| e[0])) else {
+    /// Field of all paths of two and more reflections, without the factor `j / lambda`.
+    fn bounced(&self, aspect: &Aspect, cancel: &Cancel) -> Result<Complex64> {
+        let Some((wave, grid)) = PlaneWave::over(self, aspect, |extent| extent / CELLS) else {
+            return Ok(Complex64::ZERO);
+        };
+        // Sums of rows, added in their order.
+        let row = |row: usize| -> Result<Complex64> {
+            cancel.check()?;
+            let cells = (0..grid.columns).map(|column| {
+                let center = grid.center(row, column);
+                wave.quartered(center, grid.size, wave.bounced(center, grid.size))
+            });
+            Ok(cells.sum())
+        };
+        let rows: Result<Vec<Complex64>> = (0..grid.rows).into_par_iter().map(row).collect();
+        Ok(rows?.into_iter().sum())
+    }
+}
+
+/// Cells of a rectangle across a plane wave.
+pub(super) struct Grid {
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    /// Size of a cell [m].
+    pub(super) size: [f64; 2],
+    /// Corner of the rectangle [m].
+    first: [f64; 2],
+}
+
+impl Grid {
+    pub(super) fn center(&self, row: usize, column: usize) -> [f64; 2] {
+        let at = |axis: usize, number: usize| self.first[axis] + (number as f64 + 0.5) * self.size[axis];
+        [at(0, column), at(1, row)]
+    }
+}
+
+/// Ray tubes of a plane wave.
+pub(super) struct PlaneWave<'a> {
+    shooter: &'a Shooter<'a>,
+    aspect: &'a Aspect,
+    /// Unit vectors across the wave.
+    axes: [DVec3; 2],
+    /// Point in front of the scene.
+    front: DVec3,
+}
+
+impl<'a> PlaneWave<'a> {
+    /// Plane wave with a grid that covers the scene, with cells of a size by the longer side of the rectangle [m]; none
+    /// for a scene that is empty or seen edge-on.
+    pub(super) fn over(
+        shooter: &'a Shooter<'a>,
+        aspect: &'a Aspect,
+        size: impl Fn(f64) -> f64,
+    ) -> Option<(Self, Grid)> {
+        let (scene, k) = (shooter.scene, -aspect.directions[0]);
+        let bodies = (0..scene.num_bodies() as u32).filter(|body| scene.surface(*body).num_triangles() > 0);
+        let corners = bodies.flat_map(|body| {
+            let corners = scene.surface(body).bounds().corners();
+            corners.map(|corner| scene.pose(body).point(corner))
+        });
+
+        // One side of the rectangle is horizontal where there is one.
+        let across = DVec3::Z.cross(k).try_normalize().unwrap_or(DVec3::Y);
+        let axes = [across, k.cross(across)];
+        let seen = Bounds::of(corners.map(|at| DVec3::new(at.dot(axes[0]), at.dot(axes[1]), at.dot(k))));
+        let extent = seen.max - seen.min;
+        if !(extent.x > 0.0 && extent.y > 0.0) {
+            return None;
+        }
+        let side = size(extent.x.max(extent.y));
+        let [columns, rows] = [extent.x, extent.y].map(|length| (length / side).ceil().max(1.0));
+        let grid = Grid {
+            rows: rows as usize,
+            columns: columns as usize,
+            size: [extent.x / columns, extent.y / rows],
+            first: [seen.min.x, seen.min.y],
+        };
+        let wave = Self {
+            shooter,
+            aspect,
+            axes,
+            front: (seen.min.z - 0.1 * extent.z.max(side)) * k,
+        };
+        Some((wave, grid))
+    }
+}
+
+impl PlaneWave<'_> {
+    /// Field radiated by a cell after two and more reflections, by way of its quarters where these radiate another one.
+    fn quartered(&self, center: [f64; 2], size: [f64; 2], whole: Complex64) -> Complex64 {
+        let half = size.map(|size| 0.5 * size);
+        let parts = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]].map(|sides: [f64; 2]| {
+            let center = [0, 1].map(|axis| center[axis] + sides[axis] * half[axis]);
+            (center, self.bounced(center, half))
+        });
+        let sum: Complex64 = parts.iter().map(|(_, field)| field).sum();
+        let is_finest = half[0].max(half[1]) <= FINEST * self.shooter.wavelength;
+        if is_finest || (sum - whole).norm() <= MOST_DIFFERENT * size[0] * size[1] {
+            return sum;
+        }
+        parts
+            .iter()
+            .map(|(center, field)| self.quartered(*center, half, *field))
+            .sum()
+    }
+
+    /// Field radiated by one cell towards the receiver after two and more reflections.
+    fn bounced(&self, center: [f64; 2], size: [f64; 2]) -> Complex64 {
+        let Some(tube) = self.tube(center) else {
             return Complex64::ZERO;
         };
-        let radiate = |tube: &Tube| {
-            let radiated = self.radiate(tube, size, to, polarizations.map(|e| e[1]), Sampling::Footprint);
-            let seen = radiated.filter(|_| !self.is_occluded(&tube.interaction, to, f64::INFINITY));
-            seen.map_or(Complex64::ZERO, |Radiation { amplitude, weight, .. }| {
-                let path = tube.length - to.dot(tube.interaction.point);
-                amplitude * weight * Complex64::cis(-TAU * (path / self.wavelength).fract())
-            })
-        };
-        let mut total = radiate(&tube);
-        self.trace(tube, 1.0, |tube, _| total += radiate(tube));
+        let mut total = Complex64::ZERO;
+        self.shooter
+            .trace(tube, 1.0, |tube, _| total += self.radiated(tube, size));
         total
+    }
+
+    /// Field radiated by one cell towards the receiver after one reflection.
+    pub(super) fn reflected(&self, center: [f64; 2], size: [f64; 2]) -> Complex64 {
+        self.tube(center)
+            .map_or(Complex64::ZERO, |tube| self.radiated(&tube, size))
+    }
+
+    fn tube(&self, center: [f64; 2]) -> Option<Tube> {
+        let origin = self.front + center[0] * self.axes[0] + center[1] * self.axes[1];
+        let sent = self.aspect.polarizations.map(|e| e[0]);
+        Tube::plane_wave(self.shooter.scene, origin, -self.aspect.directions[0], self.axes, sent)
+    }
+
+    fn radiated(&self, tube: &Tube, size: [f64; 2]) -> Complex64 {
+        let (shooter, to) = (self.shooter, self.aspect.directions[1]);
+        let received = self.aspect.polarizations.map(|e| e[1]);
+        let radiated = shooter.radiate(tube, size, to, received, Sampling::Footprint);
+        let seen = radiated.filter(|_| !shooter.is_occluded(&tube.interaction, to, f64::INFINITY));
+        seen.map_or(Complex64::ZERO, |Radiation { amplitude, weight, .. }| {
+            let path = tube.length - to.dot(tube.interaction.point);
+            amplitude * weight * Complex64::cis(-TAU * (path / shooter.wavelength).fract())
+        })
     }
 }

@@ -7,22 +7,23 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::cross_section::{Aspect, Rays, far_fields};
+use super::aspect::Aspect;
+use super::cross_section::PlaneWave;
+use super::shooting::{Limits, Shooter};
 use crate::error::Result;
+use crate::geometry::pose::Pose;
+use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::CONDUCTOR;
 
 /// Number of directions in which echoes are compared.
 const NUM_DIRECTIONS: usize = 64;
 
-/// Rays of an estimate: both echoes take the same rays, so most of their errors cancel. With the density of
-/// cross-sections the rms difference changes by less than a tenth of itself or 0.02 on spheres, cylinders and capsules
-/// of 20 to 40 cm, and by up to 0.06 on bodies of 2 m, which have cells of 2 cm.
-const RAYS: Rays = Rays {
-    per_wavelength: 3.0,
-    least: 32.0,
-    most: 96.0,
-};
+/// Number of rays of an estimate across a body, per wavelength, and its limits: both echoes take the same rays, so most
+/// of their errors cancel. With the sixfold of them the rms difference changes by less than a tenth of itself or 0.02 on
+/// spheres, cylinders and capsules of 20 to 40 cm, and by up to 0.06 on bodies of 2 m, which have cells of 2 cm.
+const RAYS_PER_WAVELENGTH: f64 = 3.0;
+const RAYS: [f64; 2] = [32.0, 96.0];
 
 /// Difference of the far-field echoes of flat facets and of curved surfaces of metal after one reflection, in 64
 /// directions, relative to the rms of the echoes of curved surfaces.
@@ -45,8 +46,11 @@ impl FacetDifference {
         }
 
         let aspects = monostatic(&directions(NUM_DIRECTIONS));
-        let fields = |surface: &Arc<Surface>| far_fields(surface, CONDUCTOR, wavelength, &aspects, 1, RAYS);
-        let (curved, flat) = (fields(&smooth), fields(&surface.shaded(ShadingMode::Flat)?));
+        let fields = |surface: Arc<Surface>| {
+            let scene = PosedScene::new(vec![surface], vec![Pose::IDENTITY]);
+            far_fields(&scene, wavelength, &aspects)
+        };
+        let (curved, flat) = (fields(smooth), fields(surface.shaded(ShadingMode::Flat)?));
         let echo: f64 = curved.iter().map(Complex64::norm_sqr).sum();
         let differences = curved.iter().zip(&flat).map(|(a, b)| (a - b).norm_sqr());
         let relative = |power: f64| if echo > 0.0 { (power / echo).sqrt() } else { 0.0 };
@@ -55,6 +59,33 @@ impl FacetDifference {
             rms: relative(differences.sum()),
         })
     }
+}
+
+/// Far fields f of a perfect conductor after one reflection, cell by cell of a grid of rays, with `f exp(-j k R) / R` at
+/// a distance R in a unit wave [m].
+fn far_fields(scene: &PosedScene, wavelength: f64, aspects: &[Aspect]) -> Vec<Complex64> {
+    let shooter = Shooter {
+        scene,
+        materials: &[CONDUCTOR],
+        wavelength,
+        limits: Limits {
+            max_bounces: 1,
+            floor: 0.0,
+        },
+    };
+    let of = |aspect: &Aspect| {
+        let [least, most] = RAYS;
+        let size = |extent: f64| extent / (RAYS_PER_WAVELENGTH * extent / wavelength).clamp(least, most);
+        let Some((wave, grid)) = PlaneWave::over(&shooter, aspect, size) else {
+            return Complex64::ZERO;
+        };
+        let cells = (0..grid.rows).flat_map(|row| (0..grid.columns).map(move |column| (row, column)));
+        let sum: Complex64 = cells
+            .map(|(row, column)| wave.reflected(grid.center(row, column), grid.size))
+            .sum();
+        sum * Complex64::I / wavelength
+    };
+    aspects.par_iter().map(of).collect()
 }
 
 /// Aspects of a radar in these directions whose antennas have no polarisation.
@@ -101,7 +132,8 @@ mod tests {
         // Physical optics: sigma = pi a^2, that is a far field of a / 2.
         let aspects = monostatic(&directions(20));
         let off = |mode: ShadingMode| {
-            let fields = far_fields(&sphere(3, mode), CONDUCTOR, WAVELENGTH, &aspects, 1, RAYS);
+            let scene = PosedScene::new(vec![sphere(3, mode)], vec![Pose::IDENTITY]);
+            let fields = far_fields(&scene, WAVELENGTH, &aspects);
             let errors = fields.iter().map(|f| (f.norm() / 0.05 - 1.0).abs());
             errors.fold(0.0, f64::max)
         };

@@ -2,9 +2,10 @@
 
 use num_complex::Complex64;
 
-use super::model::{Cancel, Model, Source};
+use super::model::{Model, Source};
 use super::rays::{Image, Rays};
 use crate::bounces::{self, Bounces};
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::paths::kinematics::Kinematics;

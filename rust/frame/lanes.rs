@@ -1,10 +1,11 @@
 //! Sum of a frame in lanes: points go from their evaluation into records block by block, all groups into one sum.
 
 use super::groups::{Evaluate, EvaluateAt, Group, Groups};
-use super::model::{Cancel, Model};
+use super::model::Model;
 use super::outcome::{Outcome, count_of_times};
 use super::parts::Part;
 use super::stages::{StageTimes, timed};
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::numeric::parallel;

@@ -1,6 +1,5 @@
 //! Model of a simulation: bodies or an image, materials, radar and settings, all independent of the motion.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DMat3, DVec3};
@@ -367,25 +366,5 @@ impl Shapes {
             None => self.0.push((body, surface.clone())),
         }
         Ok(surface)
-    }
-}
-
-/// Request to stop, checked between stages.
-#[derive(Debug, Default)]
-pub struct Cancel(AtomicBool);
-
-impl Cancel {
-    /// Request a stop.
-    pub fn ask(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// An error after a request to stop.
-    pub fn check(&self) -> Result<()> {
-        if self.0.load(Ordering::Relaxed) {
-            Err(Error::Interrupted)
-        } else {
-            Ok(())
-        }
     }
 }

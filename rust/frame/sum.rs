@@ -5,10 +5,11 @@ use rayon::prelude::*;
 
 use super::groups::{Evaluate, Groups};
 use super::lanes;
-use super::model::{Cancel, Model};
+use super::model::Model;
 use super::outcome::{Outcome, count_of_times};
 use super::parts::Part;
 use super::stages::{StageTimes, timed};
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::paths::node_times::{self, NodeTimes};

@@ -1,27 +1,39 @@
-//! Radar cross-sections of surfaces.
+//! Radar cross-sections of bodies.
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arrays::{numbers, points};
+use super::arrays::{numbers, points, poses};
 use super::rays::Surface;
-use super::threads::compute;
+use super::scattering::{Material, materials};
+use super::threads::{pool, watch};
 use crate::bounces::{self, Aspect};
-use crate::scattering::material;
+use crate::cancel::Cancel;
+use crate::rays::scene::PosedScene;
 
-/// Radar cross-sections [m^2] of a perfect conductor for unit vectors (direction, 3) to the transmitter and the
-/// receiver; `polarization` has the fields of both antennas (direction, 3).
-#[pyfunction(signature = (surface, transmitter, receiver, *, frequency, polarization=None, max_bounces, threads=None))]
+/// Radar cross-sections [m^2] of bodies at poses (body, 3, 4) for unit vectors (direction, 3) to the transmitter and the
+/// receiver; `polarization` has the fields of both antennas (direction, 3). `report` receives the number of directions
+/// that are done, from time to time.
+#[pyfunction(signature = (
+    surfaces, body_poses, body_materials, transmitter, receiver, *,
+    frequency, polarization=None, max_bounces, threads=None, report=None,
+))]
 #[allow(clippy::too_many_arguments)] // as Python hands them over
 pub(super) fn cross_sections<'py>(
     py: Python<'py>,
-    surface: PyRef<'py, Surface>,
+    surfaces: Vec<PyRef<'py, Surface>>,
+    body_poses: PyReadonlyArray3<'py, f64>,
+    body_materials: Vec<PyRef<'py, Material>>,
     transmitter: PyReadonlyArray2<'py, f64>,
     receiver: PyReadonlyArray2<'py, f64>,
     frequency: f64,
     polarization: Option<(PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>)>,
     max_bounces: usize,
     threads: Option<usize>,
+    report: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let shape = [Some(transmitter.shape()[0]), Some(3)];
     let vectors = |name: &str, array: &PyReadonlyArray2<'py, f64>| PyResult::Ok(points(numbers(name, array, shape)?));
@@ -35,9 +47,18 @@ pub(super) fn cross_sections<'py>(
         polarizations: fields.as_ref().map(|fields| [fields[0][i], fields[1][i]]),
     };
     let aspects: Vec<Aspect> = (0..transmitter.shape()[0]).map(aspect).collect();
-    let surface = &surface.0;
-    let sections = compute(py, threads, || {
-        bounces::cross_sections(surface, material::CONDUCTOR, frequency, &aspects, max_bounces)
-    })?;
+    let poses = poses(numbers("poses", &body_poses, [Some(surfaces.len()), Some(3), Some(4)])?);
+    let materials = materials(&body_materials, surfaces.len())?;
+    let scene = PosedScene::new(surfaces.iter().map(|surface| surface.0.clone()).collect(), poses);
+    let (pool, cancel, number) = (pool(threads)?, Arc::new(Cancel::default()), AtomicUsize::new(0));
+    let done = || {
+        number.fetch_add(1, Ordering::Relaxed);
+    };
+    let tell = |py: Python<'_>| match &report {
+        Some(report) => report.call1(py, (number.load(Ordering::Relaxed),)).map(|_| ()),
+        None => Ok(()),
+    };
+    let work = || bounces::cross_sections(&scene, &materials, frequency, &aspects, max_bounces, (&cancel, &done));
+    let sections = py.detach(|| watch(&pool, &cancel, tell, work))?;
     Ok(sections.into_pyarray(py))
 }

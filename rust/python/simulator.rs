@@ -1,8 +1,6 @@
 //! Frames, paths and images of a simulator: arrays of poses and positions in, arrays of samples out.
 
-use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
@@ -17,10 +15,11 @@ use super::arrays::{matrix, numbers, points, poses};
 use super::rays::{Hits, Surface};
 use super::scattering::{Material, sampling};
 use super::synthesis::{Waveform, method, tolerance};
-use super::threads::{check_threads, pool};
+use super::threads::{check_threads, pool, watch};
 use crate::bounces::Limits;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
-use crate::frame::{self, Cancel, Counts, Memory, Model, RaySampling, Source};
+use crate::frame::{self, Counts, Memory, Model, RaySampling, Source};
 use crate::paths::placement::{VertexMotion, World};
 use crate::rays::camera::ImagePlane;
 use crate::synthesis::beat::Samples;
@@ -484,9 +483,6 @@ impl Simulator {
     }
 }
 
-/// Interval of the checks for signals.
-const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
-
 impl Simulator {
     /// Run a function on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
@@ -499,37 +495,10 @@ impl Simulator {
                 *self.in_progress.lock().unwrap_or_else(PoisonError::into_inner) = run;
             };
             in_progress(Some(cancel.clone()));
-            let (sender, receiver) = channel();
-            let mut signal = None;
-            let mut result = None;
-            pool.in_place_scope(|scope| {
-                let (memory, cancel) = (&mut *memory, &cancel);
-                scope.spawn(move |_| {
-                    // Nobody is there to receive only if the scope has panicked.
-                    let _ = sender.send(work(memory, cancel));
-                });
-                loop {
-                    match receiver.recv_timeout(SIGNAL_INTERVAL) {
-                        Ok(done) => {
-                            result = Some(done);
-                            break;
-                        }
-                        Err(RecvTimeoutError::Disconnected) => break,
-                        Err(RecvTimeoutError::Timeout) => {
-                            if let Some(error) = Python::attach(|py| py.check_signals().err()) {
-                                cancel.ask();
-                                signal = Some(error);
-                            }
-                        }
-                    }
-                }
-            });
+            let memory = &mut *memory;
+            let result = watch(&pool, &cancel, |_| Ok(()), || work(memory, &cancel));
             in_progress(None);
-            match (signal, result) {
-                (Some(error), _) => Err(error),
-                (None, Some(result)) => Ok(result?),
-                (None, None) => unreachable!("a panic of the work goes on from the scope"),
-            }
+            result
         })
     }
 }

@@ -1,12 +1,15 @@
 //! Pools of threads, one per number of threads.
 
 use std::num::NonZero;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 
 /// Largest number of threads of a pool.
@@ -22,6 +25,48 @@ pub(super) fn compute<T: Send>(
     work: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
     py.detach(|| pool(threads)?.install(work).map_err(PyErr::from))
+}
+
+/// Interval of the checks for signals.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Run a function on a pool, while this thread, without the interpreter, waits for the result or for Ctrl-C, which asks
+/// the function to stop. `report` is called from time to time, too.
+pub(super) fn watch<T: Send>(
+    pool: &ThreadPool,
+    cancel: &Cancel,
+    report: impl Fn(Python<'_>) -> PyResult<()> + Sync,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
+    let (sender, receiver) = channel();
+    let (mut raised, mut result) = (None, None);
+    pool.in_place_scope(|scope| {
+        scope.spawn(move |_| {
+            // Nobody is there to receive only if the scope has panicked.
+            let _ = sender.send(work());
+        });
+        loop {
+            match receiver.recv_timeout(SIGNAL_INTERVAL) {
+                Ok(done) => {
+                    result = Some(done);
+                    break;
+                }
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {
+                    let heard = Python::attach(|py| py.check_signals().and_then(|()| report(py)));
+                    if let Err(error) = heard {
+                        cancel.ask();
+                        raised = Some(error);
+                    }
+                }
+            }
+        }
+    });
+    match (raised, result) {
+        (Some(error), _) => Err(error),
+        (None, Some(result)) => Ok(result?),
+        (None, None) => unreachable!("a panic of the work goes on from the scope"),
+    }
 }
 
 /// Check that a pool may have this number of threads.

@@ -142,6 +142,27 @@ def test_interrupt_ends_a_long_frame_soon() -> None:
     assert heard - sent[0] < second
 
 
+@pytest.mark.usefixtures("hears_interrupts")
+def test_interrupt_ends_cross_sections_soon() -> None:
+    corner, azimuth_deg = rc.shapes.trihedral(1.0), np.linspace(150.0, 210.0, 4000)
+    began = time.process_time()
+    rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::100], max_bounces=3)
+    hundredth = time.process_time() - began
+    sent: list[float] = []
+
+    def interrupt() -> None:
+        sent.append(time.process_time())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.5, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
+    heard = time.process_time()
+    timer.join()
+    assert heard - sent[0] < 10.0 * hundredth
+
+
 def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
     stopped: list[str] = []
 

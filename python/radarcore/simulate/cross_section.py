@@ -2,55 +2,91 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.geometry.mesh import Mesh
+from radarcore.motion.group import Motions
+from radarcore.scene.body import Body
+from radarcore.scene.material import Material
+from radarcore.scene.scene import Scene
 from radarcore.simulate.settings import check_max_bounces
 from radarcore.simulate.synthesis import check_threads
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+_LONG = 1.0
+"""Time after which there is a progress bar [s]."""
+
 
 def rcs(
-    mesh: Mesh,
-    frequency: float,
-    directions: ArrayLike,
+    target: Mesh | Body | Scene,
+    frequency: ArrayLike,
+    directions: ArrayLike | None = None,
     *,
+    azimuth_deg: ArrayLike | None = None,
+    elevation_deg: ArrayLike | None = None,
     receiver: ArrayLike | None = None,
     max_bounces: int = 1,
     polarization: str | ArrayLike | None = None,
+    time: float = 0.0,
     threads: int | None = None,
+    progress: bool = True,
 ) -> NDArray[np.float64]:
-    """Far-field radar cross-sections of a perfectly conducting mesh.
+    """Far-field radar cross-sections of a mesh, a body or a scene.
 
     By physical optics after up to `max_bounces` reflections, docs/theory.md eqs. (7) to (9), with a plane wave: neither
-    edges nor creeping waves.
+    edges nor creeping waves. Rough surfaces add the power that they scatter, in the mean over their speckle.
 
     Parameters
     ----------
-    mesh : Mesh
-    frequency : float
+    target : Mesh, Body or Scene
+        A mesh is a perfect conductor. A body has its material, in the axes of its mesh; its motion does not matter. A
+        scene has all its bodies where they are at `time`, in the world's axes.
+    frequency : float or (frequency,) array_like
         Frequency [Hz].
     directions : (direction, 3) or (3,) array_like
-        Unit vectors from the object to the radar, in the mesh's axes.
+        Unit vectors from the object to the radar.
+    azimuth_deg, elevation_deg : array_like
+        Directions by their angles, in place of `directions`: azimuth from x towards y, elevation from there towards z.
+        Arrays of both are broadcast.
     receiver : (direction, 3) or (3,) array_like, optional
         Unit vectors from the object to a receiver elsewhere; default: monostatic.
     max_bounces : int
         Largest number of reflections of a path.
     polarization : None, "vertical", "horizontal" or (3,) array_like
-        Direction of the field of both antennas: along z, across z, or a unit vector in the mesh's axes; the part of it
-        across the ray. None: antennas without a polarisation.
+        Direction of the field of both antennas: along z, across z, or a unit vector; the part of it across the ray.
+        None: antennas without a polarisation.
+    time : float
+        Time of a scene, or of a body that deforms [s].
     threads : int, optional
         Threads to use; default: all cores. The result does not depend on it.
+    progress : bool
+        Show a progress bar in a terminal when it takes long.
 
     Returns
     -------
-    sigma : (direction,) float64
-        Cross-sections [m^2].
+    sigma : float64
+        Cross-sections [m^2], in the shape of the directions, (direction,) or that of the angles; for an array of
+        frequencies with an axis for these at the end.
+
+    Examples
+    --------
+    >>> plate = rc.shapes.plate(0.1, 0.1)
+    >>> sigma = rc.rcs(plate, 60e9, azimuth_deg=180.0)
+    >>> print(f"{10 * np.log10(sigma[0]):.2f} dBsm")
+    17.02 dBsm
     """
-    if not isinstance(mesh, Mesh):
-        raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
-    to_transmitter = _units("directions", directions)
+    frequencies = check.array("frequency", frequency, (None,) if np.ndim(frequency) else ())
+    shape, to_transmitter = _directions(directions, azimuth_deg, elevation_deg)
     to_receiver = to_transmitter if receiver is None else _units("receiver", receiver)
     count = max(len(to_transmitter), len(to_receiver))
     both = []
@@ -61,14 +97,95 @@ def rcs(
     fields = None
     if polarization is not None:
         fields = _fields(polarization, both[0]), _fields(polarization, both[1])
-    return _core.cross_sections(
-        mesh._core,
-        *both,
-        frequency=check.positive("frequency", frequency, "Hz"),
-        polarization=fields,
-        max_bounces=check_max_bounces(max_bounces),
-        threads=check_threads(threads),
-    )
+    bodies, poses = _bodies(target, check.number("time", time, "s"))
+    surfaces = [_surface(body, time) for body in bodies]
+    sections = []
+    with _bar(count * frequencies.size, progress) as report:
+        for number, at in enumerate(np.atleast_1d(frequencies).tolist()):
+            at = check.positive("frequency", at, "Hz")
+            sections.append(
+                _core.cross_sections(
+                    surfaces,
+                    poses,
+                    [body.material._core_at(at) for body in bodies],
+                    *both,
+                    frequency=at,
+                    polarization=fields,
+                    max_bounces=check_max_bounces(max_bounces),
+                    threads=check_threads(threads),
+                    report=partial(report, number * count),
+                )
+            )
+    shape = shape if np.prod(shape, dtype=int) == count else (count,)
+    sigma = np.array(sections).reshape(frequencies.size, count).T.reshape(*shape, frequencies.size)
+    return sigma if np.ndim(frequency) else sigma[..., 0]
+
+
+def _directions(
+    directions: ArrayLike | None, azimuth_deg: ArrayLike | None, elevation_deg: ArrayLike | None
+) -> tuple[tuple[int, ...], NDArray[np.float64]]:
+    """Shape of the directions, and unit vectors (direction, 3)."""
+    if directions is not None:
+        if azimuth_deg is not None or elevation_deg is not None:
+            raise ValueError("directions: expected either directions or azimuth_deg and elevation_deg, got both")
+        units = _units("directions", directions)
+        return units.shape[:1], units
+    if azimuth_deg is None and elevation_deg is None:
+        raise ValueError("directions: expected unit vectors, or azimuth_deg and elevation_deg, got none")
+    azimuth, elevation = _angles("azimuth_deg", azimuth_deg), _angles("elevation_deg", elevation_deg)
+    try:
+        azimuth, elevation = np.broadcast_arrays(np.deg2rad(azimuth), np.deg2rad(elevation))
+    except ValueError:
+        message = f"elevation_deg: expected a shape that fits {azimuth.shape} of azimuth_deg, got {elevation.shape}"
+        raise ValueError(message) from None
+    across = np.cos(elevation)
+    units = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    return np.atleast_1d(azimuth).shape, units.reshape(-1, 3)
+
+
+def _angles(name: str, angles: ArrayLike | None) -> NDArray[np.float64]:
+    """Angles [deg] of any shape; zero by default."""
+    angles = 0.0 if angles is None else angles
+    return check.array(name, angles, (None,) * np.ndim(angles))
+
+
+def _bodies(target: Mesh | Body | Scene, time: float) -> tuple[tuple[Body, ...], NDArray[np.float64]]:
+    """Bodies of a target and their poses at a time [s], (body, 3, 4)."""
+    if isinstance(target, Scene):
+        if len(target.parts.positions):
+            raise ValueError("target: expected a scene of bodies with meshes, got one with a PointTarget")
+        motions = Motions([body.motion for body in target.parts.meshed])
+        return target.parts.meshed, np.ascontiguousarray(motions.poses_at(np.array([time]))[0])
+    if isinstance(target, Mesh):
+        target = Body(target, material=Material(reflection=-1.0))
+    if not isinstance(target, Body):
+        raise TypeError(f"target: expected Mesh, Body or Scene, got {type(target).__name__}")
+    return (target,), np.eye(3, 4)[None]
+
+
+def _surface(body: Body, time: float) -> _core.Surface:
+    surface = body.mesh._core
+    return surface if body.deformation is None else surface.deform(np.ascontiguousarray(body.vertices_at(time)))
+
+
+@contextmanager
+def _bar(total: int, shown: bool) -> Iterator[Callable[[int, int], None]]:
+    """Progress bar that appears after a second: a function of the directions done before and now."""
+    bars: list[tqdm[Any]] = []
+    begin = monotonic()
+
+    def report(before: int, now: int) -> None:
+        if not bars and monotonic() > begin + _LONG:
+            bars.append(notice.progress(None, "cross-sections", "direction", total=total, shown=shown))
+        for bar in bars:
+            bar.update(before + now - bar.n)
+
+    try:
+        yield report
+        report(total, 0)
+    finally:
+        for bar in bars:
+            bar.close()
 
 
 def _units(name: str, value: ArrayLike) -> NDArray[np.float64]:
