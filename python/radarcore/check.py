@@ -105,13 +105,19 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Times in increasing order, at least two, read-only."""
-    times = frozen(array(name, value, (None,)))
+    times = array(name, value, (None,))
     if len(times) < 2:
         raise ValueError(f"{name}: expected at least two, got {len(times)}")
+    return in_order(name, times)
+
+
+def in_order(name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times [s] made read-only, or a ValueError where one is not after that before it."""
     if not (np.diff(times) > 0.0).all():
         k = int((np.diff(times) <= 0.0).argmax())
-        raise ValueError(f"{name}: expected increasing times [s], got {times[k]:g} and then {times[k + 1]:g}")
-    return times
+        pair = f"{times[k]:.15g} and then {times[k + 1]:.15g} at index {k + 1}"  # with all digits of an epoch
+        raise ValueError(f"{name}: expected increasing times [s], got {pair}")
+    return frozen(times)
 
 
 def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:
