@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import notice
+
 _Kind = TypeVar("_Kind", bound=type)
 
 
@@ -101,6 +103,17 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
         where = f" at index {tuple(int(i) for i in bad)}" if result.ndim else ""
         raise ValueError(f"{name}: expected finite numbers, got {result[tuple(bad)]}{where}")
     return result
+
+
+def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angles [rad], with a warning of those that are hardly meant: whole or half numbers beyond a full turn.
+
+    Such numbers are degrees nearly always; angles of something that keeps turning are not whole.
+    """
+    beyond = np.abs(angles) > 2.0 * np.pi
+    if beyond.any() and (bad := beyond & (2.0 * angles == np.round(2.0 * angles))).any():
+        notice.warn(f"{name}: expected radians, got {angles[bad][0]:g}; degrees? np.deg2rad makes radians of them")
+    return angles
 
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:

@@ -39,6 +39,8 @@ class JointTrajectory:
         self.times = check.increasing("times", times)
         num_joints = None if arm is None else len(arm.joint_names)
         values = check.array("angles", angles, (len(self.times), num_joints))
+        turns = [True] * values.shape[1] if arm is None else [joint.kind == "revolute" for joint in arm.moving_joints]
+        check.radians("angles", values[:, turns])
         self._spline = CubicSpline(self.times, values, bc_type="clamped")
         self._derivative = self._spline.derivative()
         self._ends = Ends("JointTrajectory", self.times, beyond)
