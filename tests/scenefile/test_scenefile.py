@@ -353,5 +353,15 @@ def test_empty_scene_is_a_scene(tmp_path: Path) -> None:
     assert not load(tmp_path, "").simulator().frame().cube.any()
 
 
+def test_recording_of_a_scene_file_without_bodies_says_that_there_are_no_echoes(tmp_path: Path) -> None:
+    simulation = load(tmp_path, "[run]\nstop = 0.1\nrate = 20.0\n")
+    message = r"scene\.toml: expected a \[\[body\]\], .* or \[\[arm\]\], got none: there are no echoes"
+    with pytest.warns(UserWarning, match=message) as caught:
+        recording = simulation.record(progress=False)
+    assert [warning.filename for warning in caught] == [__file__]
+    assert len(recording) == 2
+    assert not recording.cube.any()
+
+
 def test_room_around_the_sensor_is_no_fault(tmp_path: Path) -> None:
     assert load(tmp_path, '[[body]]\nshape = { kind = "box", size = [4, 4, 4] }\n').scene.names == ("body 0",)
