@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,9 @@ from proof.measure import (
     simulator,
     turned,
 )
+
+# Small targets take views of about a degree.
+warnings.filterwarnings("ignore", "field_of_view_deg: expected degrees")
 
 FINE_RIM = 2e-6
 """Sagitta of discs [m]: the polygon is the disc to less than a thousandth of a wavelength."""

@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import notice
+
 _Kind = TypeVar("_Kind", bound=type)
 
 
@@ -103,15 +105,32 @@ def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray
     return result
 
 
+def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angles [rad], with a warning of those that are hardly meant: whole or half numbers beyond a full turn.
+
+    Such numbers are degrees nearly always; angles of something that keeps turning are not whole.
+    """
+    beyond = np.abs(angles) > 2.0 * np.pi
+    if beyond.any() and (bad := beyond & (2.0 * angles == np.round(2.0 * angles))).any():
+        notice.warn(f"{name}: expected radians, got {angles[bad][0]:g}; degrees? np.deg2rad makes radians of them")
+    return angles
+
+
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Times in increasing order, at least two, read-only."""
-    times = frozen(array(name, value, (None,)))
+    times = array(name, value, (None,))
     if len(times) < 2:
         raise ValueError(f"{name}: expected at least two, got {len(times)}")
+    return in_order(name, times)
+
+
+def in_order(name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times [s] made read-only, or a ValueError where one is not after that before it."""
     if not (np.diff(times) > 0.0).all():
         k = int((np.diff(times) <= 0.0).argmax())
-        raise ValueError(f"{name}: expected increasing times [s], got {times[k]:g} and then {times[k + 1]:g}")
-    return times
+        pair = f"{times[k]:.15g} and then {times[k + 1]:.15g} at index {k + 1}"  # with all digits of an epoch
+        raise ValueError(f"{name}: expected increasing times [s], got {pair}")
+    return frozen(times)
 
 
 def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:

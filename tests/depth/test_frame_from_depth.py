@@ -289,6 +289,31 @@ def test_16_bit_millimetres_cost_half_a_radian_and_warn_of_motion_too() -> None:
     assert [str(w.message).partition(":")[0] for w in caught] == ["distance", "previous"]
 
 
+def test_scale_makes_metres_of_images_in_millimetres() -> None:
+    planar, image, _ = noisy_scene()
+    millimetres = np.round(1e3 * np.where(np.isfinite(planar), planar, 0.0)).astype(np.uint16)
+    options: dict[str, Any] = {"planar": True, "normals": image.normals, "interval": 0.025}
+    with pytest.warns(UserWarning, match="quantised"):
+        expected = frame_of(1e-3 * millimetres, previous=1e-3 * millimetres, **options)
+    with pytest.warns(UserWarning, match="quantised"):
+        frame = frame_of(millimetres, previous=millimetres, scale=1e-3, **options)
+    np.testing.assert_array_equal(frame.cube, expected.cube)
+    exact = frame_of(planar, planar=True)
+    scaled = frame_of(1e3 * planar, planar=True, scale=1e-3)
+    assert error(scaled, exact) < 1e-6
+
+
+@pytest.mark.filterwarnings("ignore:distance. quantised")
+def test_distances_far_beyond_the_radar_are_hardly_metres_and_said_once() -> None:
+    planar, image, _ = noisy_scene()
+    with pytest.warns(UserWarning, match=r"distance: expected metres, got a median of .* scale=1e-3") as caught:
+        frame_of(1e3 * planar, planar=True, normals=image.normals)
+    assert [warning.filename for warning in caught] == [__file__]
+    # A hall at 150 m is far, and within reach of a radar that sees to 100 m.
+    waveform = rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=60.05e9, sample_rate=2e6, num_samples=64)
+    frame_of(np.full((8, 8), 150.0), radar=rc.Radar(waveform))  # warnings are errors here
+
+
 def test_unquantised_images_do_not_warn() -> None:
     for bodies in (planar_bodies(), curved_bodies(), approaching(1.0)):
         image = simulator(bodies).depth_image()
@@ -349,6 +374,13 @@ FLAT = np.full((8, 8), 2.0)
         ({"distance": np.zeros((0, 8))}, ValueError, "distance: expected shape"),
         ({"distance": FLAT + 0j}, TypeError, "distance: expected real numbers"),
         ({"distance": [[1.0], [1.0, 2.0]]}, TypeError, "distance: expected"),
+        (
+            {"distance": (1e3 * FLAT).astype(np.uint16)},
+            TypeError,
+            r"distance: expected floating-point numbers \[m\], or scale with integers \(1e-3 .*, got uint16",
+        ),
+        ({"previous": FLAT.astype(int), "interval": 0.1}, TypeError, "previous: expected floating-point numbers"),
+        ({"scale": 0.0}, ValueError, r"scale: expected a positive number \[m per unit\], got 0"),
         ({"distance": np.full((1, 8), 2.0)}, ValueError, "normals: expected normals with an image of 1 x 8"),
         ({"reflectance": 1.5}, ValueError, "reflectance: expected numbers from 0 to 1, got 1.5"),
         ({"reflectance": -0.1}, ValueError, "reflectance: expected numbers from 0 to 1"),

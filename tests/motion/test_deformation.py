@@ -259,6 +259,7 @@ def test_delay_rate_is_the_derivative_of_delay(radar_motion: Any) -> None:
     np.testing.assert_allclose(0.5 * C * now.delay_rate, 0.5 * C * difference, rtol=0, atol=5e-8)
 
 
+@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 def test_frame_follows_vertices_through_its_chirps() -> None:
     # A flat facet on the axis swings by 1 cm at 30 Hz, a quarter of a turn in the frame: every chirp has its own delay.
     mesh = rc.shapes.plate(0.2, 0.2)

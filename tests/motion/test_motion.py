@@ -214,6 +214,7 @@ def test_delay_rate_is_the_derivative_of_the_delay_for_moving_sensor_and_points(
     assert np.abs((after - before) / (2.0 * STEP) - rate).max() <= bound, f"seed {seed}"
 
 
+@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 @pytest.mark.parametrize("seed", range(3))
 def test_moving_world_and_radar_together_changes_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -15,10 +15,10 @@ from reference import point_echo_reference
 STEP = 1e-5
 
 
-def wandering(seed: int) -> rc.Trajectory:
+def wandering(seed: int, beyond: str | None = None) -> rc.Trajectory:
     rng = np.random.default_rng(seed)
     poses = [rc.Pose.from_rpy(rng.normal(size=3), 0.5 * rng.normal(size=3)) for _ in range(9)]
-    return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses)
+    return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses, beyond=beyond)
 
 
 def swing(t: float) -> rc.Pose:
@@ -63,7 +63,7 @@ def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None
 
 
 def test_trajectory_goes_on_before_and_after_without_a_step_of_velocity() -> None:
-    motion = wandering(4)
+    motion = wandering(4, beyond="continue")
     for end in (0.0, 2.0):
         np.testing.assert_allclose(motion.rate_at(end - 1e-9), motion.rate_at(end + 1e-9), atol=1e-5)
         outside = end + (end - 1.0)

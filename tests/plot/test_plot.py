@@ -321,12 +321,6 @@ def test_a_pause_is_grey_and_its_neighbours_keep_their_width() -> None:
     assert {time for time, level in columns.items() if np.isnan(level)} == {0.1, 0.3, 0.48}
 
 
-def test_frames_out_of_order_are_drawn_in_order() -> None:
-    ax: Any = plot.range_time(recording([0.05, 0.0, 0.025]), max_range=3.0)
-    assert level_at(ax, 0.005, 1.5) > level_at(ax, 0.055, 1.5)
-    assert ax.get_xlim()[0] < ax.get_xlim()[1]
-
-
 def test_tracks_have_the_errors_in_bins_in_the_legend() -> None:
     one = recording()
     wf = one.radar.waveform

@@ -310,6 +310,7 @@ QUIRKS: dict[str, dict[str, bytes | None]] = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.*a recording without frames")
 @pytest.mark.parametrize("files", QUIRKS.values(), ids=QUIRKS)
 def test_loaded_recording_is_written_to_the_last_byte(tmp_path: Path, files: dict[str, bytes | None]) -> None:
     path = folder(tmp_path / "rec", **files)

@@ -56,11 +56,14 @@ def test_what_is_saved_is_loaded_bit_for_bit(tmp_path: Path, where: str, dtype: 
 
 
 @pytest.mark.parametrize("where", ["rec", "rec.npz"])
-def test_recording_without_frames_is_a_recording(tmp_path: Path, where: str) -> None:
+def test_recording_without_frames_is_a_recording_and_says_so(tmp_path: Path, where: str) -> None:
     truth = Truth(("arm",), *np.zeros((4, 0, 1)))
     rec = Recording(np.zeros((0, 2, 4, 16), np.float32), np.zeros(0), RADAR, truth)
     rec.save(tmp_path / where)
-    assert_same(Recording.load(tmp_path / where), rec)
+    with pytest.warns(UserWarning, match=f"{where}: a recording without frames$") as caught:
+        loaded = Recording.load(tmp_path / where)
+    assert_same(loaded, rec)
+    assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_nan_of_a_body_out_of_sight_survives(tmp_path: Path) -> None:
@@ -170,6 +173,17 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
         (lambda: Frame(CUBE, 0.0, RADAR, "truth"), TypeError, "truth: expected Truth, got str"),  # type: ignore[arg-type]
         (lambda: Recording(CUBE, [0.0], RADAR), ValueError, r"\(n, 2, 4, 16\) \[frame, .*got \(2, 4, 16\)"),  # type: ignore[arg-type]
         (lambda: Recording(CUBE[None], [0.0, 1.0], RADAR), ValueError, r"time: expected shape \(1,\)"),  # type: ignore[arg-type]
+        (
+            lambda: Recording(np.stack([CUBE] * 3), [0.0, 1.5, 1.0], RADAR),  # type: ignore[arg-type]
+            ValueError,
+            r"time: expected increasing times \[s\], got 1\.5 and then 1 at index 2",
+        ),
+        (
+            lambda: Recording(np.stack([CUBE] * 2), [1700000000.05] * 2, RADAR),  # type: ignore[arg-type]
+            ValueError,
+            r"time: expected .*, got 1700000000\.05 and then 1700000000\.05 at index 1",
+        ),
+        (lambda: Recording.from_frames([frame(1), frame(0)]), ValueError, "time: expected increasing times"),
         (lambda: Recording.from_frames([]), ValueError, "frames: expected at least one frame"),
         (lambda: Recording.from_frames([frame(0), CUBE]), TypeError, r"frames\[1\]: expected Frame"),  # type: ignore[list-item]
         (lambda: Recording.from_frames([CUBE]), TypeError, r"frames\[0\]: expected Frame"),  # type: ignore[list-item]

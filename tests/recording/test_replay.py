@@ -77,12 +77,6 @@ def test_loop_of_a_single_frame_has_the_interval_of_the_radar() -> None:
     np.testing.assert_allclose([one.time for one in frames], 2.0 + WAVEFORM.frame_interval * np.arange(3))
 
 
-def test_times_that_go_back_are_not_waited_for(clock: Clock) -> None:
-    frames = list(itertools.islice(of_times(3.0, 1.0, 2.0).replay(loop=True), 6))
-    assert [one.time for one in frames[:3]] == [3.0, 1.0, 2.0]
-    assert frames[3].time > 3.0
-
-
 def test_replay_without_waiting_gives_what_frames_gives() -> None:
     rec = recording()
     replayed = Recording.from_frames(rec.replay(speed=None), rec.source)

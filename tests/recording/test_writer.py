@@ -132,6 +132,8 @@ def test_writer_refuses_frames_that_do_not_fit_and_keeps_those_that_do(tmp_path:
         writer.append(frame(1, names=None))
     with pytest.raises(TypeError, match="frame: expected Frame, got ndarray"):
         writer.append(np.zeros((2, 4, 16)))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"frame.time: expected increasing times \[s\], got 0 and then 0 at index 1"):
+        writer.append(frame(0))
     writer.append(frame(1))
     with pytest.raises(ValueError, match="expected num_frames = 2 frames, got one more"):
         writer.append(frame(2))

@@ -183,6 +183,18 @@ def test_sensor_moves(tmp_path: Path) -> None:
     assert curve.radar_motion.at(0.5).position[0] == pytest.approx(0.5)
 
 
+def test_motions_go_on_beyond_their_ends_as_the_file_says(tmp_path: Path) -> None:
+    head = '[sensor]\nmotion = { kind = "trajectory", times = [0, 1], poses = [{}, { position = [1, 0, 0] }], beyond = '
+    held, goes_on = (load(tmp_path, f'{head}"{beyond}" }}\n').radar_motion for beyond in ("hold", "continue"))
+    assert held.at(3.0).position == pytest.approx([1.0, 0.0, 0.0])
+    assert goes_on.at(3.0).position == pytest.approx([3.0, 0.0, 0.0])
+    rows = "[[0, -90, 90, 0, 90, 0], [30, -90, 90, 0, 90, 0]]"
+    arm = f'[[arm]]\njoints = {{ kind = "trajectory", times = [0, 1], angles_deg = {rows}, beyond = "error" }}\n'
+    simulation = load(tmp_path, arm + "pose = { position = [2, 0, 0] }\n")
+    with pytest.raises(ValueError, match="time: expected 0 to 1 s, the times of this JointTrajectory, got 3 s"):
+        pose_of(simulation, "arm/forearm_link", time=3.0)
+
+
 def test_attached_bodies_may_stand_before_their_carriers(tmp_path: Path) -> None:
     carried = BALL.replace('"ball"', '"top"') + 'attached_to = "ball"\n'
     simulation = load(tmp_path, carried + BALL + 'motion = { kind = "linear", velocity = [0, 1, 0] }\n')
@@ -339,6 +351,16 @@ def test_run_reaches_the_simulator(tmp_path: Path) -> None:
 
 def test_empty_scene_is_a_scene(tmp_path: Path) -> None:
     assert not load(tmp_path, "").simulator().frame().cube.any()
+
+
+def test_recording_of_a_scene_file_without_bodies_says_that_there_are_no_echoes(tmp_path: Path) -> None:
+    simulation = load(tmp_path, "[run]\nstop = 0.1\nrate = 20.0\n")
+    message = r"scene\.toml: expected a \[\[body\]\], .* or \[\[arm\]\], got none: there are no echoes"
+    with pytest.warns(UserWarning, match=message) as caught:
+        recording = simulation.record(progress=False)
+    assert [warning.filename for warning in caught] == [__file__]
+    assert len(recording) == 2
+    assert not recording.cube.any()
 
 
 def test_room_around_the_sensor_is_no_fault(tmp_path: Path) -> None:

@@ -182,6 +182,7 @@ LAMBERTIAN = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 @pytest.mark.parametrize("name", LAMBERTIAN)
 def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str) -> None:
     mesh, x, expected, field_of_view_deg, resolution, num_seeds = LAMBERTIAN[name]

@@ -62,7 +62,8 @@ def test_antennas_in_or_at_a_body_are_refused(
 def test_antennas_in_a_room_or_beside_a_body_are_not() -> None:
     mount = rc.Pose([1.0, 2.0, 3.0], rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.2, 0.1]).rotation)
     room = body(rc.shapes.box([4.0, 4.0, 4.0]), mount)
-    assert simulator(room, body(PLATE, mount @ rc.Pose([2e-3, 0.0, 0.0])), motion=mount).frame().stats["rays_hit"] > 0
+    plate = body(PLATE, mount @ rc.Pose([2e-3, 0.0, 0.0]), "plate")
+    assert simulator(room, plate, motion=mount).frame().stats["rays_hit"] > 0
 
 
 def test_large_meshes_cost_little_where_the_antennas_are_far_from_their_surface() -> None:

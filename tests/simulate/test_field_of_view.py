@@ -127,8 +127,8 @@ def test_another_radar_has_another_default() -> None:
 
 def test_within_60_degrees_cells_are_those_of_a_field_of_60_degrees() -> None:
     bodies = [
-        conductor(rc.shapes.sphere(0.1), rc.Pose([2.0, 0.7, -0.3])),
-        conductor(rc.shapes.plate(0.2, 0.1), rc.Pose.from_rpy([1.5, -0.5, 0.2], [0.0, 0.1, 0.3])),
+        conductor(rc.shapes.sphere(0.1), rc.Pose([2.0, 0.7, -0.3]), "sphere"),
+        conductor(rc.shapes.plate(0.2, 0.1), rc.Pose.from_rpy([1.5, -0.5, 0.2], [0.0, 0.1, 0.3]), "plate"),
     ]
     wide, narrow = simulator(bodies), simulator(bodies, field_of_view_deg=(60.0, 60.0))
     assert wide.frame().stats["rays_cast"] == narrow.frame().stats["rays_cast"]

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.camera import Camera
+from radarcore.geometry.camera import Camera, warn_of_radians
 
 Matrix = NDArray[np.float64]
 
@@ -137,7 +137,7 @@ def from_coppeliasim(
     metres = values if check.count("options", options, 0) & 1 else n + values * (f - n)
     width = check.positive("angle", angle, "rad")
     if width >= np.pi:
-        raise ValueError(f"angle: expected an angle below pi [rad], got {angle!r}")
+        raise ValueError(f"angle: expected an angle below pi [rad], got {angle!r}; degrees? np.deg2rad")
     camera = _centered(0.5 * max(rows, columns) / np.tan(0.5 * width), metres.shape)
     return _decoded(metres, f, camera, COPPELIASIM_AXES, time)
 
@@ -153,7 +153,9 @@ def from_gz_image(message: Any, *, horizontal_fov: float) -> PlanarDepth:
     metres = _unpacked("data", message.data, "<f4", rows, columns, int(message.step))
     width = check.positive("horizontal_fov", horizontal_fov, "rad")
     if width >= np.pi:
-        raise ValueError(f"horizontal_fov: expected an angle below pi [rad], got {horizontal_fov!r}")
+        raise ValueError(
+            f"horizontal_fov: expected an angle below pi [rad], got {horizontal_fov!r}; degrees? np.deg2rad"
+        )
     camera = _centered(0.5 * columns / np.tan(0.5 * width), metres.shape)
     return _decoded(metres, np.inf, camera, GZ_AXES, _stamp(message))
 
@@ -234,6 +236,7 @@ def _camera_by_height(angle_deg: float, shape: tuple[int, ...], name: str) -> Ca
     angle = check.positive(name, angle_deg, "degrees")
     if angle >= 180.0:
         raise ValueError(f"{name}: expected an angle below 180 degrees, got {angle_deg!r}")
+    warn_of_radians(name, angle)
     return _centered(0.5 * shape[0] / np.tan(0.5 * np.deg2rad(angle)), shape)
 
 

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from radarcore.geometry.files import load_mesh
+from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
@@ -18,7 +18,7 @@ from radarcore.simulate.times import frame_times
 
 def run(options: argparse.Namespace) -> int:
     """Print the content of a recording, a scene file or a mesh."""
-    if options.source.suffix.lower() in _MESHES:
+    if options.source.suffix.lower() in SUFFIXES:
         return _mesh_info(options)
     facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)
     if options.json:
@@ -28,10 +28,6 @@ def run(options: argparse.Namespace) -> int:
         for name, value in facts.items():
             print(f"{name:<{width}}  {_fact_text(value)}")
     return 0
-
-
-_MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
-"""Ends of the names of meshes."""
 
 
 def _mesh_info(options: argparse.Namespace) -> int:

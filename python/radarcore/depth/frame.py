@@ -35,6 +35,7 @@ def frame_from_depth(
     *,
     camera: Camera | tuple[float, float],
     planar: bool = False,
+    scale: float | None = None,
     previous: ArrayLike | None = None,
     interval: float | None = None,
     max_speed: float = 10.0,
@@ -64,7 +65,7 @@ def frame_from_depth(
     ----------
     distance : (rows, columns) array_like
         Distance along the ray [m], row 0 on top, column 0 on the left, as in `DepthImage`. Infinite, NaN, zero and
-        negative numbers are no return.
+        negative numbers are no return. Integers, such as millimetres of 16 bits, need `scale`.
     reflectance : (rows, columns) array_like or float
         Power reflectance, 0 to 1, of the specular part: the field is reflected by ``-sqrt(reflectance)``. Integers
         of 8 and 16 bits, a grey image, count as fractions of the largest.
@@ -73,6 +74,8 @@ def frame_from_depth(
         Camera of the image, or its horizontal and vertical field of view [degrees].
     planar : bool
         The distance is the one along the optical axis, as renderers give it.
+    scale : float, optional
+        Metres per unit of `distance` and `previous`: 1e-3 for millimetres.
     previous : (rows, columns) array_like, optional
         The distance `interval` seconds before.
     interval : float, optional
@@ -91,7 +94,7 @@ def frame_from_depth(
         material at the place of the camera, and angular velocity [rad/s]. A body that turns with w about a point p that
         moves with v has the velocity ``v + cross(p, w)`` there.
     far : float, optional
-        Far plane [m], measured as `distance`: depths that reach it are no return.
+        Far plane [m], whatever the scale, measured as `distance`: depths that reach it are no return.
     max_points : int, optional
         Largest number of pixels used, evenly spaced; each then covers a larger solid angle.
     sampling : "footprint" or "point"
@@ -113,7 +116,8 @@ def frame_from_depth(
     Warns
     -----
     UserWarning
-        When the image is quantised so coarsely that phases, or velocities from differences, are lost.
+        When the image is quantised so coarsely that phases, or velocities from differences, are lost; when its
+        distances are far beyond the radar's, as those in millimetres are.
     """
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
@@ -123,7 +127,8 @@ def frame_from_depth(
     at = start if image_time is None else check.number("image_time", image_time, "s")
 
     # Distances along the rays, infinite without a return; quantisation and noise.
-    given = depths("distance", distance)
+    unit = None if scale is None else check.positive("scale", scale, "m per unit")
+    given = depths("distance", distance, unit)
     shape = given.shape
     lens = camera if isinstance(camera, Camera) else Camera.from_field_of_view(camera, *shape)
     to_ray = lens.slant(*shape) if planar else np.ones(shape)
@@ -131,6 +136,8 @@ def frame_from_depth(
     ray = returns(given, limit) * to_ray
     bodies, num_bodies = bodies_of(body, twists, shape)
     ray[bodies < 0] = np.inf
+    doubts = Doubts(radar, settings.tolerance)
+    doubts.of_depths(ray)
     steps = quantisation.find(np.where(np.isfinite(ray), ray / to_ray, np.nan), lens.slant(*shape) / to_ray)
     noise = quantisation.relative_noise(given, ray / to_ray, steps)
 
@@ -142,7 +149,7 @@ def frame_from_depth(
     motion = ImageMotion.of(twists, num_bodies, previous, interval)
     range_rate = np.zeros(shape)
     if motion.interval is not None:
-        before = returns(depths("previous", np.asarray(previous), shape), limit) * to_ray
+        before = returns(depths("previous", np.asarray(previous), unit, shape), limit) * to_ray
         range_rate = surfaces.range_rate(ray, before, noise) / motion.interval
         range_rate[np.abs(range_rate) > check.positive("max_speed", max_speed, "m/s")] = np.nan
     silhouette = np.isfinite(ray) & np.isnan(range_rate)
@@ -161,7 +168,7 @@ def frame_from_depth(
 
     # Ideal samples, then those of the receiver.
     ideal = _simulate(image, motion, radar, settings, start, at)
-    Doubts(radar, settings.tolerance).of_frame(ideal)
+    doubts.of_frame(ideal)
     cube = receive(ideal.cube, radar, start, seed=settings.seed)
 
     # Statistics and truth.

@@ -38,8 +38,8 @@ class Image:
         return replace(self, camera=camera, **parts)
 
 
-def depths(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
-    """Image of real numbers of any type, infinite and NaN ones kept."""
+def depths(name: str, value: ArrayLike, scale: float | None, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
+    """Image of real numbers of any type [m], infinite and NaN ones kept; integers need the metres per unit."""
     try:
         image = np.asarray(value)
     except ValueError as error:  # rows of different lengths
@@ -48,6 +48,14 @@ def depths(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) ->
         raise TypeError(f"{name}: expected real numbers [m], got {image.dtype}")
     if image.ndim != 2 or image.size == 0 or (shape is not None and image.shape != shape):
         raise ValueError(f"{name}: expected shape {'(rows, columns)' if shape is None else shape}, got {image.shape}")
+    if scale is not None:
+        metres: NDArray[Any] = image * np.asarray(scale, image.dtype if image.dtype.kind == "f" else np.float64)
+        return metres
+    if image.dtype.kind != "f":
+        raise TypeError(
+            f"{name}: expected floating-point numbers [m], or scale with integers (1e-3 for millimetres), "
+            f"got {image.dtype}"
+        )
     return image
 
 

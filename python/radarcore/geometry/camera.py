@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import check, notice
+
+_LIKE_RADIANS = (0.25, 2.0)
+"""Angles of a field of view that are hardly meant in degrees: 15 to 115 degrees are such numbers of radians."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,7 @@ class Camera:
     @classmethod
     def from_field_of_view(cls, field_of_view_deg: tuple[float, float], rows: int, columns: int) -> Camera:
         """Camera of a centred image with a horizontal and a vertical angle [degrees]."""
-        angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
-        if (angles <= 0.0).any() or (angles >= 180.0).any():
-            raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")
+        angles = checked_field_of_view(field_of_view_deg)
         half_width, half_height = 0.5 * columns, 0.5 * rows
         tangents = np.tan(0.5 * np.deg2rad(angles))
         return cls(float(half_width / tangents[0]), float(half_height / tangents[1]), half_width, half_height)
@@ -66,3 +67,29 @@ class Camera:
             (self.cx - column - 0.5) / step + 0.5,
             (self.cy - row - 0.5) / step + 0.5,
         )
+
+
+def checked_field_of_view(field_of_view_deg: tuple[float, float]) -> tuple[float, float]:
+    """Horizontal and vertical angle, with a warning of those that are hardly degrees."""
+    angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
+    if (angles <= 0.0).any() or (angles >= 180.0).any():
+        raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")
+    horizontal, vertical = angles.tolist()
+    warn_of_radians("field_of_view_deg", horizontal, vertical)
+    return horizontal, vertical
+
+
+def warn_of_radians(name: str, *angles_deg: float) -> None:
+    """Warn of angles of a field of view [degrees] that are narrow and read like radians.
+
+    Those are whole degrees as radians, or numbers of few digits; views that are fitted to a far target are neither.
+    """
+    if all(_reads_like_radians(angle) for angle in angles_deg):
+        got = " and ".join(f"{angle:g}" for angle in angles_deg)
+        notice.warn(f"{name}: expected degrees, got a view of {got}; radians? np.rad2deg makes degrees of them")
+
+
+def _reads_like_radians(angle: float) -> bool:
+    degrees = float(np.rad2deg(angle))
+    is_written = angle == round(angle, 3) or abs(degrees - round(degrees)) < 1e-3
+    return _LIKE_RADIANS[0] <= angle < _LIKE_RADIANS[1] and is_written

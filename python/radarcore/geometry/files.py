@@ -14,6 +14,18 @@ from numpy.typing import NDArray
 from radarcore import _core, check
 from radarcore.geometry.mesh import Mesh
 
+SUFFIXES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
+"""Ends of the names of mesh files."""
+
+_FORMS = {".stl": " of an STL file (binary, or text from 'solid' to 'endsolid')"}
+"""Forms of a file, for messages."""
+
+_BEGINNING = 40
+"""Bytes of a file that are shown."""
+
+_LOOK = 100_000
+"""Bytes of a file in which vertices are looked for."""
+
 
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:
     """Read a mesh file as one body.
@@ -39,9 +51,7 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
         When a format needs trimesh and it is not installed.
     """
     factor = check.positive("scale", scale, "m per unit")
-    vertices, triangles = _core.load_obj(fspath(path))[:2] if _is_obj(path) else _load_with_trimesh(Path(path))
-    if len(triangles) == 0:
-        raise ValueError(f"{fspath(path)}: expected faces, got none")
+    vertices, triangles = _load_obj(path)[:2] if _is_obj(path) else _load_with_trimesh(Path(path))
     return Mesh(vertices * factor, triangles, **options)
 
 
@@ -69,7 +79,7 @@ def load_meshes(
     if not _is_obj(path):
         raise ValueError(f"path: expected an OBJ file, got {fspath(path)}")
     factor = check.positive("scale", scale, "m per unit")
-    vertices, triangles, parts = _core.load_obj(fspath(path))
+    vertices, triangles, parts = _load_obj(path)
     numbers, names = parts[kind]
     # Sort the triangles by part once, rather than look through all of them for each part.
     order = np.argsort(numbers, kind="stable")
@@ -83,6 +93,16 @@ def load_meshes(
 
 def _is_obj(path: str | PathLike[str]) -> bool:
     return Path(path).suffix.lower() == ".obj"
+
+
+def _load_obj(path: str | PathLike[str]) -> Any:
+    """Vertices, triangles and parts of an OBJ file."""
+    try:
+        return _core.load_obj(fspath(path))
+    except ValueError as error:
+        if _has_vertices(Path(path)):
+            raise
+        raise ValueError(f"{error}; {_beginning(Path(path))}") from None
 
 
 def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
@@ -99,5 +119,30 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     try:
         mesh = trimesh.load_mesh(path)
     except Exception as error:  # whatever its many readers raise, the user wants the path
-        raise ValueError(f"{path}: {error}") from error
+        kind = path.suffix.lower()
+        expected = (
+            "" if kind in SUFFIXES else f"expected a mesh file ({', '.join(SUFFIXES)}), got {kind or 'no suffix'}: "
+        )
+        raise ValueError(f"{path}: {expected}{error}; {_beginning(path)}") from error
+    if len(mesh.faces) == 0:
+        raise ValueError(f"{path}: expected faces{_FORMS.get(path.suffix.lower(), '')}, got none; {_beginning(path)}")
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
+
+
+def _has_vertices(path: Path) -> bool:
+    """True for a file that has vertices of an OBJ file near its beginning."""
+    with path.open("rb") as file:
+        return any(line.split()[:1] == [b"v"] for line in file.readlines(_LOOK))
+
+
+def _beginning(path: Path) -> str:
+    """What a file begins with, as text for messages."""
+    with path.open("rb") as file:
+        head = file.read(_BEGINNING)
+    if not head:
+        return "the file is empty"
+    if head.startswith(b"version https://git-lfs"):
+        return "the file is a pointer of Git LFS: fetch its content by git lfs pull"
+    if all(byte >= 32 or byte in b"\t\n\r" for byte in head):
+        return f"the file begins with {head.decode('utf-8', 'replace')!r}"
+    return f"the file begins with the bytes {head[:8].hex(' ')}"

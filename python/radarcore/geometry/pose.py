@@ -80,7 +80,7 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
-        roll, pitch, yaw = check.array("rpy", rpy, (3,))
+        roll, pitch, yaw = check.radians("rpy", check.array("rpy", rpy, (3,)))
         z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
         return cls(position, z @ y @ x)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.motion.ends import Ends
 from radarcore.motion.function import derivative
 from radarcore.sealed import sealed
 
@@ -19,7 +22,7 @@ class Deformation:
     """Vertices at given times and a cubic spline through them.
 
     The spline is natural-ended, so velocities are continuous between the first and the last time; two times make a
-    straight line. Before the first and after the last time the vertices stay where they are.
+    straight line.
 
     Parameters
     ----------
@@ -27,14 +30,23 @@ class Deformation:
         Increasing [s], at least two.
     vertices : (k, n, 3) array_like
         Positions in body coordinates [m], in the order of the mesh's vertices.
+    beyond : "hold", "continue" or "error", optional
+        Before the first and after the last time the vertices rest there, go on at the velocities that they have there,
+        or raise a ValueError. Default: they rest.
     """
 
-    def __init__(self, times: ArrayLike, vertices: ArrayLike) -> None:
+    def __init__(self, times: ArrayLike, vertices: ArrayLike, *, beyond: str | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
         self.times = check.increasing("times", times)
         self.vertices = check.frozen(check.array("vertices", vertices, (len(self.times), None, 3)))
         self._spline = CubicSpline(self.times, self.vertices, bc_type="natural")
+        self._ends = Ends("Deformation", self.times, beyond)
+
+    @property
+    def beyond(self) -> str | None:
+        """As given."""
+        return self._ends.choice
 
     @property
     def num_vertices(self) -> int:
@@ -43,18 +55,18 @@ class Deformation:
 
     def at(self, time: float) -> Vertices:
         """The vertices at a time [s], (n, 3) [m]."""
-        first, last = self.times[[0, -1]]
-        positions: Vertices = self._spline(time) if first < time < last else self.vertices[0 if time <= first else -1]
-        return positions
+        inside, elapsed = self._ends.split(time)
+        positions: Vertices = self._spline(inside) if inside < self.times[-1] else self.vertices[-1]
+        return positions + elapsed * self._spline(inside, 1) if elapsed else positions
 
     def rate_at(self, time: float) -> Vertices:
         """Velocities of the vertices at a time [s], (n, 3) [m/s]; those of the spline at its very ends."""
-        first, last = self.times[[0, -1]]
-        velocities: Vertices = self._spline(time, 1) if first <= time <= last else np.zeros_like(self.vertices[0])
+        inside, _ = self._ends.split(time)
+        velocities: Vertices = self._spline(inside, 1) if self._ends.moves(time) else np.zeros_like(self.vertices[0])
         return velocities
 
-    def __reduce__(self) -> tuple[type[Deformation], tuple[Vertices, Vertices]]:
-        return type(self), (self.times, self.vertices)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), beyond=self.beyond), (self.times, self.vertices)
 
     def __repr__(self) -> str:
         first, last = self.times[[0, -1]]

@@ -195,6 +195,7 @@ def _draw_power(
 ) -> None:
     """Power (column, value) over time; a pause much longer than that between frames is grey."""
     floor = canvas.floor_db(dynamic_range_db, power)
+    # Columns of frames that overlap are in disorder.
     order = np.argsort(time, kind="stable")
     time, level = time[order], canvas.relative_db(power[order], floor)
 
@@ -280,11 +281,9 @@ def _errors(
     truth: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Absolute errors where the truth is known on both sides, or at the time itself."""
-    order = np.argsort(truth_time)
     rounding = 1e-6  # [s]
-    first, last = truth_time[order[[0, -1]]]
-    nearest = np.clip(time, first, last)
-    errors = np.abs(values - np.interp(nearest, truth_time[order], truth[order]))
+    nearest = np.clip(time, truth_time[0], truth_time[-1])
+    errors = np.abs(values - np.interp(nearest, truth_time, truth))
     return np.asarray(errors[np.isfinite(errors) & (np.abs(time - nearest) <= rounding)])
 
 

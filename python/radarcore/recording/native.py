@@ -111,6 +111,7 @@ def load_npz(path: Path) -> Stored:
     meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
     if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
         raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")
+    warn_of_missing(path, arrays["time"].size, None, closed=True)
     truth = _truth_of(meta.names, arrays, 0)
     return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
 
@@ -129,11 +130,13 @@ def truth_arrays(truth: Truth | None) -> dict[str, NDArray[np.float64]]:
 
 
 def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bool) -> None:
-    """Warn of frames that its writer did not finish."""
+    """Warn of frames that its writer did not finish, and of a recording without any."""
     if planned is not None and num_frames < planned:
         message = f"{path}: {num_frames} of {planned} planned frames, its writer was interrupted"
     elif not closed:
         message = f"{path}: {num_frames} frames, its writer was interrupted"
+    elif num_frames == 0:
+        message = f"{path}: a recording without frames"
     else:
         return
     notice.warn(message)

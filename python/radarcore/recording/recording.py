@@ -42,7 +42,7 @@ class Recording(Stored):
     cube : (frame, channel, chirp, sample) complex64, complex128, float32 or float64
         Beat signal, I/Q or real.
     time : (frame,) array_like
-        Start of every frame [s].
+        Start of every frame [s], each after that of the frame before.
     radar : Radar
     truth : Truth, optional
         Arrays (frame, body).
@@ -57,7 +57,8 @@ class Recording(Stored):
     def __post_init__(self) -> None:
         check_radar(self.radar)
         object.__setattr__(self, "cube", checked_cube(self.cube, (None, *frame_shape(self.radar))))
-        object.__setattr__(self, "time", check.frozen(check.array("time", self.time, (len(self.cube),))))
+        times = check.array("time", self.time, (len(self.cube),))
+        object.__setattr__(self, "time", check.in_order("time", times))
         check_truth(self.truth, (len(self.cube),))
         if not isinstance(self.source, dict):
             raise TypeError(f"source: expected a dict, got {type(self.source).__name__}")
@@ -136,8 +137,8 @@ class Recording(Stored):
         """Frames in endless rounds, with times that go on."""
         if len(self) == 0:
             return
-        usual = float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
-        length = float(np.ptp(self.time)) + (usual if usual > 0.0 else self.radar.waveform.frame_interval)
+        usual = float(np.median(np.diff(self.time))) if len(self) > 1 else self.radar.waveform.frame_interval
+        length = float(np.ptp(self.time)) + usual
         start = 0.0
         while True:
             for frame in self.frames():
@@ -198,7 +199,7 @@ class Recording(Stored):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mmap: bool = True) -> Recording:
-        """Read from disk; warns when frames are missing because the writer was interrupted.
+        """Read from disk; warns of no frames, and of frames that are missing because the writer was interrupted.
 
         Parameters
         ----------

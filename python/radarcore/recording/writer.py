@@ -60,6 +60,7 @@ class RecordingWriter:
         self._kind: Kind | None = None
         self._files: dict[str, GrowingFile] = {}
         self._written = 0
+        self._last_time: float | None = None
         self._closed = False
 
         check_radar(radar)
@@ -70,7 +71,7 @@ class RecordingWriter:
         write_whole(self.path / "meta.json", meta.encode())
 
     def append(self, frame: Frame) -> None:
-        """Write one frame of the same radar, bodies and dtype as the first.
+        """Write one frame of the same radar, bodies and dtype as the first, after that before it.
 
         Raises
         ------
@@ -82,6 +83,8 @@ class RecordingWriter:
         if self._written == self.num_frames:
             raise ValueError(f"{self.path}: expected num_frames = {self.num_frames} frames, got one more")
         check_alike("frame", frame, self.radar, self._kind)
+        if self._last_time is not None:
+            check.in_order("frame.time", np.array([self._last_time, frame.time]))
         num_lost = frame.lost_before
         try:
             if self._kind is None:
@@ -96,7 +99,7 @@ class RecordingWriter:
                 arrays["lost"] = np.asarray(num_lost or 0)
             for name, values in (arrays | {"cube": frame.cube}).items():
                 self._files[name].append(values)
-            self._written += 1
+            self._written, self._last_time = self._written + 1, frame.time
         except BaseException:  # a full disk, Ctrl-C: keep the whole frames
             self.close()
             raise

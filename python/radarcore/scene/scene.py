@@ -92,7 +92,7 @@ class Scene:
     bodies : tuple
         As given.
     names : tuple of str
-        One per body; unnamed ones are called "body 3" or "point 3".
+        One per body, all different; unnamed ones are called "body 3" or "point 3".
     parts : Parts
         Bodies with meshes and points apart, as arrays.
     """
@@ -107,7 +107,7 @@ class Scene:
         self.names = tuple(
             body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
         )
-
+        _check_names(self.names)
         self.parts = Parts.of(self.bodies)
 
     @property
@@ -147,3 +147,16 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene: {', '.join(self.names) or 'empty'}>"
+
+
+def _check_names(names: tuple[str, ...]) -> None:
+    """Refuse a name that two bodies have: truth and pictures would not tell them apart."""
+    if len(set(names)) == len(names):
+        return
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if (other := first.setdefault(name, i)) != i:
+            raise ValueError(
+                f"bodies: expected names that differ, got {name!r} at index {other} and {i}; people and arms take a "
+                "name for all of their parts: bodies(name=...)"
+            )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from os import PathLike
+from pathlib import Path
 
+from radarcore import notice
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
@@ -27,12 +29,15 @@ class Simulation:
         Sensor to world.
     run : RunTable
         The table `run` of the file: `start`, `stop`, `rate`, `resolution`, ...
+    path : Path, optional
+        The file, for messages.
     """
 
     scene: Scene
     radar: Radar
     radar_motion: Motion
     run: RunTable
+    path: Path | None = None
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """The simulator of this scene, with the settings of the run."""
@@ -48,8 +53,14 @@ class Simulation:
         progress: bool = True,
         threads: int | None = None,
     ) -> Recording:
-        """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`."""
+        """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`.
+
+        Warns of a scene without bodies, whose recording has no echoes.
+        """
         run = self.run
+        if not self.scene.bodies:
+            file = "scene" if self.path is None else self.path
+            notice.warn(f"{file}: expected a [[body]], [[point]], [[human]] or [[arm]], got none: there are no echoes")
         return self.simulator(threads=threads).record(
             run.start, run.stop, run.rate, progress=progress, path=path, overwrite=overwrite
         )

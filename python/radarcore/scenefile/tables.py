@@ -41,11 +41,14 @@ class LinearTable(Table):
 
 
 class TrajectoryTable(Table):
-    """A smooth motion through poses; before and after it the velocity is constant."""
+    """A smooth motion through poses."""
 
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
     poses: list[PoseTable] = _key(..., "", "one pose per time")
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
+    )
 
 
 class PlacedTable(Table):
@@ -220,12 +223,15 @@ class RestTable(Table):
 
 
 class JointTrajectoryTable(Table):
-    """Joint angles over time, smooth, at rest before and after."""
+    """Joint angles over time, smooth, at rest at both ends."""
 
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
     angles_deg: list[list[float]] = _key(
         ..., "degrees", "per time a list, one per moving joint; metres for joints that slide"
+    )
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: at rest"
     )
 
 

@@ -24,6 +24,10 @@ _FRAMES_PER_LOOK = 8
 """Frames placed one by one until bodies outside of the field of view are looked for again."""
 
 
+_FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
+"""Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
+
+
 class Doubts:
     """Warnings of a simulation, each given once.
 
@@ -149,6 +153,16 @@ class Doubts:
             notice.warn(
                 f"the scene reaches to {ideal.farthest:.2f} m, beyond max_range {self._radar.max_range:.2f} m of the "
                 "waveform: echoes from there appear at wrong ranges"
+            )
+
+    def of_depths(self, distance: NDArray[np.float64]) -> None:
+        """Warn of an image whose distances along the rays, infinite without a return, are hardly in metres."""
+        seen = distance[np.isfinite(distance)]
+        median = float(np.median(seen)) if seen.size > 0 else 0.0
+        if median > max(_FARTHEST_MEDIAN, _FAR_BEYOND * self._radar.max_range) and self._is_new("range"):
+            notice.warn(
+                f"distance: expected metres, got a median of {median:.4g} m for a radar with a max_range of "
+                f"{self._radar.max_range:.4g} m; scale=1e-3 takes millimetres"
             )
 
     def of_sampling(self, cells_not_split: int) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import _core, check
+from radarcore.geometry.camera import checked_field_of_view
 from radarcore.simulate.sectors import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
 from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
 
@@ -58,7 +59,9 @@ class Settings:
     def __post_init__(self) -> None:
         checked = {
             "resolution": None if self.resolution is None else _resolution(self.resolution),
-            "field_of_view_deg": None if self.field_of_view_deg is None else _field_of_view(self.field_of_view_deg),
+            "field_of_view_deg": None
+            if self.field_of_view_deg is None
+            else checked_field_of_view(self.field_of_view_deg),
             "sampling": check.choice("sampling", self.sampling, SAMPLINGS),
             "tolerance": check_tolerance(self.tolerance),
             "method": check.choice("method", self.method, METHODS),
@@ -218,10 +221,3 @@ def _resolution(value: int | tuple[int, int]) -> tuple[int, int]:
     if rows * columns > 2**28:
         raise ValueError(f"resolution: expected at most {2**28} rays, got {rows} x {columns}")
     return rows, columns
-
-
-def _field_of_view(value: tuple[float, float]) -> tuple[float, float]:
-    angles = check.array("field_of_view_deg", value, (2,))
-    if (angles <= 0.0).any() or (angles >= 180.0).any():
-        raise ValueError(f"field_of_view_deg: expected angles between 0 and 180 degrees, got {angles.tolist()}")
-    return float(angles[0]), float(angles[1])

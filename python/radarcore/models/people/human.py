@@ -18,6 +18,9 @@ from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 from radarcore.sealed import sealed
 
+_TALLEST = 3.0
+"""Height above which it is hardly that of a person in metres [m]."""
+
 
 @sealed
 class Human:
@@ -52,7 +55,7 @@ class Human:
     Raises
     ------
     ValueError
-        For a speed above the model's limit, and for a path with legs too short for its turns.
+        For a height above 3 m, a speed above the model's limit, and for a path with legs too short for its turns.
     """
 
     def __init__(
@@ -67,6 +70,10 @@ class Human:
         mass: float | None = None,
     ) -> None:
         self.height = check.positive("height", height, "m")
+        if self.height > _TALLEST:
+            raise ValueError(
+                f"height: expected at most {_TALLEST:g} m, got {self.height:g}; centimetres? 1.75 is a man of 175 cm"
+            )
         self.speed = check.non_negative("speed", speed, "m/s")
         fastest = gait.MAX_RELATIVE_SPEED * HIP_HEIGHT * self.height
         if self.speed > fastest:

@@ -141,12 +141,14 @@ class RobotArm:
 
     def joint_array(self, joint_angles: JointAngles) -> Matrix:
         """Joint angles as an array (num_joints,) in the order of `joint_names`; a KeyError for an unknown name."""
-        if not isinstance(joint_angles, Mapping):
-            return check.array("joint_angles", joint_angles, (len(self.joint_names),))
-        for name in joint_angles:
-            if name not in self.joint_names:
-                raise KeyError(f"no moving joint {name!r}; {check.near_names(name, self.joint_names)}")
-        return check.array("joint_angles", [joint_angles.get(name, 0.0) for name in self.joint_names], (None,))
+        if isinstance(joint_angles, Mapping):
+            for name in joint_angles:
+                if name not in self.joint_names:
+                    raise KeyError(f"no moving joint {name!r}; {check.near_names(name, self.joint_names)}")
+            joint_angles = [joint_angles.get(name, 0.0) for name in self.joint_names]
+        angles = check.array("joint_angles", joint_angles, (len(self.joint_names),))
+        check.radians("joint_angles", angles[[joint.kind == "revolute" for joint in self.moving_joints]])
+        return angles
 
     def link_pose(self, link: str, joint_angles: JointAngles) -> Pose:
         """Pose of a link in the coordinates of the root link."""

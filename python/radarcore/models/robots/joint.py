@@ -74,6 +74,8 @@ class Joint:
             axis = check.frozen(direction / length)
         put(self, "axis", axis)
         put(self, "limits", None if limits is None else (float(limits[0]), float(limits[1])))
+        if kind == "revolute" and limits is not None:
+            check.radians(f"limits of {name!r}", np.array(self.limits))
         put(self, "max_velocity", None if max_velocity is None else float(max_velocity))
 
     @property

@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike
 from radarcore import check, notice
 from radarcore.geometry.pose import Matrix
 from radarcore.models.robots.joint import Joint, Jointed
+from radarcore.motion.ends import Ends
 from radarcore.sealed import sealed
 
 
 @sealed
 class JointTrajectory:
     """Joint angles that pass through given values: C2 cubic splines, at rest at both ends.
-
-    Before the first and after the last time the joints rest there.
 
     Parameters
     ----------
@@ -27,19 +26,32 @@ class JointTrajectory:
         One row per time [rad; m for joints that slide].
     arm : RobotArm, optional
         Warn when a joint is faster, or turned further, than this arm's can be.
+    beyond : "hold", "continue" or "error", optional
+        As for `Trajectory`. Before the first and after the last time the joints rest there, whether they are held or
+        go on; ``"error"`` is a ValueError. Default: they rest.
     """
 
-    def __init__(self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None) -> None:
+    def __init__(
+        self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None, beyond: str | None = None
+    ) -> None:
         from scipy.interpolate import CubicSpline
 
         self.times = check.increasing("times", times)
         num_joints = None if arm is None else len(arm.joint_names)
         values = check.array("angles", angles, (len(self.times), num_joints))
+        turns = [True] * values.shape[1] if arm is None else [joint.kind == "revolute" for joint in arm.moving_joints]
+        check.radians("angles", values[:, turns])
         self._spline = CubicSpline(self.times, values, bc_type="clamped")
         self._derivative = self._spline.derivative()
+        self._ends = Ends("JointTrajectory", self.times, beyond)
         if arm is not None:
             for excess in self.excesses(arm):
                 notice.warn(excess)
+
+    @property
+    def beyond(self) -> str | None:
+        """As given."""
+        return self._ends.choice
 
     @property
     def num_joints(self) -> int:
@@ -48,14 +60,14 @@ class JointTrajectory:
 
     def angles(self, time: ArrayLike) -> Matrix:
         """Joint angles at a time [s], (num_joints,) [rad or m], or at several, (n, num_joints)."""
-        result: Matrix = self._spline(np.clip(time, self.times[0], self.times[-1]))
+        inside, _ = self._ends.split(time)
+        result: Matrix = self._spline(inside)
         return result
 
     def rates(self, time: ArrayLike) -> Matrix:
         """Time derivatives at a time [s], (num_joints,) [rad/s or m/s], or at several, (n, num_joints)."""
-        times = np.asarray(time, dtype=np.float64)
-        moves = (self.times[0] <= times) & (times <= self.times[-1])
-        result: Matrix = np.where(moves[..., None], self._derivative(times), 0.0)
+        inside, _ = self._ends.split(time)
+        result: Matrix = np.where(self._ends.moves(time)[..., None], self._derivative(inside), 0.0)
         return result
 
     def excesses(self, arm: Jointed) -> list[str]:

@@ -58,7 +58,7 @@ def motion_of(table: PlacedTable, carriers: Carriers) -> Motion:
             with located(f"motion.poses[{k}]."):
                 poses.append(_pose(pose))
         with located("motion."):
-            own = Trajectory(table.motion.times, poses)
+            own = Trajectory(table.motion.times, poses, beyond=table.motion.beyond)
     return own if table.attached_to is None else Attached(carriers[table.attached_to], own)
 
 
@@ -88,7 +88,7 @@ def joint_motion_of(arm: RobotArm, table: ArmTable) -> JointTrajectory | JointAn
     if len(joints.angles_deg) != len(joints.times):
         raise ValueError(f"angles_deg: expected {len(joints.times)} lists, one per time, got {len(joints.angles_deg)}")
     rows = [_joint_angles(arm, f"angles_deg[{k}]", row) for k, row in enumerate(joints.angles_deg)]
-    return JointTrajectory(joints.times, np.array(rows).reshape(len(rows), -1), arm=arm)
+    return JointTrajectory(joints.times, np.array(rows).reshape(len(rows), -1), arm=arm, beyond=joints.beyond)
 
 
 def _joint_angles(arm: RobotArm, name: str, values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

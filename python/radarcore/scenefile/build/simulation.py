@@ -25,7 +25,7 @@ def simulation(table: SceneTable, file: Path) -> Simulation:
         parts, carriers = Parts(file.parent, materials_of(table.material)).build(table)
         with located("sensor: "):
             motion = sensor_motion_of(table.sensor, carriers)
-        found = Simulation(Scene(parts), radar, motion, table.run)
+        found = Simulation(Scene(parts), radar, motion, table.run, file)
         with located("run: "):
             found.simulator()
             frame_times(table.run.start, table.run.stop, table.run.rate)
