@@ -4,6 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::geometry::curved_triangle::{bend, shade};
+use crate::numeric::random::mix;
 use crate::rays::scene::PosedScene;
 
 /// Distance before a surface at which rays start, relative to their largest coordinate, which counts as a metre at
@@ -78,6 +79,26 @@ impl Interaction {
             bend: turn * bend * turn.transpose(),
         };
         (length > -step).then_some((interaction, length))
+    }
+}
+
+impl Interaction {
+    /// Hash of the body, and of the plane of the triangle where the surface is flat, to a thousandth of a radian and a
+    /// tenth of a millimetre.
+    pub fn surface(&self) -> u64 {
+        let mut hash = mix(u64::from(self.body) + 1);
+        if self.bend == DMat3::ZERO {
+            let rounded = (1e3 * self.face).round();
+            for number in [
+                rounded.x,
+                rounded.y,
+                rounded.z,
+                (1e4 * self.face.dot(self.point)).round(),
+            ] {
+                hash = mix(hash ^ (number + 0.0).to_bits());
+            }
+        }
+        hash
     }
 }
 

@@ -1,9 +1,10 @@
 //! Cells of an image from which ray tubes are launched.
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 
 use crate::rays::hits::Hits;
-use crate::rays::scene::NO_BODY;
+use crate::rays::scene::{NEAREST, NO_BODY, PosedScene};
+use crate::rays::tree::Ray;
 
 /// Hit of a cell of the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,20 +22,39 @@ pub struct Launch {
 }
 
 impl Launch {
+    /// Launch of a cell of these plane coordinates and size, of what the ray through its centre hits; none for a miss.
+    pub fn at(scene: &PosedScene, rotation: DMat3, center: [f64; 2], size: [f64; 2]) -> Option<Self> {
+        let hit = scene.cast(&Ray {
+            origin: DVec3::ZERO,
+            direction: rotation * DVec3::new(1.0, center[0], center[1]),
+            start: NEAREST,
+        });
+        (hit.body != NO_BODY).then_some(Self {
+            rotation,
+            center,
+            size,
+            body: hit.body,
+            triangle: hit.triangle,
+        })
+    }
+
     /// Launches of all pixels that hit a body, row by row; `rotation` from the axes of the image to those of the sensor.
     pub fn of_image(hits: &Hits, rotation: DMat3) -> Vec<Self> {
+        (0..hits.plane.num_pixels())
+            .filter_map(|pixel| Self::of_pixel(hits, rotation, pixel))
+            .collect()
+    }
+
+    /// Launch of a pixel; none for one that hits nothing.
+    pub(super) fn of_pixel(hits: &Hits, rotation: DMat3, pixel: usize) -> Option<Self> {
         let plane = &hits.plane;
-        let pixels = (0..plane.num_pixels()).filter(|pixel| hits.body[*pixel] != NO_BODY);
-        let launch = |pixel: usize| {
-            let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
-            Self {
-                rotation,
-                center: [u, v],
-                size: [plane.du, plane.dv],
-                body: hits.body[pixel],
-                triangle: hits.triangle[pixel],
-            }
-        };
-        pixels.map(launch).collect()
+        let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+        (hits.body[pixel] != NO_BODY).then_some(Self {
+            rotation,
+            center: [u, v],
+            size: [plane.du, plane.dv],
+            body: hits.body[pixel],
+            triangle: hits.triangle[pixel],
+        })
     }
 }

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
+use crate::numeric::random::mix;
+use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Ray;
 use crate::scattering::material::Material;
@@ -23,12 +25,13 @@ use super::tube::Tube;
 use crate::antennas::polarization::transverse;
 
 /// The parts of image planes where tubes start.
-struct View {
+pub(super) struct View {
     /// For every plane the rotation from its axes to those of the sensor, and smallest and largest plane coordinates.
     planes: Vec<(DMat3, [DVec2; 2])>,
 }
 
 impl View {
+    /// View of cells that are launched.
     fn of(launches: &[Launch]) -> Self {
         let mut planes: Vec<(DMat3, [DVec2; 2])> = Vec::new();
         for launch in launches {
@@ -42,6 +45,17 @@ impl View {
             }
         }
         Self { planes }
+    }
+
+    /// View of whole image planes, each with the rotation from its axes to those of the sensor.
+    pub(super) fn of_planes<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
+        let of = |(rotation, plane): (DMat3, &ImagePlane)| {
+            let [u, v] = plane.ranges();
+            (rotation, [0, 1].map(|end| DVec2::new(u[end], v[end])))
+        };
+        Self {
+            planes: planes.map(of).collect(),
+        }
     }
 
     /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the
@@ -82,13 +96,16 @@ pub struct Counts {
     pub rays: usize,
     /// Tubes that ended at the floor.
     pub stopped: usize,
+    /// Cells that were not quartered, as the most tubes were reached.
+    pub coarse: usize,
 }
 
 impl Counts {
-    fn plus(self, other: Self) -> Self {
+    pub(super) fn plus(self, other: Self) -> Self {
         Self {
             rays: self.rays + other.rays,
             stopped: self.stopped + other.stopped,
+            coarse: self.coarse + other.coarse,
         }
     }
 }
@@ -241,6 +258,107 @@ impl<'a> Sensor<'a> {
     }
 }
 
+/// Paths over one cell.
+pub(super) struct Shot {
+    pub(super) paths: Vec<BouncePath>,
+    /// Sum of the weights of all paths with their phases, per channel [m^2].
+    pub(super) fields: Vec<Complex64>,
+    /// Hash of the surfaces that the tube from the first antenna meets: of their bodies, and planes where they are flat.
+    pub(super) surfaces: u64,
+    pub(super) counts: Counts,
+}
+
+/// Ray tubes of all antennas through the cells of a view.
+pub(super) struct Shots<'a> {
+    sensor: Sensor<'a>,
+    directions: &'static [Direction],
+    view: View,
+    sampling: Sampling,
+}
+
+impl<'a> Shots<'a> {
+    /// Tubes through cells of a view.
+    pub(super) fn new(
+        scene: &'a PosedScene,
+        view: View,
+        materials: &'a [Material],
+        array: &'a Array,
+        limits: Limits,
+        sampling: Sampling,
+    ) -> Self {
+        Self {
+            sensor: Sensor::new(scene, materials, array, limits),
+            directions: Direction::of(array),
+            view,
+            sampling,
+        }
+    }
+
+    /// Paths over a cell by tubes of all antennas, there and back.
+    pub(super) fn shoot(&self, launch: &Launch) -> Shot {
+        let Sensor { shooter, array } = &self.sensor;
+        let twice = 2.0 / self.directions.len() as f64; // of shares that add up to one
+        let mut shot = Shot::empty(array);
+        for direction in self.directions {
+            let [starts, ends] = direction.antennas(array);
+            for start in 0..starts.len() {
+                let is_first = start == 0 && *direction == Direction::Forward;
+                let Shot {
+                    paths,
+                    fields,
+                    surfaces,
+                    ..
+                } = &mut shot;
+                let arrive = |tube: &Tube, interactions: &[Interaction]| {
+                    if is_first {
+                        *surfaces = interactions.iter().fold(0, |hash, at| mix(hash ^ at.surface()));
+                    }
+                    let weight = |end: usize| {
+                        let antenna = ends.get(end).0;
+                        let radiated = self.sensor.receive(tube, launch, antenna, self.sampling);
+                        radiated.map_or((Complex64::ZERO, 0.0), |(radiated, distance)| {
+                            let share = twice * self.view.share(tube, interactions, antenna);
+                            let magnitude = share * radiated.weight * tube.length;
+                            let weight = Complex64::I / (2.0 * TAU) * radiated.amplitude * magnitude;
+                            (weight, tube.length + distance)
+                        })
+                    };
+                    let arrivals: Vec<(Complex64, f64)> = (0..ends.len()).map(weight).collect();
+                    let weights: Vec<Complex64> = arrivals.iter().map(|arrival| arrival.0).collect();
+                    if weights.iter().all(|weight| *weight == Complex64::ZERO) {
+                        return;
+                    }
+                    for (end, (weight, length)) in arrivals.iter().enumerate() {
+                        let phasor = Complex64::cis(-TAU * (length / shooter.wavelength).fract());
+                        fields[direction.channel(array, start, end)] += weight * phasor;
+                    }
+                    let kind = (*direction, interactions.len());
+                    let known = paths.iter().position(|path| path.kind() == kind);
+                    let index = known.unwrap_or_else(|| {
+                        paths.push(BouncePath::new(*direction, array, shooter.scene, interactions));
+                        paths.len() - 1
+                    });
+                    paths[index].set(array, shooter.scene, start, interactions, &weights);
+                };
+                let counts = self.sensor.shoot(launch, starts.get(start), arrive);
+                shot.counts = shot.counts.plus(counts);
+            }
+        }
+        shot
+    }
+}
+
+impl Shot {
+    pub(super) fn empty(array: &Array) -> Self {
+        Self {
+            paths: Vec::new(),
+            fields: vec![Complex64::ZERO; array.num_channels()],
+            surfaces: 0,
+            counts: Counts::default(),
+        }
+    }
+}
+
 impl Bounces {
     /// Paths of two and more reflections of all cells, in the order of the cells, and counts; one material per body.
     pub fn new(
@@ -251,45 +369,13 @@ impl Bounces {
         limits: Limits,
         sampling: Sampling,
     ) -> (Self, Counts) {
-        let sensor = Sensor::new(scene, materials, &array, limits);
-        let (directions, view) = (Direction::of(&array), View::of(launches));
-        let twice = 2.0 / directions.len() as f64; // of shares that add up to one
-        let of = |launch: &Launch| {
-            let mut paths: Vec<BouncePath> = Vec::new();
-            let mut counts = Counts::default();
-            for direction in directions {
-                let [starts, ends] = direction.antennas(&array);
-                for start in 0..starts.len() {
-                    let arrive = |tube: &Tube, interactions: &[Interaction]| {
-                        let weight = |end: usize| {
-                            let radiated = sensor.receive(tube, launch, ends.get(end).0, sampling);
-                            radiated.map_or(Complex64::ZERO, |(radiated, _)| {
-                                let share = twice * view.share(tube, interactions, ends.get(end).0);
-                                Complex64::I / (2.0 * TAU)
-                                    * radiated.amplitude
-                                    * (share * radiated.weight * tube.length)
-                            })
-                        };
-                        let weights: Vec<Complex64> = (0..ends.len()).map(weight).collect();
-                        if weights.iter().all(|weight| *weight == Complex64::ZERO) {
-                            return;
-                        }
-                        let kind = (*direction, interactions.len());
-                        let known = paths.iter().position(|path| path.kind() == kind);
-                        let index = known.unwrap_or_else(|| {
-                            paths.push(BouncePath::new(*direction, &array, scene, interactions));
-                            paths.len() - 1
-                        });
-                        paths[index].set(&array, scene, start, interactions, &weights);
-                    };
-                    counts = counts.plus(sensor.shoot(launch, starts.get(start), arrive));
-                }
-            }
-            (paths, counts)
-        };
-        let (paths, counts): (Vec<Vec<BouncePath>>, Vec<Counts>) = launches.par_iter().map(of).unzip();
-        let counts = counts.into_iter().fold(Counts::default(), Counts::plus);
-        (Self::of_paths(scene, array, paths.into_iter().flatten()), counts)
+        let shots = Shots::new(scene, View::of(launches), materials, &array, limits, sampling);
+        let shots: Vec<Shot> = launches.par_iter().map(|launch| shots.shoot(launch)).collect();
+        let counts = shots
+            .iter()
+            .fold(Counts::default(), |counts, shot| counts.plus(shot.counts));
+        let paths = shots.into_iter().flat_map(|shot| shot.paths);
+        (Self::of_paths(scene, array.clone(), paths), counts)
     }
 }
 

@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
-use crate::bounces::{self, Bounces, Launch};
+use crate::bounces::{self, Bounces, Launch, TubeImage};
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
@@ -15,9 +16,10 @@ use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::material_points::NO_CELL;
+use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{Refinement, field_of};
 use crate::scattering::samples::Samples;
 use crate::scattering::sampling::{Nearest, nearest_of};
 use crate::scattering::sector::Sector;
@@ -223,10 +225,20 @@ impl Rays {
         };
         match (self, &model.settings.rays) {
             (Self::Pixels(images), RaySampling::Pixels(_, sampling)) => Ok(shoot(images, *sampling)),
-            (Self::Cells(scenes, _), _) => {
+            (Self::Cells(scenes, _), RaySampling::Adaptive { rcs_floor, .. }) => {
                 let before = if model.settings.reuse_tiles { &**tubes } else { &[] };
                 let images = model.cast_images(&scenes[0], &model.settings.tubes, before)?;
-                let found = shoot(&images, Sampling::Footprint);
+                let field = field_of(*rcs_floor, SPEED_OF_LIGHT / model.array.frequency);
+                let each = images.iter().zip(scenes).zip(&model.sectors);
+                let tube_images: Vec<TubeImage> = each
+                    .map(|((image, scene), facing)| TubeImage {
+                        rotation: facing.rotation.transpose(),
+                        hits: &image.hits,
+                        parts: MeshPart::small(scene, &image.hits.plane, field, bounces::CELLS_ACROSS),
+                    })
+                    .collect();
+                let (materials, limits) = (&model.materials, model.settings.limits);
+                let found = Bounces::refined(&scenes[0], &tube_images, materials, &model.array, limits, field);
                 *tubes = images;
                 Ok(found)
             }

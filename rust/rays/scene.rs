@@ -20,7 +20,7 @@ use crate::rays::watertight::{Crossing, WatertightTest};
 pub const NO_BODY: u32 = u32::MAX;
 
 /// Distance below which a ray from the antenna does not hit [m].
-pub(super) const NEAREST: f64 = 1e-9;
+pub const NEAREST: f64 = 1e-9;
 
 /// Surfaces of bodies at their poses in the sensor frame, at one time.
 pub struct PosedScene {

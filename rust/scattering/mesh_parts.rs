@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use crate::geometry::aabb::Bounds;
+use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
-use crate::scattering::refinement::{Refinement, field_of};
 
 /// Largest number of pieces of a long part of a mesh.
 const MOST_PIECES: f64 = 256.0;
@@ -24,10 +24,10 @@ pub struct MeshPart {
 
 impl MeshPart {
     /// Parts of the meshes of all bodies that can have the smallest cross-section of interest and are less than some
-    /// cells of the base grid across. `wavelength` [m].
-    pub fn small(scene: &PosedScene, refinement: &Refinement, wavelength: f64, cells_across: f64) -> Vec<Self> {
-        let field = field_of(refinement.rcs_floor, wavelength);
-        let base = &refinement.base;
+    /// cells of the base grid across; `field`: that of the smallest cross-section, see [`field_of`] [m^2].
+    ///
+    /// [`field_of`]: crate::scattering::refinement::field_of
+    pub fn small(scene: &PosedScene, base: &ImagePlane, field: f64, cells_across: f64) -> Vec<Self> {
         let mut small = Vec::new();
         for body in 0..scene.num_bodies() as u32 {
             let (pose, parts) = (scene.pose(body), scene.surface(body).parts());

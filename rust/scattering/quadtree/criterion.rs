@@ -11,7 +11,7 @@ use crate::rays::packet::MOST_RAYS;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 
 /// Scene, materials, antennas and settings that the criterion depends on.
 pub(super) struct Criterion<'a> {
@@ -56,7 +56,12 @@ impl Criterion<'_> {
 
     /// Parts of meshes that have the smallest cross-section of interest and may be missed by the base grid.
     pub(super) fn targets(&self) -> Vec<MeshPart> {
-        MeshPart::small(self.scene, self.refinement, self.wavelength, CELLS_ACROSS)
+        MeshPart::small(
+            self.scene,
+            &self.refinement.base,
+            field_of(self.refinement.rcs_floor, self.wavelength),
+            CELLS_ACROSS,
+        )
     }
 }
 

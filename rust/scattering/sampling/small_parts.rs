@@ -5,7 +5,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::packet::SIDE;
 use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::{MAX_LEVEL, Refinement};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
 
 /// Number of cells across a part that is not missed.
 const CELLS_ACROSS: f64 = 5.0;
@@ -25,7 +25,8 @@ impl SmallParts {
             levels: vec![Vec::new(); MAX_LEVEL],
             columns: planes.iter().map(|plane| plane.columns.div_ceil(SIDE)).collect(),
         };
-        for part in MeshPart::small(scene, refinement, wavelength, CELLS_ACROSS) {
+        let field = field_of(refinement.rcs_floor, wavelength);
+        for part in MeshPart::small(scene, &refinement.base, field, CELLS_ACROSS) {
             small.mark(&part, planes);
         }
         small

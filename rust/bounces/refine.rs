@@ -1,0 +1,247 @@
+//! Cells that launch ray tubes, quartered where neighbours meet other surfaces and over small parts of meshes.
+
+use std::collections::BTreeMap;
+
+use glam::DMat3;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::launch::Launch;
+use super::path::{BouncePath, Bounces};
+use super::shooting::{Counts, Limits, Shot, Shots, View};
+use crate::antennas::array::Array;
+use crate::rays::camera::ImagePlane;
+use crate::rays::hits::Hits;
+use crate::rays::scene::PosedScene;
+use crate::scattering::material::Material;
+use crate::scattering::mesh_parts::MeshPart;
+use crate::scattering::physical_optics::Sampling;
+
+/// Number of cells across a small part of a mesh.
+pub const CELLS_ACROSS: f64 = 8.0;
+
+/// Error of a cell relative to the field of the smallest cross-section of interest: some hundred of cells along the rim
+/// of an aperture err at random.
+const ERROR: f64 = 0.05;
+
+/// Largest number of times that a cell is quartered.
+const DEEPEST: usize = 10;
+
+/// Most tubes of quarters, relative to the pixels of the images, and at least.
+const MOST_TUBES: f64 = 0.25;
+const LEAST_TUBES: usize = 8_000;
+
+/// Image whose pixels launch ray tubes.
+pub struct TubeImage<'a> {
+    /// Rotation from the axes of the image to those of the sensor.
+    pub rotation: DMat3,
+    /// Hits of the pixels.
+    pub hits: &'a Hits,
+    /// Parts of the meshes that may be smaller than the pixels.
+    pub parts: Vec<MeshPart>,
+}
+
+/// Cell with its paths that may be quartered.
+struct Cell {
+    image: usize,
+    center: [f64; 2],
+    size: [f64; 2],
+    /// Numbers of the small parts in it.
+    parts: Vec<usize>,
+    shot: Shot,
+    /// Magnitude of its expected error [m^2].
+    doubt: f64,
+}
+
+impl Bounces {
+    /// Paths of two and more reflections of all pixels of images and of their quarters, and counts. `field`: that of the
+    /// smallest cross-section of interest [m^2].
+    pub fn refined(
+        scene: &PosedScene,
+        images: &[TubeImage],
+        materials: &[Material],
+        array: &Array,
+        limits: Limits,
+        field: f64,
+    ) -> (Self, Counts) {
+        let view = View::of_planes(images.iter().map(|image| (image.rotation, &image.hits.plane)));
+        let num_pixels: usize = images.iter().map(|image| image.hits.plane.num_pixels()).sum();
+        let shots = Shots::new(scene, view, materials, array, limits, Sampling::Footprint);
+        let mut refine = Refine {
+            scene,
+            images,
+            shots,
+            array,
+            error: ERROR * field / (4.0 * std::f64::consts::PI),
+            tubes: LEAST_TUBES.max((MOST_TUBES * num_pixels as f64) as usize),
+            paths: Vec::new(),
+            counts: Counts::default(),
+        };
+        let mut cells: Vec<Cell> = (0..images.len()).flat_map(|image| refine.pixels(image)).collect();
+        for _ in 0..DEEPEST {
+            cells = refine.quartered(cells);
+        }
+        for cell in cells {
+            refine.keep(cell.shot);
+        }
+        (
+            Self::of_paths(scene, array.clone(), refine.paths.into_iter()),
+            refine.counts,
+        )
+    }
+}
+
+struct Refine<'a> {
+    scene: &'a PosedScene,
+    images: &'a [TubeImage<'a>],
+    shots: Shots<'a>,
+    array: &'a Array,
+    /// Largest error of a cell [m^2].
+    error: f64,
+    /// Number of tubes that may still be launched.
+    tubes: usize,
+    /// Paths of cells that are not quartered.
+    paths: Vec<BouncePath>,
+    counts: Counts,
+}
+
+impl Refine<'_> {
+    /// Keep the paths of a cell that is not quartered.
+    fn keep(&mut self, shot: Shot) {
+        self.paths.extend(shot.paths);
+    }
+
+    /// Pixels of an image that may be quartered; the paths of all others are kept.
+    fn pixels(&mut self, number: usize) -> Vec<Cell> {
+        let TubeImage { rotation, hits, parts } = &self.images[number];
+        let plane = &hits.plane;
+        let shoot = |pixel: usize| {
+            let launch = Launch::of_pixel(hits, *rotation, pixel);
+            launch.map_or_else(|| Shot::empty(self.array), |launch| self.shots.shoot(&launch))
+        };
+        let shots: Vec<Shot> = (0..plane.num_pixels()).into_par_iter().map(shoot).collect();
+        let strengths: Vec<f64> = shots.iter().map(|shot| largest(&shot.fields)).collect();
+        let surfaces: Vec<u64> = shots.iter().map(|shot| shot.surfaces).collect();
+        let parts = parts_by_pixel(plane, parts);
+        let mut cells = Vec::new();
+        for (pixel, shot) in shots.into_iter().enumerate() {
+            self.counts = self.counts.plus(shot.counts);
+            let (mut strongest, mut is_edge) = (0.0_f64, false);
+            for beside in neighbours(plane, pixel) {
+                strongest = strongest.max(strengths[beside]);
+                is_edge |= surfaces[beside] != surfaces[pixel];
+            }
+            let parts = parts.get(&pixel).cloned().unwrap_or_default();
+            if parts.is_empty() && !(is_edge && strongest > self.error) {
+                self.keep(shot);
+                continue;
+            }
+            let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+            cells.push(Cell {
+                image: number,
+                center: [u, v],
+                size: [plane.du, plane.dv],
+                parts,
+                shot,
+                doubt: strongest,
+            });
+        }
+        cells
+    }
+
+    /// Quarters of the cells that have other fields or small parts; the paths of all others are kept.
+    fn quartered(&mut self, mut cells: Vec<Cell>) -> Vec<Cell> {
+        // Those of which most is left first, where tubes run out.
+        let most = self.tubes / 4;
+        if cells.len() > most {
+            cells.sort_by(|a, b| b.doubt.total_cmp(&a.doubt));
+            for cell in cells.split_off(most) {
+                self.counts.coarse += 1;
+                self.keep(cell.shot);
+            }
+        }
+        self.tubes -= 4 * cells.len();
+        let quarters: Vec<[Cell; 4]> = cells.par_iter().map(|cell| self.quarters(cell)).collect();
+        let mut next = Vec::new();
+        for (cell, mut quarters) in cells.into_iter().zip(quarters) {
+            for quarter in &quarters {
+                self.counts = self.counts.plus(quarter.shot.counts);
+            }
+            let differences: Vec<Complex64> = (0..cell.shot.fields.len())
+                .map(|channel| {
+                    let parts = quarters.iter().map(|quarter| quarter.shot.fields[channel]);
+                    parts.sum::<Complex64>() - cell.shot.fields[channel]
+                })
+                .collect();
+            let doubt = largest(&differences);
+            if doubt > self.error || !cell.parts.is_empty() {
+                for quarter in &mut quarters {
+                    quarter.doubt = doubt;
+                }
+                next.extend(quarters);
+            } else {
+                self.keep(cell.shot);
+            }
+        }
+        next
+    }
+
+    fn quarters(&self, cell: &Cell) -> [Cell; 4] {
+        let TubeImage { rotation, parts, .. } = &self.images[cell.image];
+        let size = cell.size.map(|size| 0.5 * size);
+        [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]].map(|sides: [f64; 2]| {
+            let center = [0, 1].map(|axis| cell.center[axis] + sides[axis] * size[axis]);
+            let launch = Launch::at(self.scene, *rotation, center, size);
+            let is_small = |part: &&usize| is_small(&parts[**part], center, size);
+            Cell {
+                image: cell.image,
+                center,
+                size,
+                parts: cell.parts.iter().filter(is_small).copied().collect(),
+                shot: launch.map_or_else(|| Shot::empty(self.array), |launch| self.shots.shoot(&launch)),
+                doubt: 0.0,
+            }
+        })
+    }
+}
+
+/// Largest magnitude.
+fn largest(fields: &[Complex64]) -> f64 {
+    fields.iter().map(|field| field.norm()).fold(0.0, f64::max)
+}
+
+/// True if a cell shows some of a part, and is too wide for it.
+fn is_small(part: &MeshPart, center: [f64; 2], size: [f64; 2]) -> bool {
+    let shows = |axis: usize, [low, high]: [f64; 2]| {
+        (center[axis] - 0.5 * (low + high)).abs() < 0.5 * (high - low + size[axis])
+    };
+    (size[0] > part.width[0] || size[1] > part.width[1]) && shows(0, part.u) && shows(1, part.v)
+}
+
+/// Numbers of the small parts of every pixel that shows some.
+fn parts_by_pixel(plane: &ImagePlane, parts: &[MeshPart]) -> BTreeMap<usize, Vec<usize>> {
+    let mut by_pixel = BTreeMap::<usize, Vec<usize>>::new();
+    // Pixels that a range of the plane covers, along an axis.
+    let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
+        let first = (axis - high / width).floor().max(0.0) as usize;
+        let end = (axis - low / width).floor().min(number as f64 - 1.0) + 1.0;
+        first..end.max(0.0) as usize
+    };
+    for (number, part) in parts.iter().enumerate() {
+        for row in range(part.v, plane.axis_row, plane.dv, plane.rows) {
+            for column in range(part.u, plane.axis_column, plane.du, plane.columns) {
+                by_pixel.entry(row * plane.columns + column).or_default().push(number);
+            }
+        }
+    }
+    by_pixel
+}
+
+/// A pixel and those round it.
+fn neighbours(plane: &ImagePlane, pixel: usize) -> impl Iterator<Item = usize> {
+    let (row, column, columns) = (pixel / plane.columns, pixel % plane.columns, plane.columns);
+    let rows = row.saturating_sub(1)..(row + 2).min(plane.rows);
+    rows.flat_map(move |row| {
+        (column.saturating_sub(1)..(column + 2).min(columns)).map(move |column| row * columns + column)
+    })
+}
