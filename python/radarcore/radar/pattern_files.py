@@ -18,7 +18,8 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], ND
         lines = csv.reader(file, skipinitialspace=True)
         names = [name.strip() for name in next(lines, [])]
         if sorted(names) != sorted(_COLUMNS):
-            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {', '.join(names) or 'none'}")
+            got = ", ".join(name if name.isprintable() else repr(name) for name in names)
+            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {got or 'none'}")
         rows = [_row(entries, names, lines.line_num) for entries in lines if any(map(str.strip, entries))]
     if not rows:
         raise ValueError("expected lines of numbers, got none")
