@@ -439,8 +439,8 @@ def test_missing_files_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("</robot>", "", r"machine\.urdf:\d\d: no element found"),
-        ('<link name="elbow"/>', '<link name="elbow">', r"machine\.urdf:\d\d: mismatched tag"),
+        ("</robot>", "", r"\d\d: no element found"),
+        ('<link name="elbow"/>', '<link name="elbow">', r"\d\d: mismatched tag"),
         ("robot", "sdf", "expected <robot>, got <sdf>"),
         ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"', "joint 'rail', xyz: expected 3 numbers, got '0.1 0.2'"),
         ('velocity="0.5"', 'velocity="fast"', "joint 'rail', velocity: expected 1 number, got 'fast'"),
@@ -454,6 +454,8 @@ def test_missing_files_are_named(tmp_path):
         ('<child link="tip"/>', '<child link="elbow"/>', "expected one to lead to every link"),
         ('<link name="tip"/>', '<link name="tip"/><link name="stray"/>', "expected one link without a parent"),
         ('scale="1 2 3"', 'scale="1 0 3"', "scale: expected numbers other than zero"),
+        ('radius="0.2"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
+        ('scale="1 2 3"', 'scale="1 2 1e308"', "vertices: expected coordinates below 1e15 m"),
     ],
 )
 def test_bad_urdf_says_where_and_what(tmp_path, old, new, message):
@@ -461,7 +463,7 @@ def test_bad_urdf_says_where_and_what(tmp_path, old, new, message):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=rf"machine\.urdf:.*{message}"):
         RobotArm.from_urdf(path)
 
 
