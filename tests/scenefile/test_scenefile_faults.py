@@ -43,6 +43,15 @@ FAULTS = {
         "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
     ),
     "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
+    "key that is the name of a type": ("[str]\nname = 1", "unknown key 'str'; known: radar, sensor"),
+    "key that is the name of a kind": (
+        shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'),
+        "body[0] 'a': shape: unknown key 'sphere'; known: kind, radius",
+    ),
+    "far sensor": (
+        "[sensor]\npose = { position = [1e200, 0, 0] }",
+        "sensor: pose.position: expected coordinates within",
+    ),
     "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
     "kind": (
         shaped('{ kind = "spere", radius = 0.1 }'),
