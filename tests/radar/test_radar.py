@@ -260,6 +260,11 @@ def test_description_of_another_pattern_is_refused() -> None:
         rc.Radar.from_dict(values)
 
 
+def waveform(**changes: Any) -> rc.Waveform:
+    settings = {"start_frequency": 60e9, "slope": 1e13, "sample_rate": 2e6, "num_samples": 128}
+    return rc.Waveform(**(settings | changes))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -268,6 +273,15 @@ def test_description_of_another_pattern_is_refused() -> None:
         (lambda: rc.GaussianPattern(5.0, 1e-200, 30.0), r"beamwidth_azimuth_deg: expected 0.001 to 1e\+06 \[degrees\]"),
         (lambda: rc.GaussianPattern(5.0, 60.0, 1e200), r"beamwidth_elevation_deg: .* \[degrees\], got 1e\+200"),
         (lambda: rc.Receiver(noise_figure_db=1e300), r"noise_figure_db: expected -1000 to 1000 \[dB\], got 1e\+300"),
+        (lambda: waveform(sample_rate=1e-300), r"sample_rate: expected 128 samples within 1e\+06 s, got 1e-300 Hz"),
+        (lambda: waveform(adc_delay=1e300), r"adc_delay: expected at most 1e\+06 s, got 1e\+300"),
+        (
+            lambda: waveform(chirp_interval=1e308, num_chirps=4),
+            r"chirp_interval: expected at most 1e\+06 s, got 1e\+308",
+        ),
+        (lambda: waveform(chirp_times=[0.0, 1e300], num_chirps=2), r"chirp_times: expected at most 1e\+06 s"),
+        (lambda: waveform(frame_interval=1e300), r"frame_interval: expected at most 1e\+06 s, got 1e\+300"),
+        (lambda: waveform(slope=1e308), r"slope: expected a ramp below 3e\+12 Hz for 6.4e-05 s"),
         (lambda: rc.Radar(WAVEFORM, rx=[[0.0, 1e200, 0.0]]), r"rx: expected coordinates within 1e\+06 m, got 1e\+200"),
     ],
 )
