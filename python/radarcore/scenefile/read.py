@@ -16,6 +16,9 @@ from radarcore.scenefile.tables import SceneTable, Table
 
 Location = tuple[str | int, ...]
 
+_MOST_LINES = 50
+"""Faults that a message names."""
+
 
 def table(file: Path) -> SceneTable:
     """The tables of a file, with every key known and of the right type."""
@@ -31,7 +34,10 @@ def table(file: Path) -> SceneTable:
         # Strict validation takes arrays for tuples only in JSON.
         return SceneTable.model_validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        raise ValueError("\n".join(f"{file}: {line}" for line in _lines(error, values))) from None
+        lines = [f"{file}: {line}" for line in _lines(error, values)]
+        if len(lines) > _MOST_LINES:
+            lines[_MOST_LINES:] = [f"{file}: and {len(lines) - _MOST_LINES} further faults"]
+        raise ValueError("\n".join(lines)) from None
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
