@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 LONGEST = 2.0
 """Time that a reading may take [s]."""
 
-MOST_MEMORY = 64 << 20
-"""Memory that a reading may take, besides a hundred times the size of its input [bytes]."""
+MOST_MEMORY = 512 << 20
+"""Memory that a reading may take, besides a hundred times the size of its input [bytes]: a few words of a scene file
+make a waveform of 2^24 chirps or a sphere of 300 000 triangles."""
 
 LONGEST_MESSAGE = 20_000
 """Characters of a message: a scene file has a line for each fault."""
