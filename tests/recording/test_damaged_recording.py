@@ -134,6 +134,25 @@ def test_lost_frames_on_disk_that_do_not_fit_are_refused(tmp_path: Path, array: 
         Recording.load(tmp_path / "rec")
 
 
+def test_header_that_says_four_gigabytes_is_not_read(tmp_path: Path) -> None:
+    recording().save(tmp_path / "rec")
+    path = tmp_path / "rec/time.npy"
+    path.write_bytes(b"\x93NUMPY\2\0\xff\xff\xff\xff" + path.read_bytes())
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=r"time\.npy: damaged or not an NPY file"):
+        Recording.load(tmp_path / "rec")
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert memory < 1 << 20
+
+
+def test_old_name_of_a_dtype_is_refused_as_any_other(tmp_path: Path) -> None:
+    recording().save(tmp_path / "rec")
+    (tmp_path / "rec/time.npy").write_bytes(header((3,), "a8"))
+    with pytest.raises(ValueError, match=r"time\.npy: expected float64, got \|S8"):
+        Recording.load(tmp_path / "rec")
+
+
 # Archives.
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,9 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import check
+
+_LONGEST_HEADER = 1 << 16
+"""Bytes of a header that are read: NumPy refuses more than 10 000."""
 
 _MOST_DEFLATED = 1032
 """Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
@@ -125,10 +129,14 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
     """Shape, Fortran order and dtype at the start of an NPY file; ValueError, with the path, for a damaged one."""
     readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
     try:
-        version = npy.read_magic(file)
+        # No more than NumPy takes for a header is read, whatever length it says; old names of dtypes are refused later.
+        place, start = file.tell(), BytesIO(file.read(_LONGEST_HEADER))
+        version = npy.read_magic(start)
         if version not in readers:
             raise ValueError(f"NPY version {version}")
-        shape, fortran_order, dtype = readers[version](file)
+        with warnings.catch_warnings(action="ignore"):
+            shape, fortran_order, dtype = readers[version](start)
+        file.seek(place + start.tell())
         return shape, fortran_order, dtype
     except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
         # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
