@@ -249,6 +249,12 @@ ZERO = [0.0, 0.0, 0.0]
         (rc.Pose, (ZERO, np.full((3, 3), NAN)), ValueError, "rotation: expected finite numbers, got nan"),
         (rc.Pose, (ZERO, 1e200 * np.eye(3)), ValueError, "rotation: expected entries of a rotation.*got 1e\\+200"),
         (rc.Pose, ([0.0, 1e200, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m, got 1e\+200"),
+        (
+            rc.Pose.from_rpy,
+            (ZERO, [0.0, 1e200, 0.0]),
+            ValueError,
+            r"rpy: expected angles within 1e\+06 rad, got 1e\+200",
+        ),
         (rc.Pose.look_at, (ZERO, [1e200, 0.0, 0.0]), ValueError, r"target: expected coordinates within 1e\+15 m"),
         (rc.PointTarget, ([1e200, 0.0, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m"),
         (rc.Pose, (ZERO, np.eye(4)), ValueError, r"rotation: expected shape \(3, 3\), got \(4, 4\)"),

@@ -14,6 +14,9 @@ Matrix = NDArray[np.float64]
 _FARTHEST = 1e15
 """Largest coordinate [m], as of meshes: its square is still a number."""
 
+_LARGEST_ANGLE = 1e6
+"""Largest angle [rad]: the turn that is left of larger ones is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -64,7 +67,7 @@ class Pose:
         """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be."""
         origin = checked_position("position", position)
         x = checked_position("target", target) - origin
-        y = np.cross(_scaled(check.array("up", up, (3,))), x)
+        y = np.cross(scaled(check.array("up", up, (3,))), x)
         if not np.linalg.norm(x) > 0.0:
             raise ValueError(f"target: expected a point other than the position, got {origin}")
         if np.linalg.norm(y) <= 1e-9 * np.linalg.norm(x):
@@ -75,7 +78,7 @@ class Pose:
     @classmethod
     def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
         """Pose from a quaternion in the order (w, x, y, z), of any length but zero."""
-        q = _scaled(check.array("quaternion", quaternion, (4,)))
+        q = scaled(check.array("quaternion", quaternion, (4,)))
         if not np.linalg.norm(q) > 0.0:
             raise ValueError("quaternion: expected (w, x, y, z) of any length but zero")
         w, *v = q / np.linalg.norm(q)
@@ -85,7 +88,9 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
-        roll, pitch, yaw = check.array("rpy", rpy, (3,))
+        roll, pitch, yaw = angles = check.array("rpy", rpy, (3,))
+        if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE:
+            raise ValueError(f"rpy: expected angles within {_LARGEST_ANGLE:g} rad, got {largest:g}")
         z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
         return cls(position, z @ y @ x)
 
@@ -134,7 +139,7 @@ def checked_position(name: str, value: ArrayLike) -> Matrix:
     return position
 
 
-def _scaled(vector: Matrix) -> Matrix:
+def scaled(vector: Matrix) -> Matrix:
     """A vector whose largest entry is 1 or -1: squares of others may not be numbers; zero as it is."""
     largest = np.abs(vector).max()
     return vector if largest == 0.0 else vector / largest
