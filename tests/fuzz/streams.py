@@ -265,10 +265,10 @@ def make_capture(random: Random) -> Case:
 
 def _resealed(data: bytes, random: Random) -> bytes:
     """A damaged answer of Strata or ComLib, often with the length and the end that it should have."""
-    if len(data) > 6 and data[0] in (0x40, 0x43, 0xC0) and random.random() < 0.8:
+    if 6 < len(data) <= packets.MAX_PACKET and data[0] in (0x40, 0x43, 0xC0) and random.random() < 0.8:
         body = data[:2] + (len(data) - 6).to_bytes(2, "little") + data[4:-2]
         return body + packets.crc(body).to_bytes(2, "big")
-    if len(data) > 8 and data[0] >= 0xD0 and random.random() < 0.8:
+    if 8 < len(data) <= packets.MAX_PACKET and data[0] >= 0xD0 and random.random() < 0.8:
         body = data[:4] + (len(data) - 8).to_bytes(2, "little") + data[6:-2]
         return body + packets.crc(body).to_bytes(2, "big")
     return data
