@@ -10,7 +10,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -25,6 +25,8 @@ from radarcore.recording.codes import to_codes, to_samples
 from radarcore.recording.frame import Truth
 from radarcore.recording.infineon import is_recording
 from radarcore.recording.recording import Recording
+from radarcore.units import SPEED_OF_LIGHT
+from reference import beat_signal_reference
 
 FULL_SCALE = {"cube_unit": "full scale"}
 
@@ -513,36 +515,77 @@ def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:
     assert not is_recording(tmp_path)
 
 
-# A real one.
+# Long ones: one that is made here, as a sensor and a slow target would, and a real one where there is one.
+
+MOST_LIKE_IT = config(num_chirps_per_frame=8, num_samples_per_chirp=64)
+SLOW = 0.05  # m/s
 
 
-@pytest.fixture(scope="module")
-def real() -> Path:
+class Measured(NamedTuple):
+    """A recording, and what is known of it."""
+
+    path: Path
+    num_frames: int
+    means: list[float]
+    """Mean codes of the receivers."""
+    nearest_bin: float
+    farthest_bin: float
+    """Where something moves, in a transform of 256 samples."""
+
+
+def excerpt(path: Path) -> Measured:
+    """Thirty frames: receivers with offsets, leakage, noise, and a target that comes from 0.45 m at 0.05 m/s."""
+    rng, num_frames, means = np.random.default_rng(5), 30, [1581.0, 1967.0, 2064.0]
+    wave = bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
+    ranges = 0.45 - SLOW * wave.frame_interval * np.arange(num_frames)
+    signals = np.stack(
+        [
+            beat_signal_reference(
+                2.0 * np.array([0.05, range_]) / SPEED_OF_LIGHT,
+                [400.0, 60.0],
+                wave,
+                2.0 * np.array([0.0, -SLOW]) / SPEED_OF_LIGHT,
+            ).real
+            for range_ in ranges
+        ]
+    )  # (frame, 1, chirp, sample)
+    signals = signals - signals.mean() + 5.0 * rng.standard_normal((num_frames, 3, 8, 64))
+    codes = np.rint(np.array(means)[:, None, None] + signals).astype(np.uint16)
+    folder(path, config_json=MOST_LIKE_IT, radar_npy=array(codes))
+    bins = 256 * wave.slope * 2.0 * ranges / SPEED_OF_LIGHT / wave.sample_rate
+    return Measured(path, num_frames, means, bins.min(), bins.max())
+
+
+@pytest.fixture(scope="module", params=["made", "real"])
+def measured(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Measured:
+    if request.param == "made":
+        return excerpt(tmp_path_factory.mktemp("recordings") / "made")
     beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
     if not path.is_dir():
-        pytest.skip(f"no recording of a real sensor at {path} (RADARCORE_RECORDINGS names the folder it is in)")
-    return path
+        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
+    # As published: the means, and a person who moves.
+    return Measured(path, 256, [1581.0, 1967.0, 2064.0], 40.0, 60.0)
 
 
-def test_real_recording_is_written_to_the_last_byte(real: Path, tmp_path: Path) -> None:
-    Recording.load(real).save(tmp_path / "again", format="infineon")
-    assert contents(tmp_path / "again") == contents(real)
+def test_long_recording_is_written_to_the_last_byte(measured: Measured, tmp_path: Path) -> None:
+    Recording.load(measured.path).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(measured.path)
 
 
-def test_real_recording_is_what_its_receivers_had(real: Path) -> None:
-    rec = Recording.load(real)
-    assert rec.cube.shape == (256, 3, 8, 64)
+def test_long_recording_is_what_its_receivers_had(measured: Measured) -> None:
+    rec = Recording.load(measured.path)
+    assert rec.cube.shape == (measured.num_frames, 3, 8, 64)
     assert rec.raw is not None
-    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), [1581, 1967, 2064], atol=1.0)  # as published
+    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), measured.means, atol=1.0)
     assert (
         rec.radar.waveform
         == bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
     )
 
 
-def test_real_recording_shows_its_moving_target(real: Path) -> None:
-    rec = Recording.load(real)
+def test_long_recording_shows_its_moving_target(measured: Measured) -> None:
+    rec = Recording.load(measured.path)
     profiles = range_profile(rec.cube.mean(axis=2), rec.radar.waveform, num_bins=256)  # (frame, channel, range)
     moving = (np.abs(profiles - profiles.mean(axis=0)) ** 2).sum(axis=(0, 1))
-    assert 40 <= np.argmax(moving) <= 60  # where the recording's description has a person
+    assert measured.nearest_bin <= np.argmax(moving) <= measured.farthest_bin
