@@ -17,7 +17,7 @@ from fuzz.command import next_case
 from fuzz.judge import LONGEST, MOST_MEMORY, judge
 from fuzz.targets import TARGETS
 
-NUM_INPUTS = {"obj": 300, "scene": 25, "pattern": 300, "robot": 100, "directory": 60, "npz": 100, "infineon": 100}
+NUM_INPUTS = {"obj": 300, "scene": 12, "pattern": 300, "robot": 100, "directory": 60, "npz": 100, "infineon": 60}
 NUM_INPUTS |= {"strata": 200, "comlib": 150, "capture": 40}
 """Less than a second each."""
 

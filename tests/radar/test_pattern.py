@@ -321,6 +321,7 @@ HEAD = "azimuth_deg,elevation_deg,gain_db\n"
         ("0,0,1\n", "expected the columns azimuth_deg, elevation_deg, gain_db, got 0, 0, 1"),
         ("azimuth,elevation,gain_db\n", "expected the columns .*, got azimuth, elevation, gain_db"),
         ("a\0,b\n", r"expected the columns .*, got 'a\\x00', b"),
+        ("a" * 9999, r"expected the columns .*, got a{200}\.\.\.$"),
         (HEAD, "expected lines of numbers, got none"),
         (HEAD + "0,0,1\n0,1\n", "line 3: expected 3 numbers, got 2"),
         (HEAD + "0,0,high\n", "line 2: gain_db: expected a number, got 'high'"),

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
 """Columns of a file of a table."""
 
+_LONGEST_TEXT = 200
+"""Characters of a file that a message shows."""
+
 
 def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
@@ -19,6 +22,7 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], ND
         names = [name.strip() for name in next(lines, [])]
         if sorted(names) != sorted(_COLUMNS):
             got = ", ".join(name if name.isprintable() else repr(name) for name in names)
+            got = got if len(got) <= _LONGEST_TEXT else f"{got[:_LONGEST_TEXT]}..."
             raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {got or 'none'}")
         rows = [_row(entries, names, lines.line_num) for entries in lines if any(map(str.strip, entries))]
     if not rows:
