@@ -343,3 +343,9 @@ def test_file_that_holds_no_table_is_refused_with_its_name(tmp_path: Path, text:
 def test_file_that_is_not_there_is_not_found(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"horn\.csv"):
         rc.TabulatedPattern.load(tmp_path / "horn.csv")
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")
+def test_device_is_no_file_of_a_pattern() -> None:
+    with pytest.raises(ValueError, match=r"^/dev/zero: expected a file, got a device or a pipe"):
+        rc.TabulatedPattern.load("/dev/zero")

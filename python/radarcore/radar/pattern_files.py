@@ -17,6 +17,8 @@ _LONGEST_TEXT = 200
 
 def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a device may never end
+        raise ValueError("expected a file, got a device or a pipe")
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file, skipinitialspace=True)
         names = [name.strip() for name in next(lines, [])]
