@@ -248,6 +248,16 @@ ZERO = [0.0, 0.0, 0.0]
         (rc.Pose, (ZERO, np.eye(3) + 1e-5 * np.eye(3, k=1)), ValueError, "rotation: expected a rotation.*1e-05"),
         (rc.Pose, (ZERO, np.zeros((3, 3))), ValueError, "rotation: expected a rotation.*determinant 0"),
         (rc.Pose, (ZERO, np.full((3, 3), NAN)), ValueError, "rotation: expected finite numbers, got nan"),
+        (rc.Pose, (ZERO, 1e200 * np.eye(3)), ValueError, "rotation: expected entries of a rotation.*got 1e\\+200"),
+        (rc.Pose, ([0.0, 1e200, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m, got 1e\+200"),
+        (
+            rc.Pose.from_rpy,
+            (ZERO, [0.0, 1e200, 0.0]),
+            ValueError,
+            r"rpy: expected angles within 1e\+06 rad, got 1e\+200",
+        ),
+        (rc.Pose.look_at, (ZERO, [1e200, 0.0, 0.0]), ValueError, r"target: expected coordinates within 1e\+15 m"),
+        (rc.PointTarget, ([1e200, 0.0, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m"),
         (rc.Pose, (ZERO, np.eye(4)), ValueError, r"rotation: expected shape \(3, 3\), got \(4, 4\)"),
         (rc.Pose, (ZERO, [0.0, 0.0, 0.0, 1.0]), ValueError, r"rotation: expected shape \(3, 3\), got \(4,\)"),
         (rc.Pose, (ZERO, "identity"), TypeError, r"rotation: expected numbers of shape \(3, 3\), got str"),
@@ -282,3 +292,12 @@ def test_bodies_and_simulators_refuse_what_does_not_move_like_a_motion() -> None
         rc.Body(plate, motion=np.eye(4))  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"radar_motion: expected Pose, Linear, .* got tuple"):
         rc.Simulator(rc.Scene(), rc.bgt60tr13c(), radar_motion=(1.0, 0.0, 0.0))  # type: ignore[arg-type]
+
+
+def test_directions_of_any_length_give_the_pose_of_their_direction() -> None:
+    for length in (1e-200, 1.0, 1e200):
+        turned = rc.Pose.from_quaternion(ZERO, [length, 0.0, 0.0, length])
+        np.testing.assert_allclose(turned.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+        np.testing.assert_allclose(
+            rc.Pose.look_at(ZERO, [0, 1, 0], [0, 0, length]).rotation, turned.rotation, atol=1e-15
+        )

@@ -327,9 +327,29 @@ def test_tiny_frames_have_levels(real: bool, num_samples: int) -> None:
 
 def test_frames_of_one_sample_are_drawn() -> None:
     of = radar(num_samples=1, num_chirps=1)
-    live = plot.LiveView(of)
+    live = plot.LiveView(of, remove_static=False)
+    live.draw()
+    painted: Any = live.figure.canvas
+    empty = np.array(painted.buffer_rgba())
     live.update(frame(of=of))
     live.draw()
+
+    # The spectrum of one sample is flat, up to half of the one bin that it is wide.
+    axes = shown(live)["Range"]
+    profile = axes.lines[0]
+    np.testing.assert_allclose(profile.get_xdata(), of.waveform.range_resolution * np.array([0.0, 0.25, 0.5]))
+    np.testing.assert_allclose(profile.get_ydata(), 0.0, atol=1e-5)  # [dB] below its peak
+    assert columns(live)[-1]
+    assert not columns(live)[:-1].any()
+
+    # It is on the canvas: a line across the axes, along pixels that had the colour of the background.
+    box = axes.bbox.padded(-2)  # within the spines
+    rows = slice(len(empty) - int(box.y1), len(empty) - int(box.y0))
+    drawn = np.array(painted.buffer_rgba())[rows, int(box.x0) : int(box.x1)]
+    is_new = (drawn != empty[rows, int(box.x0) : int(box.x1)]).any(axis=(0, 2))
+    left, right = axes.transData.transform(profile.get_xydata())[[0, -1], 0] - box.x0
+    assert right - left > 100.0
+    assert is_new[int(left) + 2 : int(right) - 2].all()
 
 
 def test_silly_arguments_are_refused() -> None:

@@ -320,6 +320,8 @@ HEAD = "azimuth_deg,elevation_deg,gain_db\n"
         ("", "expected the columns azimuth_deg, elevation_deg, gain_db, got none"),
         ("0,0,1\n", "expected the columns azimuth_deg, elevation_deg, gain_db, got 0, 0, 1"),
         ("azimuth,elevation,gain_db\n", "expected the columns .*, got azimuth, elevation, gain_db"),
+        ("a\0,b\n", r"expected the columns .*, got 'a\\x00', b"),
+        ("a" * 9999, r"expected the columns .*, got a{200}\.\.\.$"),
         (HEAD, "expected lines of numbers, got none"),
         (HEAD + "0,0,1\n0,1\n", "line 3: expected 3 numbers, got 2"),
         (HEAD + "0,0,high\n", "line 2: gain_db: expected a number, got 'high'"),
@@ -341,3 +343,9 @@ def test_file_that_holds_no_table_is_refused_with_its_name(tmp_path: Path, text:
 def test_file_that_is_not_there_is_not_found(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"horn\.csv"):
         rc.TabulatedPattern.load(tmp_path / "horn.csv")
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")
+def test_device_is_no_file_of_a_pattern() -> None:
+    with pytest.raises(ValueError, match=r"^/dev/zero: expected a file, got a device or a pipe"):
+        rc.TabulatedPattern.load("/dev/zero")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,7 @@ def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
         ({"sample_rate": float("nan")}, ValueError, "sample_rate: expected a finite number.*got nan"),
         ({"num_chirps": -1}, ValueError, "num_chirps: expected at least 1, got -1"),
         ({"tx_power_dbm": float("inf")}, ValueError, "tx_power_dbm: expected a finite number.*got inf"),
+        ({"tx_power_dbm": 1e300}, ValueError, r"tx_power_dbm: expected -1000 to 1000 \[dBm\], got 1e\+300"),
         ({"frame_rate": 10.0}, TypeError, "frame_rate"),
     ],
 )
@@ -256,3 +258,33 @@ def test_description_of_another_pattern_is_refused() -> None:
         ValueError, match="pattern kind: expected one of 'isotropic', 'gaussian', 'tabulated', got 'cosine'"
     ):
         rc.Radar.from_dict(values)
+
+
+def waveform(**changes: Any) -> rc.Waveform:
+    settings = {"start_frequency": 60e9, "slope": 1e13, "sample_rate": 2e6, "num_samples": 128}
+    return rc.Waveform(**(settings | changes))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rc.IsotropicPattern(1e300), r"gain_db: expected -1000 to 1000 \[dBi\], got 1e\+300"),
+        (lambda: rc.GaussianPattern(1e300, 60.0, 30.0), r"gain_db: expected -1000 to 1000 \[dBi\], got 1e\+300"),
+        (lambda: rc.GaussianPattern(5.0, 1e-200, 30.0), r"beamwidth_azimuth_deg: expected 0.001 to 1e\+06 \[degrees\]"),
+        (lambda: rc.GaussianPattern(5.0, 60.0, 1e200), r"beamwidth_elevation_deg: .* \[degrees\], got 1e\+200"),
+        (lambda: rc.Receiver(noise_figure_db=1e300), r"noise_figure_db: expected -1000 to 1000 \[dB\], got 1e\+300"),
+        (lambda: waveform(sample_rate=1e-300), r"sample_rate: expected 128 samples within 1e\+06 s, got 1e-300 Hz"),
+        (lambda: waveform(adc_delay=1e300), r"adc_delay: expected at most 1e\+06 s, got 1e\+300"),
+        (
+            lambda: waveform(chirp_interval=1e308, num_chirps=4),
+            r"chirp_interval: expected at most 1e\+06 s, got 1e\+308",
+        ),
+        (lambda: waveform(chirp_times=[0.0, 1e300], num_chirps=2), r"chirp_times: expected at most 1e\+06 s"),
+        (lambda: waveform(frame_interval=1e300), r"frame_interval: expected at most 1e\+06 s, got 1e\+300"),
+        (lambda: waveform(slope=1e308), r"slope: expected a ramp below 3e\+12 Hz for 6.4e-05 s"),
+        (lambda: rc.Radar(WAVEFORM, rx=[[0.0, 1e200, 0.0]]), r"rx: expected coordinates within 1e\+06 m, got 1e\+200"),
+    ],
+)
+def test_numbers_beyond_what_powers_and_distances_can_hold_are_refused(make: Callable[[], Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

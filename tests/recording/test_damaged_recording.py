@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
+import tracemalloc
 import warnings
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +75,8 @@ def edited(values: dict[str, Any], **changes: Any) -> str:
         (lambda meta: edited(meta, radar=7), r"meta\.json: "),
         (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": "loud"}), "tx_power_dbm: expected a number"),
         (lambda meta: edited(meta, num_frames=-1), "num_frames: expected at least 0"),
+        (lambda meta: edited(meta, radar=meta["radar"] | {"pattern": {"kind": "gaussian", "\b": 1}}), r"'\\x08'$"),
+        (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": 10**400}), "too large"),
         (lambda meta: edited(meta, truth=["arm"]), r"truth_range\.npy: expected shape \(n, 1\).*got \(3, 2\)"),
         (
             lambda meta: edited(meta, radar=meta["radar"] | {"rx": [[0, 0, 0]]}),
@@ -127,3 +133,116 @@ def test_lost_frames_on_disk_that_do_not_fit_are_refused(tmp_path: Path, array: 
     np.save(tmp_path / "rec/lost.npy", array)
     with pytest.raises(ValueError, match="lost"):
         Recording.load(tmp_path / "rec")
+
+
+def test_header_that_says_four_gigabytes_is_not_read(tmp_path: Path) -> None:
+    recording().save(tmp_path / "rec")
+    path = tmp_path / "rec/time.npy"
+    path.write_bytes(b"\x93NUMPY\2\0\xff\xff\xff\xff" + path.read_bytes())
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=r"time\.npy: damaged or not an NPY file"):
+        Recording.load(tmp_path / "rec")
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert memory < 1 << 20
+
+
+def test_old_name_of_a_dtype_is_refused_as_any_other(tmp_path: Path) -> None:
+    recording().save(tmp_path / "rec")
+    (tmp_path / "rec/time.npy").write_bytes(header((3,), "a8"))
+    with pytest.raises(ValueError, match=r"time\.npy: expected float64, got \|S8"):
+        Recording.load(tmp_path / "rec")
+
+
+# Archives.
+
+
+def header(shape: tuple[int, ...], descr: str = "<c8") -> bytes:
+    """An NPY file that says so of what it does not have."""
+    words = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\1\0" + len(words).to_bytes(2, "little") + words + bytes(64)
+
+
+def npy(array: Any) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def archive(path: Path, compression: int = zipfile.ZIP_STORED, **members: bytes) -> Path:
+    """A recording with some members, by their names, in the place of its own or beside them."""
+    recording().save(path / "whole.npz")
+    with zipfile.ZipFile(path / "whole.npz") as whole:
+        contents = {name.removesuffix(".npy"): whole.read(name) for name in whole.namelist()} | members
+    with zipfile.ZipFile(path / "rec.npz", "w", compression) as made:
+        for name, data in contents.items():
+            made.writestr(f"{name}.npy", data)
+    return path / "rec.npz"
+
+
+@pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_archive_of_any_tool_is_read(tmp_path: Path, compression: int) -> None:
+    cube = npy(np.asfortranarray(recording().cube))
+    read = Recording.load(archive(tmp_path, compression, notes=b"not an array", cube=cube))
+    assert_same(read, recording())
+    read.cube[0] = 0.0  # no view of what cannot be written
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({"cube": header((2**31, 2, 4, 16))}, r"cube\.npy: expected the samples of shape .*, got room for \d+ bytes"),
+        ({"cube": header((2**70, 2, 4, 16))}, r"cube\.npy: expected the samples of shape"),
+        ({"cube": header((3, -2, 4, 16))}, r"cube\.npy: expected the samples of shape"),
+        ({"time": header((3,), "|O")}, r"time\.npy: expected numbers or text, got objects"),
+        ({"time": header((3,))[:40]}, r"time\.npy: damaged or not an NPY file"),
+        ({"time": header((3,)).replace(b"}", b"(")}, r"time\.npy: damaged or not an NPY file"),
+        ({"time": npy(np.zeros(3, np.complex128))}, "rec.npz, time: expected float64, got complex128"),
+        ({"truth_range": npy(np.zeros((3, 2), np.complex128))}, "truth_range: expected float64, got complex128"),
+        ({"truth_azimuth": npy(np.float64(0.0))}, r"rec.npz, truth: azimuth: expected shape \(3, 2\) as range"),
+        ({"truth_range": npy(np.zeros(1))}, r"rec.npz, truth: range: expected shape"),
+    ],
+)
+@pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_archive_whose_arrays_do_not_fit_is_refused(
+    tmp_path: Path, members: dict[str, bytes], message: str, compression: int
+) -> None:
+    path = archive(tmp_path, compression, **members)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=rf"rec\.npz.*{message.removeprefix('rec.npz')}"):
+        Recording.load(path)
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert memory < 4 << 20  # the file has 20 kB, and says 256 GB
+
+
+def damage_deflated(data: bytearray) -> None:
+    data[60:90] = bytes(range(200, 230))
+
+
+def damage_version(data: bytearray) -> None:
+    data[data.index(b"PK\1\2") + 6] = 200
+
+
+def damage_place(data: bytearray) -> None:
+    at = data.rindex(b"PK\1\2")
+    data[at + 42 : at + 46] = b"\xff\xff\xff\xff"
+
+
+def encrypt(data: bytearray) -> None:
+    data[data.index(b"PK\1\2") + 8] |= 1
+
+
+def rename(data: bytearray) -> None:
+    data[30:34] = b"\0\1\2\3"
+
+
+@pytest.mark.parametrize("damage", [damage_deflated, damage_version, damage_place, encrypt, rename])
+def test_damaged_archive_is_refused_with_its_name(tmp_path: Path, damage: Callable[[bytearray], None]) -> None:
+    path = archive(tmp_path, zipfile.ZIP_DEFLATED)
+    data = bytearray(path.read_bytes())
+    damage(data)
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"rec\.npz: damaged \.npz file \(") as caught:
+        Recording.load(path)
+    assert len(str(caught.value)) < 500

@@ -9,13 +9,13 @@ import shutil
 import subprocess
 import sys
 import warnings
-from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from infineon_folders import FOLDER, OLD_NAMES, SENSOR, SHAPE, array, config, folder, saved, some_codes, text
 from radarcore.cli.main import main
 from radarcore.processing.spectra import range_profile
 from radarcore.radar.presets import bgt60tr13c
@@ -25,71 +25,10 @@ from radarcore.recording.codes import to_codes, to_samples
 from radarcore.recording.frame import Truth
 from radarcore.recording.infineon import is_recording
 from radarcore.recording.recording import Recording
+from radarcore.units import SPEED_OF_LIGHT
+from reference import beat_signal_reference
 
-FOLDER = "RadarIfxAvian_00"
 FULL_SCALE = {"cube_unit": "full scale"}
-SHAPE: dict[str, Any] = {
-    "aaf_cutoff_Hz": 500000,
-    "chirp_repetition_time_s": 0.0005911249900236726,
-    "end_frequency_Hz": 63500000000,
-    "frame_repetition_time_s": 0.07726884633302689,
-    "hp_cutoff_Hz": 80000,
-    "if_gain_dB": 33,
-    "mimo_mode": "off",
-    "num_chirps_per_frame": 4,
-    "num_samples_per_chirp": 16,
-    "rx_antennas": [1, 2, 3],
-    "sample_rate_Hz": 2000000,
-    "start_frequency_Hz": 58000000000,
-    "tx_antennas": [1],
-    "tx_power_level": 31,
-}
-SENSOR = {"adc_resolution": 12, "description": "BGT60TR13C FMCW Radar Sensor", "uuid": "2810588487792"}
-OLD_NAMES = {"rx_mask": 5, "tx_mask": 1} | {k: v for k, v in SHAPE.items() if not k.endswith("_antennas")}
-
-
-def text(values: Any) -> bytes:
-    return (json.dumps(values, indent=4, sort_keys=True) + "\n").encode()
-
-
-def config(**changes: Any) -> bytes:
-    return text({"device_config": {"fmcw_single_shape": SHAPE | changes}})
-
-
-def array(codes: np.ndarray[Any, Any]) -> bytes:
-    """An NPY file as the recorder writes it: the header fills 1024 bytes."""
-    words = f"{{'descr': '<u2', 'fortran_order': False, 'shape': {codes.shape}, }}"
-    return b"\x93NUMPY\x01\x00" + (1014).to_bytes(2, "little") + words.encode().ljust(1013) + b"\n" + codes.tobytes()
-
-
-def saved(codes: np.ndarray[Any, Any], version: tuple[int, int] = (1, 0)) -> bytes:
-    file = BytesIO()
-    np.lib.format.write_array(file, codes, version)
-    return file.getvalue()
-
-
-def some_codes(num_frames: int = 5, shape: tuple[int, int, int] = (3, 4, 16)) -> np.ndarray[Any, Any]:
-    return np.random.default_rng(0).integers(0, 4096, (num_frames, *shape), dtype=np.uint16)
-
-
-def folder(path: Path, **files: bytes | None) -> Path:
-    """A recording; `files` replaces some by name (dots as underscores), None leaves one out."""
-    names = {"top": "meta.json"} | {
-        name.replace(".", "_"): f"{FOLDER}/{name}"
-        for name in ("format.version", "meta.json", "config.json", "radar.npy")
-    }
-    contents: dict[str, bytes | None] = {
-        "top": text({"date_captured": "2026-01-06T15:16:15+0800", "hostname": "unknown", "ifxdaq_version": "1.0.0"}),
-        "format_version": b"1.0.0\n",
-        "meta_json": text(SENSOR),
-        "config_json": config(),
-        "radar_npy": array(some_codes()),
-    }
-    for key, data in (contents | files).items():
-        if data is not None:
-            (path / names[key]).parent.mkdir(parents=True, exist_ok=True)
-            (path / names[key]).write_bytes(data)
-    return path
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -228,7 +167,7 @@ def without(key: str) -> bytes:
         ({"config_json": config(num_samples_per_chirp=10**400)}, r"config\.json: "),
         ({"config_json": config(num_chirps_per_frame=4.5)}, "num_chirps_per_frame: expected an integer, got 4.5"),
         ({"config_json": config(frame_repetition_time_s=0)}, "frame_repetition_time_s: expected a positive number"),
-        ({"config_json": config(frame_repetition_time_s=1e308)}, "rec: time: expected finite numbers"),
+        ({"config_json": config(frame_repetition_time_s=1e308)}, "config.json: frame_interval: expected at most"),
         ({"config_json": config(chirp_repetition_time_s=1e-6)}, "chirp_interval: expected at least"),
         ({"config_json": config(rx_antennas=[])}, r"rx_antennas: expected some of the receivers 1, 2, 3.*got \[\]"),
         ({"config_json": config(rx_antennas=[1, 4])}, r"rx_antennas: .*got \[1, 4\]"),
@@ -577,36 +516,77 @@ def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:
     assert not is_recording(tmp_path)
 
 
-# A real one.
+# Long ones: one that is made here, as a sensor and a slow target would, and a real one where there is one.
+
+MOST_LIKE_IT = config(num_chirps_per_frame=8, num_samples_per_chirp=64)
+SLOW = 0.05  # m/s
 
 
-@pytest.fixture(scope="module")
-def real() -> Path:
+class Measured(NamedTuple):
+    """A recording, and what is known of it."""
+
+    path: Path
+    num_frames: int
+    means: list[float]
+    """Mean codes of the receivers."""
+    nearest_bin: float
+    farthest_bin: float
+    """Where something moves, in a transform of 256 samples."""
+
+
+def excerpt(path: Path) -> Measured:
+    """Thirty frames: receivers with offsets, leakage, noise, and a target that comes from 0.45 m at 0.05 m/s."""
+    rng, num_frames, means = np.random.default_rng(5), 30, [1581.0, 1967.0, 2064.0]
+    wave = bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
+    ranges = 0.45 - SLOW * wave.frame_interval * np.arange(num_frames)
+    signals = np.stack(
+        [
+            beat_signal_reference(
+                2.0 * np.array([0.05, range_]) / SPEED_OF_LIGHT,
+                [400.0, 60.0],
+                wave,
+                2.0 * np.array([0.0, -SLOW]) / SPEED_OF_LIGHT,
+            ).real
+            for range_ in ranges
+        ]
+    )  # (frame, 1, chirp, sample)
+    signals = signals - signals.mean() + 5.0 * rng.standard_normal((num_frames, 3, 8, 64))
+    codes = np.rint(np.array(means)[:, None, None] + signals).astype(np.uint16)
+    folder(path, config_json=MOST_LIKE_IT, radar_npy=array(codes))
+    bins = 256 * wave.slope * 2.0 * ranges / SPEED_OF_LIGHT / wave.sample_rate
+    return Measured(path, num_frames, means, bins.min(), bins.max())
+
+
+@pytest.fixture(scope="module", params=["made", "real"])
+def measured(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Measured:
+    if request.param == "made":
+        return excerpt(tmp_path_factory.mktemp("recordings") / "made")
     beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
     if not path.is_dir():
-        pytest.skip(f"no recording of a real sensor at {path} (RADARCORE_RECORDINGS names the folder it is in)")
-    return path
+        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
+    # As published: the means, and a person who moves.
+    return Measured(path, 256, [1581.0, 1967.0, 2064.0], 40.0, 60.0)
 
 
-def test_real_recording_is_written_to_the_last_byte(real: Path, tmp_path: Path) -> None:
-    Recording.load(real).save(tmp_path / "again", format="infineon")
-    assert contents(tmp_path / "again") == contents(real)
+def test_long_recording_is_written_to_the_last_byte(measured: Measured, tmp_path: Path) -> None:
+    Recording.load(measured.path).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(measured.path)
 
 
-def test_real_recording_is_what_its_receivers_had(real: Path) -> None:
-    rec = Recording.load(real)
-    assert rec.cube.shape == (256, 3, 8, 64)
+def test_long_recording_is_what_its_receivers_had(measured: Measured) -> None:
+    rec = Recording.load(measured.path)
+    assert rec.cube.shape == (measured.num_frames, 3, 8, 64)
     assert rec.raw is not None
-    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), [1581, 1967, 2064], atol=1.0)  # as published
+    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), measured.means, atol=1.0)
     assert (
         rec.radar.waveform
         == bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
     )
 
 
-def test_real_recording_shows_its_moving_target(real: Path) -> None:
-    rec = Recording.load(real)
+def test_long_recording_shows_its_moving_target(measured: Measured) -> None:
+    rec = Recording.load(measured.path)
     profiles = range_profile(rec.cube.mean(axis=2), rec.radar.waveform, num_bins=256)  # (frame, channel, range)
     moving = (np.abs(profiles - profiles.mean(axis=0)) ** 2).sum(axis=(0, 1))
-    assert 40 <= np.argmax(moving) <= 60  # where the recording's description has a person
+    assert measured.nearest_bin <= np.argmax(moving) <= measured.farthest_bin

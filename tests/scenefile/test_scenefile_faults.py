@@ -43,6 +43,15 @@ FAULTS = {
         "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
     ),
     "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
+    "key that is the name of a type": ("[str]\nname = 1", "unknown key 'str'; known: radar, sensor"),
+    "key that is the name of a kind": (
+        shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'),
+        "body[0] 'a': shape: unknown key 'sphere'; known: kind, radius",
+    ),
+    "far sensor": (
+        "[sensor]\npose = { position = [1e200, 0, 0] }",
+        "sensor: pose.position: expected coordinates within",
+    ),
     "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
     "kind": (
         shaped('{ kind = "spere", radius = 0.1 }'),
@@ -389,3 +398,17 @@ def test_several_faults_are_one_line_each(tmp_path: Path) -> None:
         f"{path}: run: rate: expected a number [Hz], got 'fast'",
         f"{path}: run: unknown key 'stopp'; did you mean 'stop'?",
     ]
+
+
+def test_more_faults_than_anyone_reads_are_counted(tmp_path: Path) -> None:
+    path = write(tmp_path, f"[run]\n{''.join(f'key{number} = 1{chr(10)}' for number in range(300))}")
+    with pytest.raises(ValueError, match="key0") as caught:
+        rc.load_scene(path)
+    assert len(str(caught.value).splitlines()) == 51
+    assert str(caught.value).endswith(f"{path}: and 250 further faults")
+
+
+def test_control_characters_of_a_file_are_escaped_in_messages(tmp_path: Path) -> None:
+    text = '[[material]]\nname = "a\\u0000\\u001b"\n' + BALL + 'material = "b"\n'
+    with pytest.raises(ValueError, match=r"known: a\\x00\\x1b, perfect_conductor"):
+        rc.load_scene(write(tmp_path, text))

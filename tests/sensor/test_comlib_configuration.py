@@ -210,7 +210,7 @@ class Lying(ComLibEmulator):
             ProtocolError,
             "expected answer 0x35 of endpoint 1 to 0x34, got none",
         ),
-        ({(1, 0x36): b"\x37\0"}, ProtocolError, "ComLib message: expected 5 bytes, got 2"),
+        ({(1, 0x36): b"\x37\0"}, ProtocolError, "pipe: ComLib message: expected 5 bytes, got 2"),
     ],
 )
 def test_board_that_says_something_else_than_it_was_set_to_is_refused(lies, error, message):
@@ -228,13 +228,15 @@ def test_board_that_says_something_else_than_it_was_set_to_is_refused(lies, erro
         ),
         (Frame(0, np.zeros((4, 16, 64, 2), np.uint16), 0xF, 1), "of data format 1"),
         (Frame(0, np.zeros((4, 16, 64, 1), np.uint16), 0xF, 0, 14), "expected samples of 12 bit, got 14"),
+        (b"\0" * 18, "ComLib frame: expected data format 0 to 2"),
     ],
 )
 def test_frame_of_another_format_than_set_is_refused(frame, message):
-    board = ComLibBoard(Pipe(Lying({(1, 0x01): frame.encode()})))
+    payload = frame if isinstance(frame, bytes) else frame.encode()
+    board = ComLibBoard(Pipe(Lying({(1, 0x01): payload})))
     board.configure(radar())
     board.start()
-    with pytest.raises(ProtocolError, match=message):
+    with pytest.raises(ProtocolError, match=f"^pipe: {message}" if isinstance(frame, bytes) else message):
         board.read(60.0)
 
 

@@ -277,3 +277,8 @@ def test_board_answers_wrong_bytes_once_and_then_discards(text, status):
     assert parser.silence() == [StatusMessage(0, 1)]
     assert parser.silence() == []
     assert parser.feed(request.encode()) == [request]
+
+
+def test_endpoint_of_any_type_has_letters_that_can_be_shown():
+    assert Endpoint(EndpointType.RBAS).letters == "RBAS"
+    assert Endpoint(0x00410A9C).letters == r"\x00A\x0a\x9c"

@@ -257,6 +257,19 @@ def test_register_that_comes_with_others_is_refused(monkeypatch, link):
         StrataBoard(link)
 
 
+def test_answer_that_says_nothing_is_refused_with_the_port(monkeypatch, link):
+    handle = Controller.handle
+
+    def cut(self, request):
+        response = handle(self, request)
+        is_register = request.kind == Kind.TRANSFER and request.index == AT_CHIP[2]
+        return packets.Response(Kind.TRANSFER, 0, response.payload[:3]) if is_register else response
+
+    monkeypatch.setattr(Controller, "handle", cut)
+    with pytest.raises(ProtocolError, match=f"^{link.name}: Strata values: expected a multiple of 4 bytes, got 3"):
+        StrataBoard(link)
+
+
 def test_function_that_only_tells_of_an_overflow_is_asked_again(link):
     board = StrataBoard(link)
     link._stream.board.controller.chip.overflow()

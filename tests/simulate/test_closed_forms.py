@@ -1,8 +1,8 @@
 """Physical optics and Lambert's law against answers known on paper (docs: theory, validation cases).
 
 H is the received phasor at one frequency for 1 W, isotropic antennas at one place and a perfect conductor. The
-footprint of a pixel is exact up to the staircase of the rim and the curvature within a pixel: the bounds are those
-of the accuracy table for 512 x 512 rays over 60 degrees; most windows here are narrower, the last test's is not.
+footprint of a pixel is exact up to the staircase of the rim and the curvature within a pixel. Bounds in an image of 60
+degrees are those of the accuracy table for 512 x 512 rays; most windows here are narrower, and so are plates' bounds.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ PLATES = {
     "square 0.2 m, 5 degrees": (lambda: rc.shapes.plate(0.2, 0.2), 5.0, 4.603129585e-05 - 1.141052424e-04j),
 }
 
-PLATE_DB, PLATE_PHASE = 0.6, 0.1  # the staircase of the rim
-SPHERE_DB, SPHERE_PHASE = 0.25, 0.05
+PLATE_DB, PLATE_PHASE = 0.6 / 3, 0.1 / 3  # the staircase of the rim, of pixels a third of those in 60 degrees
+SPHERE_DB, SPHERE_PHASE = 0.25, 0.05 / 2  # the curvature within a pixel, in up to 25 degrees
 
 
 @pytest.mark.parametrize("name", PLATES)
@@ -125,6 +125,17 @@ def test_coarse_sphere_needs_the_distance_of_the_curved_surface() -> None:
     assert_close(transfer_function([body(coarse, 1.0)]), expected, SPHERE_DB, SPHERE_PHASE)
     flat = transfer_function([body(flat_shaded(coarse), 1.0)])
     assert abs(flat / expected - 1.0) >= 0.6
+
+
+@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
+def test_error_of_a_smooth_sphere_falls_with_the_pixels(sampling: str) -> None:
+    # Its first Fresnel zone is 22 mm wide: four pixels of 64 in 20 degrees, or 33 of 512.
+    target = [body(rc.shapes.sphere(0.05), 1.0)]
+    coarse, fine = (
+        abs(transfer_function(target, sampling=sampling, resolution=n) / sphere(0.05, 1.0, 60e9) - 1.0)
+        for n in (64, 512)
+    )
+    assert fine < 0.3 * coarse
 
 
 def test_plate_looks_the_same_smooth_and_flat_and_from_behind() -> None:
@@ -171,32 +182,58 @@ def lambertian_disc(radius: float, distance: float) -> float:
     return (C / 60e9 / (4 * np.pi)) ** 2 * distance**2 / 2 * (distance**-4 - (distance**2 + radius**2) ** -2)
 
 
-# Mesh, distance of its centre, mean power, field of view, rays per side, number of seeds. The small disc is seen with
-# 0.34 mm per pixel, as fine as the patches that share a phase, and finer.
+# Mesh, distance of its centre, mean power, field of view, pixels per side. Those of the small disc are 0.34 mm wide, as
+# the patches that share a phase, then finer: 0.10 mm of the smallest disc's.
 LAMBERTIAN = {
-    "disc b=0.1 d=1": (lambda: rc.shapes.disc(0.1), 1.0, 1.557552e-09, 13.0, 64, 200),
-    "disc b=0.3 d=2": (lambda: rc.shapes.disc(0.3), 2.0, 8.601488e-10, 19.0, 64, 200),
-    "sphere a=0.3 D=2": (lambda: rc.shapes.sphere(0.3, subdivisions=5), 2.0, 7.656712e-10, 18.0, 64, 200),
-    "fine disc b=0.02 d=1": (lambda: rc.shapes.disc(0.02), 1.0, lambertian_disc(0.02, 1.0), 2.5, 128, 100),
-    "finest disc b=0.005 d=1": (lambda: rc.shapes.disc(0.005), 1.0, lambertian_disc(0.005, 1.0), 0.6, 100, 100),
+    "disc b=0.1 d=1": (lambda: rc.shapes.disc(0.1), 1.0, 1.557552e-09, 13.0, 64),
+    "disc b=0.3 d=2": (lambda: rc.shapes.disc(0.3), 2.0, 8.601488e-10, 19.0, 64),
+    "sphere a=0.3 D=2": (lambda: rc.shapes.sphere(0.3, subdivisions=5), 2.0, 7.656712e-10, 18.0, 64),
+    "fine disc b=0.02 d=1": (lambda: rc.shapes.disc(0.02), 1.0, lambertian_disc(0.02, 1.0), 2.5, 128),
+    "finest disc b=0.005 d=1": (lambda: rc.shapes.disc(0.005), 1.0, lambertian_disc(0.005, 1.0), 0.6, 100),
 }
+# Pixels of regular images are as many as they are told to be; adaptive sampling takes as many as matt bodies
+# need, whatever its base grid.
+FINENESS: dict[str, dict[str, Any]] = {
+    "half": {"sampling": "footprint", "times": 0.5},
+    "whole": {"sampling": "footprint", "times": 1.0},
+    "double": {"sampling": "footprint", "times": 2.0},
+    "adaptive": {"sampling": "adaptive", "resolution": 32},
+}
+
+
+def lambertian_field(name: str, fineness: str, seed: int) -> complex:
+    """Field of a matt body over the root of its mean power on paper."""
+    mesh, x, expected, field_of_view_deg, resolution = LAMBERTIAN[name]
+    options = dict(FINENESS[fineness])
+    if "times" in options:
+        options["resolution"] = round(options.pop("times") * resolution)
+    target = body(mesh(), x, material=rc.Material.lambertian(1.0))
+    field = transfer_function([target], seed=seed, field_of_view_deg=field_of_view_deg, **options)
+    return complex(field / np.sqrt(expected))
 
 
 @pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 @pytest.mark.parametrize("name", LAMBERTIAN)
-def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str) -> None:
-    mesh, x, expected, field_of_view_deg, resolution, num_seeds = LAMBERTIAN[name]
-    target = body(mesh(), x, material=rc.Material.lambertian(1.0))
-    options = {"field_of_view_deg": field_of_view_deg, "resolution": resolution}
-    powers = [abs(transfer_function([target], seed=seed, **options)) ** 2 / expected for seed in range(num_seeds)]
+@pytest.mark.parametrize("fineness", FINENESS)
+def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str, fineness: str) -> None:
+    num_seeds = 100
+    powers = [abs(lambertian_field(name, fineness, seed)) ** 2 for seed in range(num_seeds)]
     # Speckle: powers are exponential with mean and deviation 1, so the mean of n of them deviates by 1 / sqrt(n).
     # Their deviation has one of sqrt(8 / n) (fourth central moment 9), halved by the root.
     assert np.mean(powers) == pytest.approx(1.0, abs=4.0 / np.sqrt(num_seeds))
     assert np.std(powers) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / num_seeds))
 
 
+@pytest.mark.parametrize("name", LAMBERTIAN)
+def test_speckle_is_another_for_pixels_of_another_size(name: str) -> None:
+    # Or the test above would look at the same samples again and again.
+    fields = [lambertian_field(name, fineness, seed=0) for fineness in FINENESS]
+    for number, field in enumerate(fields):
+        assert all(abs(field - other) > 0.05 for other in fields[:number])
+
+
 def test_power_of_a_matt_body_scales_with_its_albedo_and_speckle_stays() -> None:
-    mesh, options = rc.shapes.disc(0.05), {"field_of_view_deg": 7.0, "resolution": 64}
+    mesh, options = rc.shapes.disc(0.05), {"field_of_view_deg": 7.0}
     white = transfer_function([body(mesh, 1.0, material=rc.Material.lambertian(1.0))], **options)
     grey = transfer_function([body(mesh, 1.0, material=rc.Material.lambertian(0.25))], **options)
     assert grey == pytest.approx(0.5 * white, rel=1e-12)

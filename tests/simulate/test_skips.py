@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -179,6 +180,26 @@ def test_the_gain_floor_leaves_out_nothing_that_some_pair_of_antennas_sees() -> 
             assert error < 1e-4 * np.abs(expected.cube[channel]).max()
     assert 1.0 >= shares[0] > shares[1] > shares[2]
     assert shares[2] < 0.8
+
+
+@pytest.mark.parametrize(("loss_db", "is_seen"), [(72.0, True), (88.0, False)])
+def test_by_default_rays_are_cast_down_to_80_db_below_the_peak(loss_db: float, is_seen: bool) -> None:
+    # A Gaussian beam of width w loses 2 * 10 lg(e) * 4 ln 2 * (angle / w)^2 dB there and back.
+    width_deg = 12.0
+    angle = np.deg2rad(width_deg) * np.sqrt(loss_db / (80.0 * np.log10(np.e) * np.log(2.0)))
+    radar = rc.Radar(RADAR.waveform, pattern=rc.GaussianPattern(20.0, width_deg, width_deg))
+    ball = rc.Body(rc.shapes.sphere(0.01), motion=rc.Pose([2.0 * np.cos(angle), 2.0 * np.sin(angle), 0.0]))
+    options: dict[str, Any] = {
+        "sampling": "footprint",
+        "resolution": 512,
+        "field_of_view_deg": (60.0, 60.0),
+        "method": "direct",
+    }
+    everything = rc.Simulator(rc.Scene([ball]), radar, gain_floor_db=np.inf, **options).frame().cube
+    with nullcontext() if is_seen else pytest.warns(UserWarning, match="no body is seen"):
+        cube = rc.Simulator(rc.Scene([ball]), radar, **options).frame().cube
+    assert np.abs(everything).max() > 0.0
+    np.testing.assert_array_equal(cube, everything if is_seen else np.zeros_like(cube))
 
 
 def test_tiles_outside_of_a_table_are_not_cast() -> None:

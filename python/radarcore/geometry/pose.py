@@ -11,6 +11,12 @@ from radarcore import check
 
 Matrix = NDArray[np.float64]
 
+_FARTHEST = 1e15
+"""Largest coordinate [m], as of meshes: its square is still a number."""
+
+_LARGEST_ANGLE = 1e6
+"""Largest angle [rad]: the turn that is left of larger ones is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -34,6 +40,8 @@ class Pose:
 
     def __init__(self, position: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike | None = None) -> None:
         matrix = check.array("rotation", np.eye(3) if rotation is None else rotation, (3, 3))
+        if (largest := float(np.abs(matrix).max())) > 2.0:  # products of huge ones overflow
+            raise ValueError(f"rotation: expected entries of a rotation matrix, from -1 to 1, got {largest:g}")
         error = np.abs(matrix @ matrix.T - np.eye(3)).max()
         if error > 1e-6 or np.linalg.det(matrix) < 0.0:
             raise ValueError(
@@ -43,7 +51,7 @@ class Pose:
         if error > 1e-15:
             u, _, vt = np.linalg.svd(matrix)
             matrix = u @ vt
-        object.__setattr__(self, "position", check.frozen(check.array("position", position, (3,))))
+        object.__setattr__(self, "position", check.frozen(checked_position("position", position)))
         object.__setattr__(self, "rotation", check.frozen(matrix))
 
     @classmethod
@@ -57,9 +65,9 @@ class Pose:
     @classmethod
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
         """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be."""
-        origin = check.array("position", position, (3,))
-        x = check.array("target", target, (3,)) - origin
-        y = np.cross(check.array("up", up, (3,)), x)
+        origin = checked_position("position", position)
+        x = checked_position("target", target) - origin
+        y = np.cross(scaled(check.array("up", up, (3,))), x)
         if not np.linalg.norm(x) > 0.0:
             raise ValueError(f"target: expected a point other than the position, got {origin}")
         if np.linalg.norm(y) <= 1e-9 * np.linalg.norm(x):
@@ -70,7 +78,7 @@ class Pose:
     @classmethod
     def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
         """Pose from a quaternion in the order (w, x, y, z), of any length but zero."""
-        q = check.array("quaternion", quaternion, (4,))
+        q = scaled(check.array("quaternion", quaternion, (4,)))
         if not np.linalg.norm(q) > 0.0:
             raise ValueError("quaternion: expected (w, x, y, z) of any length but zero")
         w, *v = q / np.linalg.norm(q)
@@ -80,7 +88,9 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
-        roll, pitch, yaw = check.radians("rpy", check.array("rpy", rpy, (3,)))
+        roll, pitch, yaw = angles = check.radians("rpy", check.array("rpy", rpy, (3,)))
+        if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE:
+            raise ValueError(f"rpy: expected angles within {_LARGEST_ANGLE:g} rad, got {largest:g}")
         z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
         return cls(position, z @ y @ x)
 
@@ -119,6 +129,20 @@ class Pose:
 
     def __hash__(self) -> int:
         return hash((self.position.tobytes(), self.rotation.tobytes()))
+
+
+def checked_position(name: str, value: ArrayLike) -> Matrix:
+    """A point (3,) whose coordinates are within 1e15 m."""
+    position = check.array(name, value, (3,))
+    if (farthest := float(np.abs(position).max())) > _FARTHEST:
+        raise ValueError(f"{name}: expected coordinates within {_FARTHEST:g} m, got {farthest:g}")
+    return position
+
+
+def scaled(vector: Matrix) -> Matrix:
+    """A vector whose largest entry is 1 or -1: squares of others may not be numbers; zero as it is."""
+    largest = np.abs(vector).max()
+    return vector if largest == 0.0 else vector / largest
 
 
 def as_pose(matrix: Matrix) -> Pose:

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
+from radarcore.radar.levels import LARGEST_DB, level
 from radarcore.radar.pattern_files import read_table
 from radarcore.twin import Twinned
 from radarcore.units import power_from_db
 
-_LARGEST_GAIN_DB = 1000.0
-"""Gains of tables are within this [dB]."""
+_BEAMWIDTHS = (1e-3, 1e6)
+"""Smallest and largest beam width [degrees]: that of a dish of a hundred metres, and one that is no beam any more."""
 
 _RADIATED_DB = 1.0
 """Power radiated over power fed beyond which gain and beam widths contradict each other [dB]: data sheets round."""
@@ -36,7 +37,7 @@ class IsotropicPattern(Twinned):
     gain_db: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
+        object.__setattr__(self, "gain_db", level("gain_db", self.gain_db, "dBi"))
         _warn_of_gain(self, self.gain_db, "in all directions")
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
@@ -74,9 +75,13 @@ class GaussianPattern(Twinned):
     beamwidth_elevation_deg: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", check.number("gain_db", self.gain_db, "dB"))
+        object.__setattr__(self, "gain_db", level("gain_db", self.gain_db, "dBi"))
         for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
-            object.__setattr__(self, name, check.positive(name, getattr(self, name), "degrees"))
+            width = check.positive(name, getattr(self, name), "degrees")
+            if not _BEAMWIDTHS[0] <= width <= _BEAMWIDTHS[1]:
+                limits = " to ".join(f"{limit:g}" for limit in _BEAMWIDTHS)
+                raise ValueError(f"{name}: expected {limits} [degrees], got {width:g}")
+            object.__setattr__(self, name, width)
         widths = self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
 
@@ -253,9 +258,9 @@ def _angles(name: str, value: ArrayLike, limit: float, unit: str) -> NDArray[np.
 def _gains(value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.float64]:
     """Gains of a table [dB], frozen."""
     gains = check.array("gain_db", value, shape)
-    is_beyond = np.abs(gains) > _LARGEST_GAIN_DB
+    is_beyond = np.abs(gains) > LARGEST_DB
     if is_beyond.any():
         i, j = (int(index) for index in np.argwhere(is_beyond)[0])
-        limits = f"{-_LARGEST_GAIN_DB:g} to {_LARGEST_GAIN_DB:g}"
+        limits = f"{-LARGEST_DB:g} to {LARGEST_DB:g}"
         raise ValueError(f"gain_db: expected {limits} [dB], got {gains[i, j]:g} at index ({i}, {j})")
     return check.frozen(gains)

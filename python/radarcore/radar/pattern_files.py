@@ -11,14 +11,21 @@ from numpy.typing import NDArray
 _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
 """Columns of a file of a table."""
 
+_LONGEST_TEXT = 200
+"""Characters of a file that a message shows."""
+
 
 def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a device may never end
+        raise ValueError("expected a file, got a device or a pipe")
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file, skipinitialspace=True)
         names = [name.strip() for name in next(lines, [])]
         if sorted(names) != sorted(_COLUMNS):
-            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {', '.join(names) or 'none'}")
+            got = ", ".join(name if name.isprintable() else repr(name) for name in names)
+            got = got if len(got) <= _LONGEST_TEXT else f"{got[:_LONGEST_TEXT]}..."
+            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {got or 'none'}")
         rows = [_row(entries, names, lines.line_num) for entries in lines if any(map(str.strip, entries))]
     if not rows:
         raise ValueError("expected lines of numbers, got none")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
 from radarcore.radar import beam
+from radarcore.radar.levels import level
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
@@ -20,6 +21,9 @@ from radarcore.units import power_from_dbm
 
 _WIDEST_APERTURE = 100.0
 """Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
+
+_FARTHEST_ANTENNA = 1e6
+"""Largest coordinate of an antenna in the sensor frame [m]."""
 
 
 @check.knows_keywords
@@ -88,7 +92,7 @@ class Radar(Twinned):
         put(self, "pattern", pattern)
         put(self, "tx_patterns", _patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
         put(self, "rx_patterns", _patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
-        put(self, "tx_power_dbm", check.number("tx_power_dbm", tx_power_dbm, "dBm"))
+        put(self, "tx_power_dbm", level("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
         put(self, "polarization", _polarization(polarization))
         aperture = float(np.linalg.norm(np.ptp(np.concatenate([self.tx, self.rx]), axis=0)))
@@ -232,4 +236,6 @@ def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:
     positions = check.array(name, value, (None, 3))
     if len(positions) == 0:
         raise ValueError(f"{name}: expected at least one antenna position, got none")
+    if (farthest := float(np.abs(positions).max())) > _FARTHEST_ANTENNA:
+        raise ValueError(f"{name}: expected coordinates within {_FARTHEST_ANTENNA:g} m, got {farthest:g}")
     return check.frozen(positions)

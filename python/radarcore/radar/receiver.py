@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from radarcore import check
+from radarcore.radar.levels import level
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
 
@@ -27,8 +28,8 @@ class Receiver:
     def __post_init__(self) -> None:
         check.choice("output", self.output, ("iq", "real"))
         if self.noise_figure_db is not None:
-            level = check.non_negative("noise_figure_db", self.noise_figure_db, "dB")
-            object.__setattr__(self, "noise_figure_db", level)
+            check.non_negative("noise_figure_db", self.noise_figure_db, "dB")
+            object.__setattr__(self, "noise_figure_db", level("noise_figure_db", self.noise_figure_db))
 
     def noise_variance(self, sample_rate: float) -> float:
         """Noise power per sample [W]: ``k T F fs``, half of it for a real receiver."""

@@ -25,6 +25,9 @@ _WIDEST_BAND = 0.3
 _LONGEST_CHIRP = 0.1
 """Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
 
+_LONGEST_TIME = 1e6
+"""Longest time of a waveform [s]: products of longer ones are no numbers any more."""
+
 
 def check_frequency(name: str, value: object) -> float:
     """A frequency that a radar can have [Hz]."""
@@ -97,8 +100,18 @@ class Waveform(Twinned):
             if getattr(self, name) > _MAX_COUNT:
                 raise ValueError(f"{name}: expected at most {_MAX_COUNT}, got {getattr(self, name)}")
         put(self, "adc_delay", check.non_negative("adc_delay", self.adc_delay, "s"))
-        sweep = self.adc_delay + self.num_samples / self.sample_rate
+        if self.num_samples > _LONGEST_TIME * self.sample_rate:
+            raise ValueError(
+                f"sample_rate: expected {self.num_samples} samples within {_LONGEST_TIME:g} s, got "
+                f"{self.sample_rate:g} Hz"
+            )
+        sweep = _time("adc_delay", self.adc_delay) + self.num_samples / self.sample_rate
         stop = self.start_frequency + self.slope * sweep
+        if stop > _HIGHEST_FREQUENCY:
+            raise ValueError(
+                f"slope: expected a ramp below {_HIGHEST_FREQUENCY:g} Hz for {sweep:g} s (adc_delay + samples), got "
+                f"{stop:g} Hz after that at {self.slope:g} Hz/s"
+            )
         if stop <= 0.0:
             raise ValueError(
                 f"slope: expected a ramp above 0 Hz for {sweep:g} s (adc_delay + samples), got {stop:g} Hz after "
@@ -108,7 +121,7 @@ class Waveform(Twinned):
         put(self, "chirp_times", self._starts(sweep))
         if self.frame_interval is None:
             put(self, "frame_interval", self._default_frame_interval)
-        put(self, "frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
+        put(self, "frame_interval", _time("frame_interval", check.positive("frame_interval", self.frame_interval, "s")))
         self._warn_of_ramp(sweep)
 
     def _warn_of_ramp(self, sweep: float) -> None:
@@ -132,11 +145,12 @@ class Waveform(Twinned):
         if self.chirp_times is None:
             name = "chirp_interval"
             interval = sweep if self.chirp_interval is None else self.chirp_interval
-            put(self, "chirp_interval", check.positive("chirp_interval", interval, "s"))
+            put(self, "chirp_interval", _time("chirp_interval", check.positive("chirp_interval", interval, "s")))
             starts = self.chirp_interval * np.arange(self.num_chirps)
         else:
             name = "chirp_times"
             starts = check.array("chirp_times", self.chirp_times, (self.num_chirps,))
+            _time("chirp_times", float(starts.max()))
             if starts[0] < 0.0:
                 raise ValueError(f"chirp_times: expected times from 0 on [s], got {starts[0]:g}")
             if (np.diff(starts) <= 0.0).any():
@@ -312,3 +326,10 @@ class Waveform(Twinned):
 
     def __hash__(self) -> int:
         return hash((self.start_frequency, self.slope, self.sample_rate, self.num_samples, self.num_chirps))
+
+
+def _time(name: str, seconds: float) -> float:
+    """A time that a waveform can last [s]."""
+    if seconds > _LONGEST_TIME:
+        raise ValueError(f"{name}: expected at most {_LONGEST_TIME:g} s, got {seconds:g}")
+    return seconds

@@ -95,8 +95,7 @@ def load(path: Path) -> Stored:
     if file.header != _header(codes.shape):
         kept["header"] = file.header.decode("latin-1")
     source = {"sensor": description, "cube_unit": FULL_SCALE, "infineon": kept}
-    with np.errstate(over="ignore"):  # times that are not finite are refused with the rest
-        time = radar.waveform.frame_interval * np.arange(num_frames, dtype=np.float64)
+    time = radar.waveform.frame_interval * np.arange(num_frames, dtype=np.float64)
     return Stored(cube, time, radar, None, source)
 
 

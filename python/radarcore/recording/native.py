@@ -26,12 +26,15 @@ from numpy.typing import NDArray
 from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
-from radarcore.recording.npy import ArrayFile, naming
+from radarcore.recording.npy import ArrayFile, naming, read_npz
 
 FORMAT = "radarcore recording"
 VERSION = 1
 UNITS = {"cube": "sqrt(W)", "time": "s", "range": "m", "velocity": "m/s", "azimuth": "rad", "elevation": "rad"}
 TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
+
+_DTYPES = dict.fromkeys(("time", *TRUTH_FILES), ("float64",)) | {"lost": ("int32",), "cube": CUBE_TYPES}
+"""Names of the dtypes that the arrays may have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +78,8 @@ def load_directory(path: Path, mmap: bool) -> Stored:
     rows |= dict.fromkeys(() if meta.names is None else TRUTH_FILES, (len(meta.names or ()),))
     rows |= {"lost": ()} if (path / "lost.npy").is_file() else {}
     rows["cube"] = frame_shape(meta.radar)
-    dtypes = dict.fromkeys(rows, ("float64",)) | {"lost": ("int32",), "cube": CUBE_TYPES}
     present = {name: path / f"{name}.npy" for name in rows if (path / f"{name}.npy").is_file()}
-    files = {name: ArrayFile(file, rows[name], dtypes[name], "meta.json") for name, file in present.items()}
+    files = {name: ArrayFile(file, rows[name], _DTYPES[name], "meta.json") for name, file in present.items()}
 
     # The cube's file is made last: without it there are no frames yet, unless it has been lost.
     if "cube" not in files and all(file.num_rows == 0 for file in files.values()):
@@ -100,11 +102,7 @@ def load_npz(path: Path) -> Stored:
     """Content of an .npz file."""
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: expected a recording's directory or .npz file, got another or a damaged file")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (zipfile.BadZipFile, ValueError, EOFError) as error:
-        raise ValueError(f"{path}: damaged .npz file ({error})") from error
+    arrays = read_npz(path, ("meta", *_DTYPES))
     names = ("meta", "time", "cube")
     if missing := set(names) - arrays.keys():
         raise ValueError(f"{path}: expected a recording with {', '.join(names)}, got one without {sorted(missing)[0]}")
@@ -112,7 +110,13 @@ def load_npz(path: Path) -> Stored:
     if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
         raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")
     warn_of_missing(path, arrays["time"].size, None, closed=True)
-    truth = _truth_of(meta.names, arrays, 0)
+    for name, dtypes in _DTYPES.items():
+        if name in arrays and arrays[name].dtype.name not in dtypes:
+            raise ValueError(f"{path}, {name}: expected {', '.join(dtypes)}, got {arrays[name].dtype}")
+    try:
+        truth = _truth_of(meta.names, arrays, 0)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}, truth: {error}") from error
     return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
 
 
@@ -195,8 +199,9 @@ class _Meta:
             )
         except KeyError as error:
             raise ValueError(f"{where}: expected the key {error}, got none") from error
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ValueError(f"{where}: {error}") from error
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:  # JSON has integers of any length
+            text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(error))
+            raise ValueError(f"{where}: {text}") from error
 
 
 def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:

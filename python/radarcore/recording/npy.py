@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+import warnings
+import zipfile
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -16,6 +18,18 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import check
+
+_LONGEST_HEADER = 1 << 16
+"""Bytes of a header that are read: NumPy refuses more than 10 000."""
+
+_MOST_DEFLATED = 1032
+"""Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
+
+_CHUNK_BYTES = 1 << 20
+"""Bytes that are read at once."""
+
+_LONGEST_REASON = 200
+"""Characters of another library's message."""
 
 
 class GrowingFile:
@@ -115,14 +129,55 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
     """Shape, Fortran order and dtype at the start of an NPY file; ValueError, with the path, for a damaged one."""
     readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
     try:
-        version = npy.read_magic(file)
+        # No more than NumPy takes for a header is read, whatever length it says; old names of dtypes are refused later.
+        place, start = file.tell(), BytesIO(file.read(_LONGEST_HEADER))
+        version = npy.read_magic(start)
         if version not in readers:
             raise ValueError(f"NPY version {version}")
-        shape, fortran_order, dtype = readers[version](file)
+        with warnings.catch_warnings(action="ignore"):
+            shape, fortran_order, dtype = readers[version](start)
+        file.seek(place + start.tell())
         return shape, fortran_order, dtype
     except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
         # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
+
+
+def read_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    """Arrays of an .npz file that have one of some names; ValueError, with the path, for a damaged one.
+
+    No array is made before it is known that the file can hold it.
+    """
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+                return {name: _member(archive, members[name]) for name in names if name in members}
+        except Exception as error:  # whatever zipfile and zlib raise for damaged bytes, the user wants the path
+            raise ValueError(f"{path}: damaged .npz file ({str(error)[:_LONGEST_REASON]})") from error
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    """Array of a file in an archive."""
+    with archive.open(info) as file:
+        shape, fortran_order, dtype = read_header(file, info.filename)
+        if dtype.hasobject:
+            raise ValueError(f"{info.filename}: expected numbers or text, got objects")
+        # Deflated zeros are a thousandth of their length, and no archive is longer than its file.
+        num_bytes = _num_bytes(shape, dtype)
+        packed = min(info.compress_size, os.fstat(archive.fp.fileno()).st_size) if archive.fp is not None else 0
+        room = packed * (_MOST_DEFLATED if info.compress_type == zipfile.ZIP_DEFLATED else 1)
+        if not all(length >= 0 for length in shape) or num_bytes > room:
+            raise ValueError(f"{info.filename}: expected the samples of shape {shape}, got room for {room} bytes")
+        values = np.empty(shape, dtype, order="F" if fortran_order else "C")
+        left = values.reshape(-1, order="A").view(np.uint8) if num_bytes > 0 else np.empty(0, np.uint8)
+        while len(left) > 0:
+            data = file.read(min(len(left), _CHUNK_BYTES))
+            if not data:
+                raise ValueError(f"{info.filename}: expected {len(left)} more bytes, got none")
+            left[: len(data)] = np.frombuffer(data, np.uint8)
+            left = left[len(data) :]
+        return values
 
 
 def write_whole(path: Path, data: bytes) -> None:

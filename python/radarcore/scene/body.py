@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.pose import Pose
+from radarcore.geometry.pose import Pose, checked_position
 from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
@@ -100,7 +100,7 @@ class PointTarget:
         name: str | None = None,
     ) -> None:
         put = object.__setattr__
-        put(self, "position", check.frozen(check.array("position", position, (3,))))
+        put(self, "position", check.frozen(checked_position("position", position)))
         put(self, "rcs", check.non_negative("rcs", rcs, "m^2"))
         put(self, "velocity", check.frozen(check.array("velocity", velocity, (3,))))
         put(self, "name", name)

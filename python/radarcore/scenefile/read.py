@@ -16,6 +16,9 @@ from radarcore.scenefile.tables import SceneTable, Table
 
 Location = tuple[str | int, ...]
 
+_MOST_LINES = 50
+"""Faults that a message names."""
+
 
 def table(file: Path) -> SceneTable:
     """The tables of a file, with every key known and of the right type."""
@@ -31,7 +34,10 @@ def table(file: Path) -> SceneTable:
         # Strict validation takes arrays for tuples only in JSON.
         return SceneTable.model_validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        raise ValueError("\n".join(f"{file}: {line}" for line in _lines(error, values))) from None
+        lines = [f"{file}: {line}" for line in _lines(error, values)]
+        if len(lines) > _MOST_LINES:
+            lines[_MOST_LINES:] = [f"{file}: and {len(lines) - _MOST_LINES} further faults"]
+        raise ValueError("\n".join(lines)) from None
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
@@ -128,7 +134,7 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
 
 def _fault(details: Any) -> _Fault:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
-    key = _key(details["loc"])
+    key = _key(details["loc"], is_unknown=kind == "extra_forbidden")
     if kind == "extra_forbidden":
         name = str(key.path[-1])
         near = check.near(name, key.known)
@@ -169,17 +175,18 @@ def _path_text(path: Location, values: dict[str, Any]) -> str:
     return ": ".join(filter(None, [head, tail]))
 
 
-def _key(location: Location) -> _Key:
-    """Place of a pydantic location, which also holds names of types and kinds."""
+def _key(location: Location, *, is_unknown: bool) -> _Key:
+    """Place of a pydantic location, which also holds names of types and kinds; the last one may be of no known key."""
     tables: list[type[Table]] = [SceneTable]
     holders, path, unit = tables, list[str | int](), ""
-    for part in location:
+    for number, part in enumerate(location):
+        is_key = is_unknown and number == len(location) - 1  # whatever else it is the name of
         if isinstance(part, int):
             path.append(part)
             continue
         fields = [table.model_fields[part] for table in tables if part in table.model_fields]
-        narrowed = [table for table in tables if part in (table.__name__, kind_of(table))]
-        if fields or not (narrowed or part in _TYPES):
+        narrowed = [table for table in tables if part in (table.__name__, kind_of(table)) and not is_key]
+        if is_key or fields or not (narrowed or part in _TYPES):
             holders = tables
             path.append(part)
             unit = unit_of(fields[0].description) if fields else ""

@@ -99,19 +99,17 @@ fn cut_ears(points: &[DVec3], rounding: f64) -> Option<Vec<[u32; 3]>> {
     let mut corners: Vec<u32> = Vec::new();
     Earcut::new().earcut(flat.iter().copied(), &[], &mut corners);
 
-    // Where edges cross, ears overlap or leave something out.
+    // Where edges cross, ears overlap, leave something out, or wind the other way: their areas make up that of the ring
+    // with and without their signs.
     let triangles: Vec<[u32; 3]> = corners.as_chunks().0.to_vec();
     let doubled_area = |&[a, b, c]: &[u32; 3]| {
         let [a, b, c] = [a, b, c].map(|corner| flat[corner as usize]);
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     };
-    let total = triangles
-        .iter()
-        .map(|triangle| doubled_area(triangle).abs())
-        .sum::<f64>()
-        / 2.0;
-    let excess = (total - area[axis].abs()).abs();
-    (excess <= rounding * perimeter(points)).then_some(triangles)
+    let areas = || triangles.iter().map(|triangle| doubled_area(triangle) / 2.0);
+    let excess = |total: f64| (total - area[axis].abs()).abs();
+    let worst = excess(areas().sum()).max(excess(areas().map(f64::abs).sum()));
+    (worst <= rounding * perimeter(points)).then_some(triangles)
 }
 
 /// True if the ring traverses one edge twice in the same direction, so that it lies over itself: earcut would take

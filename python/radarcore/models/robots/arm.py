@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from os import PathLike
+from os import PathLike, fspath
 from typing import Literal, cast
 
 import numpy as np
@@ -114,11 +114,14 @@ class RobotArm:
         from radarcore.models.robots import urdf
 
         model = urdf.read(path, geometry=meshes, package_directories=package_directories)
-        shapes = {
-            link: merged_mesh([(part.mesh(), part.origin) for part in parts]) if parts else None
-            for link, parts in model.links.items()
-        }
-        return cls(model.joints, shapes, name=model.name)
+        try:
+            shapes = {
+                link: merged_mesh([(part.mesh(), part.origin) for part in parts]) if parts else None
+                for link, parts in model.links.items()
+            }
+            return cls(model.joints, shapes, name=model.name)
+        except ValueError as error:
+            raise ValueError(f"{fspath(path)}: {error}") from error
 
     @classmethod
     def ur10(cls) -> RobotArm:

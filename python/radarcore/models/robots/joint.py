@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose
+from radarcore.geometry.pose import Matrix, Pose, scaled
 
 JointAngles = Mapping[str, float] | Sequence[float] | Matrix
 """One angle [rad] (prismatic: [m]) per moving joint, in order; or by name, those left out being zero."""
@@ -68,7 +68,7 @@ class Joint:
                 f"got {axis!r} for {name!r}"
             )
         if axis is not None:
-            direction = check.array("axis", axis, (3,))
+            direction = scaled(check.array("axis", axis, (3,)))
             if not (length := np.linalg.norm(direction)) > 0.0:
                 raise ValueError(f"axis: expected a direction, got zero for {name!r}")
             axis = check.frozen(direction / length)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix
+from radarcore.geometry.pose import Matrix, scaled
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.joint import JointAngles
 from radarcore.models.robots.joint_trajectory import JointTrajectory
@@ -75,7 +75,7 @@ def cartesian_line(
     """
     angles = arm.joint_array(start_angles)
     start = arm.link_pose(link, angles)
-    unit = check.array("direction", direction, (3,))
+    unit = scaled(check.array("direction", direction, (3,)))
     if not (norm := np.linalg.norm(unit)) > 0.0:
         raise ValueError("direction: expected a direction, got zero")
     unit = unit / norm

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -32,7 +32,7 @@ class Part(NamedTuple):
     def mesh(self) -> Mesh:
         """The shape [m], before it is put at `origin`; a mirrored one keeps its normals outwards."""
         mesh = load_mesh(self.source) if isinstance(self.source, Path) else self.source
-        triangles = mesh.triangles if self.scale.prod() > 0.0 else mesh.triangles[:, ::-1]
+        triangles = mesh.triangles if np.sign(self.scale).prod() > 0.0 else mesh.triangles[:, ::-1]
         return Mesh(mesh.vertices * self.scale, triangles)
 
 
@@ -156,15 +156,21 @@ class _Reader:
                 raise self.error(f"{where}, {name}: expected positive numbers, got {shape.get(name)!r}")
             return values
 
+        def made(make: Callable[..., Mesh], *values: Any) -> Mesh:
+            try:
+                return make(*values)
+            except ValueError as error:
+                raise self.error(f"{where}: {error}") from error
+
         match shape.tag:
             case "mesh":
                 return self.mesh_file(self.attribute(shape, "filename", where))
             case "box":
-                return shapes.box(sizes("size", 3))
+                return made(shapes.box, sizes("size", 3))
             case "cylinder":
-                return shapes.cylinder(float(sizes("radius")[0]), float(sizes("length")[0]))
+                return made(shapes.cylinder, float(sizes("radius")[0]), float(sizes("length")[0]))
             case "sphere":
-                return shapes.sphere(float(sizes("radius")[0]))
+                return made(shapes.sphere, float(sizes("radius")[0]))
         raise self.error(f"{where}: expected mesh, box, cylinder or sphere, got <{shape.tag}>")
 
     def mesh_file(self, filename: str) -> Path:

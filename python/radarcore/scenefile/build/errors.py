@@ -17,4 +17,5 @@ def located(prefix: str) -> Iterator[None]:
     except (ValueError, TypeError, KeyError, ImportError) as error:
         text = str(error.args[0]) if isinstance(error, KeyError) else str(error)
         kind = ImportError if isinstance(error, ImportError) else ValueError
-        raise kind(prefix + " ".join(text.split())) from error
+        line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+        raise kind(prefix + line) from error

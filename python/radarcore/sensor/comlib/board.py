@@ -6,8 +6,8 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 from radarcore import check
 from radarcore.radar.radar import Radar
@@ -43,6 +43,8 @@ from radarcore.sensor.comlib.payloads import (
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
 from radarcore.sensor.transport import Stream
+
+_Decoded = TypeVar("_Decoded")
 
 _TIMEOUT = 1.0
 """Time-out of the answer to a request [s]."""
@@ -133,8 +135,8 @@ class ComLibBoard:
 
         # Stop a measurement that was left running, then ask for the firmware and the limits.
         self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
-        firmware = Firmware.decode(self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
-        self._limits = Info.decode(self._ask(self._base, Base.GET_INFO, Base.INFO))
+        firmware = self._decoded(Firmware.decode, self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
+        self._limits = self._decoded(Info.decode, self._ask(self._base, Base.GET_INFO, Base.INFO))
         chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
         self.info = BoardInfo(
             port=stream.name,
@@ -195,7 +197,7 @@ class ComLibBoard:
             # The ramp lasts as long as the chirp, which follows from rate and format.
             duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
             ramp = self._set_ramp(wave, power, duration)
-            slope = decode_number(self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
+            slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
             shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
 
         # Settings of the board.
@@ -265,7 +267,7 @@ class ComLibBoard:
             raise SensorError(f"{self.info.port}: {self.info.name} has no temperature sensor")
         with self._exclusive():
             request = encode_byte(Base.GET_TEMPERATURE, 0)
-            return Reading.decode(self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
+            return self._decoded(Reading.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
 
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
@@ -324,7 +326,7 @@ class ComLibBoard:
                     f"{error}: the board has no real samples, and radarcore reads no other", error.status
                 ) from None
             raise
-        answer = Format.decode(self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
+        answer = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
         if answer.signal_part != SignalPart.I:
             raise SensorError(
                 f"{self._stream.name}: expected real samples (signal part {SignalPart.I.value}), got signal part "
@@ -358,13 +360,13 @@ class ComLibBoard:
         return wave.sample_rate
 
     def _fmcw_settings(self) -> FmcwSettings:
-        return FmcwSettings.decode(self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))
+        return self._decoded(FmcwSettings.decode, self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))
 
     def _adc_settings(self, endpoint: int) -> AdcSettings:
-        return AdcSettings.decode(self._ask(endpoint, Adc.GET_SETTINGS, Adc.SETTINGS))
+        return self._decoded(AdcSettings.decode, self._ask(endpoint, Adc.GET_SETTINGS, Adc.SETTINGS))
 
     def _number(self, request: int, code: int) -> int:
-        return decode_number(self._ask(self._base, request, code))
+        return self._decoded(decode_number, self._ask(self._base, request, code))
 
     # Frames
 
@@ -391,7 +393,7 @@ class ComLibBoard:
         host_time = time.time()
         for message in messages:
             if message.endpoint == self._base and message.code == Base.FRAME:
-                self._put_frame(Frame.decode(message.payload), host_time)
+                self._put_frame(self._decoded(Frame.decode, message.payload), host_time)
 
     def _put_frame(self, frame: Frame, host_time: float) -> None:
         codes = frame.codes[..., 0]
@@ -433,9 +435,9 @@ class ComLibBoard:
     def _probe(self) -> list[Endpoint]:
         """Endpoints; a second try where the first meets the end of what another program has asked for."""
         try:
-            return decode_endpoints(self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
         except ProtocolError:
-            return decode_endpoints(self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
 
     def _ask(self, endpoint: int, request: int | bytes, code: int) -> bytes:
         """Payload with `code` of the answer to a request, among others that may come with it."""
@@ -446,6 +448,13 @@ class ComLibBoard:
         raise ProtocolError(
             f"{self._stream.name}: expected answer 0x{code:02x} of endpoint {endpoint} to 0x{payload[0]:02x}, got none"
         )
+
+    def _decoded(self, decode: Callable[[bytes], _Decoded], payload: bytes) -> _Decoded:
+        """What a payload says; a ProtocolError, with the port, if it says nothing."""
+        try:
+            return decode(payload)
+        except ProtocolError as error:
+            raise ProtocolError(f"{self._stream.name}: {error}") from error
 
     def _set(self, endpoint: int, payload: bytes) -> None:
         self._exchange(endpoint, payload)

@@ -21,8 +21,9 @@ class Endpoint(NamedTuple):
 
     @property
     def letters(self) -> str:
-        """The four letters of the type."""
-        return self.type.to_bytes(4, "big").decode("ascii", errors="replace")
+        """The four letters of the type; what is none is escaped."""
+        letters = self.type.to_bytes(4, "big").decode("ascii", errors="backslashreplace")
+        return "".join(letter if letter.isprintable() else rf"\x{ord(letter):02x}" for letter in letters)
 
 
 def encode_endpoints(endpoints: list[Endpoint]) -> bytes:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from radarcore.sensor.strata.byte_stream import Damage
 from radarcore.sensor.strata.link import Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
+
+_Decoded = TypeVar("_Decoded")
 
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
@@ -81,7 +83,7 @@ class StrataBoard:
         """Stop a running measurement, ask for versions, reset the chip and identify it."""
         ask = self._link.ask
         # Any answer will do here, but there has to be one.
-        version = Version.decode(ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
+        version = self._decoded(Version.decode, ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
         if version.protocol_major != 4:
             advice = "update the board's firmware" if version.protocol_major < 4 else "update radarcore"
             raise ProtocolError(
@@ -107,10 +109,10 @@ class StrataBoard:
         return BoardInfo(
             port=self._link.name,
             protocol="strata",
-            name=packets.decode_board_info(name)[2] or "Strata board",
+            name=self._decoded(packets.decode_board_info, name)[2] or "Strata board",
             chip=chip,
             firmware=version.firmware,
-            serial_number=packets.uuid_text(uuid) if any(uuid) else "",
+            serial_number=self._decoded(packets.uuid_text, uuid) if any(uuid) else "",
         )
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
@@ -330,12 +332,18 @@ class StrataBoard:
         return self._settings
 
     def _read_register(self, address: int) -> int:
-        values = packets.decode_values(
-            self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands([address << 25])))
-        )
+        answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands([address << 25])))
+        values = self._decoded(packets.decode_values, answer)
         if len(values) != 1:
             raise ProtocolError(f"{self._link.name}: expected one register, got {len(values)}")
         return values[0] & 0xFFFFFF
+
+    def _decoded(self, decode: Callable[[bytes], _Decoded], payload: bytes) -> _Decoded:
+        """What an answer says; a ProtocolError, with the port, if it says nothing."""
+        try:
+            return decode(payload)
+        except ProtocolError as error:
+            raise ProtocolError(f"{self._link.name}: {error}") from error
 
     def _execute(self, words: Iterable[int]) -> None:
         """Send words to the chip."""

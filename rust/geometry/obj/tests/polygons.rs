@@ -201,6 +201,24 @@ fn edges_that_cross_are_refused_with_their_line() {
 }
 
 #[test]
+fn ears_that_wind_the_other_way_are_refused_though_their_areas_add_up() {
+    // Corners on a grid of 5 x 5: six ears of 5 in all, as much as the ring, of which one of 1.5 is turned over.
+    let ring = [
+        25, 9, 14, 18, 13, 14, 21, 22, 5, 7, 24, 6, 17, 13, 22, 10, 9, 3, 16, 8, 4,
+    ];
+    let vertices = lines((0..25).map(|i| format!("v {} {} 0\n", i % 5, i / 5)));
+    let (line, message) = fault(&format!(
+        "{vertices}f {}\n",
+        ring.map(|corner| corner.to_string()).join(" ")
+    ));
+    assert_eq!(line, 26);
+    assert!(
+        message.contains("expected a polygon whose edges do not cross"),
+        "{message}"
+    );
+}
+
+#[test]
 fn edges_that_cross_by_less_than_the_digits_of_the_file_are_accepted() {
     let sliver = [
         [0.0, 0.0, 0.0],

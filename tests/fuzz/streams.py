@@ -1,0 +1,292 @@
+"""Inputs of sensors: packets of Strata and ComLib, and captures of whole conversations."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from random import Random
+from typing import Any
+from unittest.mock import patch
+
+from boards import Numbered
+from comlib_boards import Pipe, Ramp
+from comlib_boards import radar as comlib_radar
+from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.sensor.board import Board
+from radarcore.sensor.comlib import messages as comlib
+from radarcore.sensor.comlib import payloads
+from radarcore.sensor.comlib.board import ComLibBoard
+from radarcore.sensor.comlib.codes import Base, EndpointType, Fmcw
+from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.errors import ProtocolError, RequestError
+from radarcore.sensor.strata import byte_stream, link, packets
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.strata.packets import DataPacket, Kind, Response
+from radarcore.sensor.strata.slices import SliceAssembler
+from radarcore.sensor.transport import Capture, Replay
+
+# Parsers: whatever comes, they say what they discard.
+
+
+def _pieces(data: bytes) -> list[bytes]:
+    """Data in pieces of sizes that depend on it alone."""
+    random = Random(len(data))
+    pieces = []
+    while data:
+        size = random.choice((1, 3, 64, 512, 5000))
+        pieces.append(data[:size])
+        data = data[size:]
+    return pieces
+
+
+def _stream(sent: list[bytes], random: Random) -> Case:
+    """Packets of which some are lost, doubled, exchanged, cut or damaged."""
+    for _ in range(random.choice((0, 1, 2, 5))):
+        at, other = random.randrange(len(sent)), random.randrange(len(sent))
+        match random.randrange(5):
+            case 0:
+                del sent[at]
+            case 1:
+                sent.insert(other, sent[at])
+            case 2:
+                sent[at], sent[other] = sent[other], sent[at]
+            case 3:
+                sent[at] = damaged(sent[at], random, sent)
+            case _:
+                sent.insert(at, random.randbytes(random.choice((1, 2, 8, 100))))
+        sent = sent or [b""]
+    return {"stream.bin": b"".join(sent)}
+
+
+def make_strata(random: Random) -> Case:
+    sent, counter = [], random.choice((0, 65530))
+    for _ in range(random.randint(1, 12)):
+        payload = random.randbytes(random.choice((0, 1, 4, 8, 16, 96, 1000)))
+        if random.random() < 0.5:
+            kind = random.choice((Kind.WRITE, Kind.READ, Kind.TRANSFER))
+            sent.append(packets.encode_response(Response(kind, random.choice((0, 0, 0, 0x8B)), payload)))
+        else:
+            is_last = random.random() < 0.6
+            packet = DataPacket(payload, counter % 65536, is_first=random.random() < 0.6, is_last=is_last)
+            body = bytearray(packets.encode_data(packet)[:-2])
+            body[0] = random.choice((body[0], random.randrange(0xD0, 0xE0)))  # flags that the payload has no room for
+            sent.append(bytes(body) + packets.crc(bytes(body)).to_bytes(2, "big"))
+            counter += 1
+    return _stream(sent, random)
+
+
+def strata_seeds() -> list[Case]:
+    return [make_strata(Random(seed)) for seed in range(5)]
+
+
+def read_strata(folder: Path) -> None:
+    data = (folder / "stream.bin").read_bytes()
+    assembler = SliceAssembler(3000)
+    for parser in (byte_stream.HostParser(), byte_stream.BoardParser()):
+        num_bytes = 0
+        for piece in _pieces(data):
+            for item in parser.feed(piece):
+                if isinstance(item, byte_stream.Damage):
+                    num_bytes += item.num_bytes
+                elif isinstance(item, DataPacket):
+                    num_bytes += len(item.payload)
+                    for found in assembler.feed(item):
+                        assert len(getattr(found, "data", b"")) <= 3000
+                else:
+                    num_bytes += len(item.payload)
+                    _try_strata(item.payload)
+        assert num_bytes <= len(data)
+    with suppress(ProtocolError):
+        packets.decode_data(data)
+    _try_strata(data)
+
+
+def _try_strata(payload: bytes) -> None:
+    """Give a payload to all that decode one."""
+    decoders: Any = (
+        packets.Version.decode,
+        packets.decode_board_info,
+        packets.decode_text,
+        packets.uuid_text,
+        packets.decode_values,
+        packets.decode_commands,
+        packets.decode_data_configuration,
+    )
+    for decode in decoders:
+        with suppress(ProtocolError, RequestError):
+            decode(payload)
+
+
+def make_comlib(random: Random) -> Case:
+    sent = []
+    ramp = Ramp().frame(comlib_radar(2, num_samples=8, num_chirps=2), 0, 0.0)
+    for _ in range(random.randint(1, 12)):
+        endpoint = random.choice((0, 1, 1, 2, 3, 4, 255))
+        body = random.choice(
+            (
+                payloads.encode_endpoints([payloads.Endpoint(EndpointType.RBAS), payloads.Endpoint(EndpointType.RFMC)]),
+                payloads.Firmware(1, 2, 3, "board").encode(),
+                payloads.Format(8, 2, 3).encode(),
+                payloads.FmcwSettings(57_000_000, 64_000_000, 0, 31).encode(),
+                payloads.AdcSettings(2_000_000).encode(),
+                payloads.Reading(0, 25_000).encode(Base.TEMPERATURE),
+                payloads.encode_number(Fmcw.SLOPE, 40_000_000),
+                payloads.Frame(7, ramp[..., None], 3, 0, random.randint(1, 16), random.random() < 0.5).encode(),
+                random.randbytes(random.choice((0, 1, 2, 18, 500))),
+            )
+        )
+        if random.random() < 0.3:
+            body = bytearray(body)
+            at = random.randrange(len(body) + 1)
+            body[at : at + 4] = random.choice(HOSTILE_NUMBERS)
+        is_status = random.random() < 0.3
+        status = comlib.StatusMessage(endpoint, random.choice((0, 0, 1, 0xFFFF)))
+        sent.append(status.encode() if is_status else comlib.Message(endpoint, bytes(body)).encode())
+    return _stream(sent, random)
+
+
+def comlib_seeds() -> list[Case]:
+    return [make_comlib(Random(seed)) for seed in range(5)]
+
+
+def read_comlib(folder: Path) -> None:
+    data = (folder / "stream.bin").read_bytes()
+    parsers: Any = (comlib.HostParser(), comlib.BoardParser(3))
+    for parser in parsers:
+        for number, piece in enumerate(_pieces(data)):
+            for item in parser.feed(piece):
+                if isinstance(item, comlib.Message):
+                    _try_comlib(item.payload)
+            if number % 3 == 2:  # a silence
+                parser.reset()
+    _try_comlib(data)
+
+
+def _try_comlib(payload: bytes) -> None:
+    """Give a payload to all that decode one."""
+    decoders: Any = (
+        lambda payload: [endpoint.letters for endpoint in payloads.decode_endpoints(payload)],
+        payloads.Firmware.decode,
+        payloads.Info.decode,
+        payloads.Format.decode,
+        payloads.FmcwSettings.decode,
+        payloads.AdcSettings.decode,
+        payloads.Reading.decode,
+        payloads.decode_byte,
+        payloads.decode_number,
+        payloads.Frame.decode,
+    )
+    for decode in decoders:
+        with suppress(ProtocolError):
+            decode(payload)
+
+
+# Captures: the driver in conversation with a file.
+
+_QUICK = 0.005
+"""Time-out of an answer [s]: a file has it at once, or never."""
+
+
+class _QuickLink(link.StreamLink):
+    """A link that asks once."""
+
+    def ask(self, request: packets.Request, timeout: float = _QUICK, *, retries: int = 0) -> bytes:
+        del timeout, retries
+        return super().ask(request, _QUICK, retries=0)
+
+
+def _talk(board: Board, radar: Any) -> None:
+    """Measure a few frames."""
+    try:
+        with suppress(ValueError):  # a damaged answer may say that the radar is beyond the board's limits
+            board.configure(radar)
+        board.start()
+        for _ in range(3):
+            board.read(_QUICK)
+        board.stop()
+        board.details()
+    finally:
+        board.close()
+
+
+def _strata_radar() -> Any:
+    return bgt60tr13c(num_samples=16, num_chirps=2, chirp_interval=5e-4, frame_interval=0.02)
+
+
+def _comlib_radar() -> Any:
+    return comlib_radar(2, num_samples=16, num_chirps=2)
+
+
+@cache
+def _captures() -> list[Case]:
+    """Conversations with emulated boards."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "capture.jsonl"
+        controller = Controller(Numbered(), speed=None)
+        with patch.multiple(link, _POLL=_QUICK, _LATE=_QUICK):
+            _talk(StrataBoard(link.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), _strata_radar())
+        controller.close()
+        strata = path.read_bytes()
+        _talk(ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path), timeout=0.1, board_timeout=0.2), _comlib_radar())
+        both = [b"\n".join(data.splitlines()[:300]) + b"\n" for data in (strata, path.read_bytes())]
+    return [{"capture.jsonl": data} for data in both]
+
+
+def capture_seeds() -> list[Case]:
+    return list(_captures())
+
+
+def make_capture(random: Random) -> Case:
+    """A conversation with damaged answers, or with lines that are damaged, lost, doubled or exchanged."""
+    lines = [json.loads(line) for line in random.choice(_captures())["capture.jsonl"].splitlines()]
+    for _ in range(random.choice((1, 1, 2, 5))):
+        at = random.randrange(len(lines))
+        match random.randrange(6):
+            case 0 | 1 | 2:
+                reads = [line for line in lines if isinstance(line, dict) and line.get("direction") == "read"]
+                if reads and isinstance(line := random.choice(reads), dict) and isinstance(line.get("bytes"), str):
+                    with suppress(ValueError):
+                        data = bytes.fromhex(line["bytes"])
+                        line["bytes"] = _resealed(damaged(data, random, [data]), random).hex()
+            case 3:
+                lines[at] = damaged_tree(lines[at], random)
+            case 4:
+                del lines[at]
+            case _:
+                lines.insert(random.randrange(len(lines) + 1), lines[at])
+        lines = lines or [{}]
+    return {"capture.jsonl": b"".join(json_bytes(line) + b"\n" for line in lines)}
+
+
+def _resealed(data: bytes, random: Random) -> bytes:
+    """A damaged answer of Strata or ComLib, often with the length and the end that it should have."""
+    if 6 < len(data) <= packets.MAX_PACKET and data[0] in (0x40, 0x43, 0xC0) and random.random() < 0.8:
+        body = data[:2] + (len(data) - 6).to_bytes(2, "little") + data[4:-2]
+        return body + packets.crc(body).to_bytes(2, "big")
+    if 8 < len(data) <= packets.MAX_PACKET and data[0] >= 0xD0 and random.random() < 0.8:
+        body = data[:4] + (len(data) - 8).to_bytes(2, "little") + data[6:-2]
+        return body + packets.crc(body).to_bytes(2, "big")
+    return data
+
+
+def read_capture(folder: Path) -> None:
+    path = folder / "capture.jsonl"
+    is_strata = b"5a00" not in path.read_bytes()[:500]
+    stream = Replay(path, checks_writes=False)
+    try:
+        if is_strata:
+            with patch.multiple(link, _POLL=_QUICK, _LATE=_QUICK):
+                opened = _QuickLink(stream)
+                try:
+                    _talk(StrataBoard(opened), _strata_radar())
+                finally:
+                    opened.close()
+        else:
+            _talk(ComLibBoard(stream, timeout=_QUICK, board_timeout=0.0), _comlib_radar())
+    finally:
+        stream.close()

@@ -1,0 +1,84 @@
+"""Damaged files and bytes are read or refused by name: a few of each kind, drawn alike in every run."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fuzz.cases import damaged_case, write
+from fuzz.command import next_case
+from fuzz.judge import LONGEST, MOST_MEMORY, judge
+from fuzz.targets import TARGETS
+
+NUM_INPUTS = {"obj": 300, "scene": 12, "pattern": 300, "robot": 100, "directory": 60, "npz": 100, "infineon": 60}
+NUM_INPUTS |= {"strata": 200, "comlib": 150, "capture": 40}
+"""Less than a second each."""
+
+
+@pytest.fixture(autouse=True)
+def traced() -> Iterator[None]:
+    tracemalloc.start()
+    yield
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_inputs_are_read_or_refused_by_name(name: str, tmp_path: Path) -> None:
+    target, random = TARGETS[name], Random(f"{name} tests")
+    seeds = target.seeds()
+    for case in seeds[-3:]:
+        write(case, tmp_path)
+        assert judge(target.read, tmp_path, 0).kind == "read"
+    for _ in range(NUM_INPUTS[name]):
+        case = next_case(target, seeds, random)
+        write(case, tmp_path)
+        verdict = judge(target.read, tmp_path, sum(map(len, case.values())))
+        assert not verdict.fault, f"{verdict.fault}\n{verdict.trace}"
+
+
+def refuse(error: BaseException) -> Callable[[Path], Any]:
+    def read(folder: Path) -> None:
+        error.args = tuple(str(arg).replace("FOLDER", str(folder)) for arg in error.args)
+        raise error
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ("read", "fault"),
+    [
+        (lambda folder: None, ""),
+        (refuse(ValueError("FOLDER/mesh.obj:3: expected three numbers")), ""),
+        (refuse(FileNotFoundError("FOLDER/mesh.obj")), ""),
+        (refuse(ValueError("expected three numbers")), "names no file"),
+        (refuse(ValueError("FOLDER: expected text, got \0")), "long or unprintable"),
+        (refuse(KeyError("FOLDER")), "KeyError"),
+        (refuse(BaseException("FOLDER")), "BaseException"),
+        (refuse(MemoryError("FOLDER")), "MemoryError"),
+        (lambda folder: b"\xff".decode(), "UnicodeDecodeError"),
+        (lambda folder: np.empty(MOST_MEMORY + 2000, np.uint8), "took 512 MiB for 10 bytes"),
+        (lambda folder: np.float64(1e300) ** 2, "RuntimeWarning"),
+    ],
+)
+def test_verdicts(read: Callable[[Path], Any], fault: str, tmp_path: Path) -> None:
+    found = judge(read, tmp_path, 10).fault
+    assert found.startswith(fault)
+    assert bool(found) == bool(fault)
+
+
+def test_slow_reading_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fuzz.judge.LONGEST", LONGEST / 100.0)
+    assert judge(lambda folder: time.sleep(LONGEST / 50.0), tmp_path, 10).fault.startswith("took 0.0 s")
+
+
+def test_damage_changes_most_inputs() -> None:
+    case, random = {"a": bytes(range(200)), "b": b"text"}, Random(1)
+    changed = [damaged_case(case, random, [case]) != case for _ in range(200)]
+    assert sum(changed) > 150
