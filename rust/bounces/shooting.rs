@@ -263,7 +263,7 @@ pub(super) struct Shot {
     pub(super) paths: Vec<BouncePath>,
     /// Sum of the weights of all paths with their phases, per channel [m^2].
     pub(super) fields: Vec<Complex64>,
-    /// Hash of the surfaces that the tube from the first antenna meets: of their bodies, and planes where they are flat.
+    /// Hash of the surfaces that the tubes meet: of their bodies, and planes where they are flat.
     pub(super) surfaces: u64,
     pub(super) counts: Counts,
 }
@@ -302,17 +302,10 @@ impl<'a> Shots<'a> {
         for direction in self.directions {
             let [starts, ends] = direction.antennas(array);
             for start in 0..starts.len() {
-                let is_first = start == 0 && *direction == Direction::Forward;
-                let Shot {
-                    paths,
-                    fields,
-                    surfaces,
-                    ..
-                } = &mut shot;
+                let mut met = 0;
+                let Shot { paths, fields, .. } = &mut shot;
                 let arrive = |tube: &Tube, interactions: &[Interaction]| {
-                    if is_first {
-                        *surfaces = interactions.iter().fold(0, |hash, at| mix(hash ^ at.surface()));
-                    }
+                    met = interactions.iter().fold(0, |hash, at| mix(hash ^ at.surface()));
                     let weight = |end: usize| {
                         let antenna = ends.get(end).0;
                         let radiated = self.sensor.receive(tube, launch, antenna, self.sampling);
@@ -342,6 +335,8 @@ impl<'a> Shots<'a> {
                 };
                 let counts = self.sensor.shoot(launch, starts.get(start), arrive);
                 shot.counts = shot.counts.plus(counts);
+                // In any order: transmitters and receivers may change places.
+                shot.surfaces = shot.surfaces.wrapping_add(met);
             }
         }
         shot
