@@ -25,7 +25,7 @@ cart = rc.Body(rc.shapes.box([0.4, 0.3, 0.3]), motion=curve, name="cart")
 corner = rc.Body(rc.shapes.dihedral(0.1, 0.2), motion=rc.Attached(curve, rc.Pose([0.0, 0.0, 0.26])), name="corner")
 drone = rc.PointTarget([5.0, 0.0, 1.0], rcs=0.01, velocity=[3.0, 0.0, 0.0], name="drone")
 
-simulator = rc.Simulator(rc.Scene([ball, cart, corner, drone]), radar, field_of_view_deg=(80.0, 50.0))
+simulator = rc.Simulator(rc.Scene([ball, cart, corner, drone]), radar, field_of_view_deg=(80.0, 50.0), max_bounces=2)
 
 if __name__ == "__main__":
     recording = simulator.record(0.0, 1.0, rate=20.0)

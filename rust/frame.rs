@@ -92,6 +92,8 @@ pub struct Counts {
     pub bounce_rays: usize,
     /// Ray tubes that ended at the floor.
     pub bounces_stopped: usize,
+    /// Cells of ray tubes that were not quartered, as there were too many.
+    pub bounces_not_split: usize,
     /// Statistics of the sum.
     pub sum: Outcome,
     /// Distance of the farthest echo [m].
@@ -225,6 +227,7 @@ impl<'a> FrameBuilder<'a> {
         counts.bounce_paths += num_bounces;
         counts.bounce_rays += bounces.rays;
         counts.bounces_stopped += bounces.stopped;
+        counts.bounces_not_split += bounces.coarse;
         counts.farthest = counts.farthest.max(outcome.farthest).max(groups.farthest());
         counts.sum.add(outcome);
         counts.times.add(&outcome.times);

@@ -360,11 +360,11 @@ impl Bounces {
         scene: &PosedScene,
         launches: &[Launch],
         materials: &[Material],
-        array: Array,
+        array: &Array,
         limits: Limits,
         sampling: Sampling,
     ) -> (Self, Counts) {
-        let shots = Shots::new(scene, View::of(launches), materials, &array, limits, sampling);
+        let shots = Shots::new(scene, View::of(launches), materials, array, limits, sampling);
         let shots: Vec<Shot> = launches.par_iter().map(|launch| shots.shoot(launch)).collect();
         let counts = shots
             .iter()

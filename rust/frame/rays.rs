@@ -220,7 +220,7 @@ impl Rays {
             let launches: Vec<Launch> = each
                 .flat_map(|(image, facing)| Launch::of_image(&image.hits, facing.rotation.transpose()))
                 .collect();
-            let (array, limits) = (model.array.clone(), model.settings.limits);
+            let (array, limits) = (&model.array, model.settings.limits);
             Bounces::new(&images[0].scene, &launches, &model.materials, array, limits, sampling)
         };
         match (self, &model.settings.rays) {

@@ -314,6 +314,7 @@ impl IdealFrame {
             ("bounce_paths", counts.bounce_paths),
             ("bounce_rays", counts.bounce_rays),
             ("bounces_stopped", counts.bounces_stopped),
+            ("bounces_not_split", counts.bounces_not_split),
             ("delay_nodes", nodes.map_or(1, |nodes| nodes.delays)),
             ("amplitude_nodes", nodes.map_or(1, |nodes| nodes.amplitudes)),
             ("still_paths", counts.sum.still_paths),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,3 +115,34 @@ def test_body_that_comes_into_view_later_in_a_recording_is_not_missed() -> None:
     assert [said for said in warned(lambda: sim.record(0.0, 0.2, 10.0, progress=False)) if "seen" in said] == []
     assert warned(lambda: simulator().frame(0.0)) == []  # an empty scene is a scene
     assert np.isfinite(sim.frame(0.1).cube).all()
+
+
+def with_corner(mesh: rc.Mesh, **settings: Any) -> rc.Simulator:
+    body = rc.Body(mesh, motion=rc.Pose([2.0, 0.0, 0.0]), name="target")
+    return rc.Simulator(rc.Scene([body]), RADAR, **settings)
+
+
+@pytest.mark.parametrize(
+    "mesh", [rc.shapes.dihedral(0.1), rc.shapes.trihedral(0.1), rc.shapes.trihedral(0.1, shape="square")]
+)
+def test_corner_whose_reflections_are_left_out_is_told_once(mesh: rc.Mesh) -> None:
+    simulator = with_corner(mesh)
+    with pytest.warns(UserWarning, match=r"walls of 'target' meet at right angles, at 2 m and azimuth 0 degrees"):
+        simulator.frame()
+    simulator.frame(0.1)
+    for chosen in (1, 3):
+        with_corner(mesh, max_bounces=chosen).frame()
+
+
+def test_edges_that_return_one_reflection_are_not_corners() -> None:
+    # Boxes have corners at their hidden back and round who is inside; a dihedral from behind is an edge; one that is
+    # tilted returns the wave elsewhere.
+    tilted = rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.5, 0.0])
+    behind = rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.0, np.pi])
+    for body in (
+        rc.Body(rc.shapes.box([0.5, 0.4, 0.3]), motion=rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.1, 0.2, 0.7])),
+        rc.Body(rc.shapes.box(4.0)),
+        rc.Body(rc.shapes.dihedral(0.1), motion=tilted),
+        rc.Body(rc.shapes.dihedral(0.1), motion=behind),
+    ):
+        rc.Simulator(rc.Scene([body]), RADAR).frame()

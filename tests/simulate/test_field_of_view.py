@@ -253,6 +253,7 @@ def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, A
         if "end_points" in options:
             pytest.skip("of adaptive sampling alone")
         options = options | {"resolution": 200}
+    options = {"max_bounces": 1} | options
     still = [
         conductor(rc.shapes.sphere(0.2), rc.Pose(towards(*angles, 2.0)), f"ball {number}")
         for number, angles in enumerate([(45.3, 0.0), (-70.0, 0.0), (0.0, 70.0)])

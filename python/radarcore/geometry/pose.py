@@ -88,9 +88,10 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
         """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
-        roll, pitch, yaw = angles = check.radians("rpy", check.array("rpy", rpy, (3,)))
+        roll, pitch, yaw = angles = check.array("rpy", rpy, (3,))
         if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE:
             raise ValueError(f"rpy: expected angles within {_LARGEST_ANGLE:g} rad, got {largest:g}")
+        check.radians("rpy", angles)
         z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
         return cls(position, z @ y @ x)
 

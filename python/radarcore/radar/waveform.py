@@ -25,7 +25,7 @@ _WIDEST_BAND = 0.3
 _LONGEST_CHIRP = 0.1
 """Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
 
-_LONGEST_TIME = 1e6
+_LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones are no numbers any more."""
 
 

@@ -332,7 +332,9 @@ class RunTable(Table):
     end_points: bool = _key(False, "", "adaptive sampling: cells with a fast phase are represented by their end points")
     tolerance: float = _key(1e-3, "", "error of the synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
-    max_bounces: int = _key(1, "", "largest number of reflections of a path")
+    max_bounces: int | None = _key(
+        None, "", "largest number of reflections of a path; default: 1, with a warning of corners that return more"
+    )
     bounce_floor_db: float = _key(80.0, "dB", "loss of power by reflections at which a ray ends")
     retrace_deg: float = _key(10.0, "degrees", "turn of a body within a frame above which rays are cast again")
     seed: int = _key(0, "", "of noise and speckle")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import hypot
 
 import numpy as np
@@ -13,12 +14,17 @@ from radarcore.radar.radar import Radar
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
+from radarcore.simulate.corners import corner_points
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
+from radarcore.units import SPEED_OF_LIGHT
 
 _PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Corners of a box and points between them, in parts of its sides."""
 
+
+_BEFORE = 1.0 - 1e-4
+"""Distance of a point before a corner, relative to it."""
 
 _FRAMES_PER_LOOK = 8
 """Frames placed one by one until bodies outside of the field of view are looked for again."""
@@ -94,6 +100,36 @@ class Doubts:
         if "place" not in self._told:
             check_antennas(scene, placement.poses_at(time), self._radar, time)
             self._told.add("place")
+
+    def of_corners(
+        self, scene: Scene, placement: Placement, time: float, is_hidden: Callable[..., NDArray[np.bool_]]
+    ) -> None:
+        """Warn of a corner that returns several reflections to the sensor at a time [s], as these are left out.
+
+        `is_hidden`: see `Simulator.is_hidden`.
+        """
+        if not self._is_new("corners"):
+            return
+        radar, poses = self._radar, placement.poses_at(time)
+        wavelength, sensor = SPEED_OF_LIGHT / radar.waveform.center_frequency, poses[-1]
+        for mesh, body in enumerate(scene.parts.meshed):
+            turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
+            local = (sensor[:, 3] - place) @ turn
+            points = corner_points(scene.parts.vertices_at(mesh, time), body.mesh.triangles, local, wavelength)
+            offsets = points @ turn.T + place - sensor[:, 3]
+            seen = offsets @ sensor[:, :3]
+            in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
+            # The edges at the back of a box are corners, too, behind its front.
+            seen = seen[in_beam][~is_hidden(sensor[:, 3] + _BEFORE * offsets[in_beam], time)]
+            if len(seen) > 0:
+                x, y, z = seen[np.linalg.norm(seen, axis=1).argmin()].tolist()
+                name = scene.names[scene.parts.mesh_numbers[mesh]]
+                notice.warn(
+                    f"walls of {name!r} meet at right angles, at {hypot(x, y, z):.3g} m and azimuth "
+                    f"{np.rad2deg(np.arctan2(y, x)):.0f} degrees, and return the wave after two or three reflections: "
+                    "max_bounces=3 has these, max_bounces=1 leaves them out without a warning"
+                )
+                return
 
     def of_sight(self, scene: Scene, placement: Placement, time: float) -> None:
         """Warn of a scene of which nothing is seen: where the nearest of its bodies lies at a time [s]."""

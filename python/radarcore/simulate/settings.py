@@ -50,7 +50,7 @@ class Settings:
     ray_budget: float | None = None
     end_points: bool = False
     gain_floor_db: float = 80.0
-    max_bounces: int = 1
+    max_bounces: int | None = None
     bounce_floor_db: float = 80.0
     retrace_deg: float = 10.0
     seed: int = 0
@@ -68,7 +68,7 @@ class Settings:
             "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
             "end_points": bool(self.end_points),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
-            "max_bounces": check_max_bounces(self.max_bounces),
+            "max_bounces": None if self.max_bounces is None else check_max_bounces(self.max_bounces),
             "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
             "retrace_deg": _positive_or_infinite("retrace_deg", self.retrace_deg, "degrees"),
             "seed": check_seed(self.seed),
@@ -140,6 +140,7 @@ class Settings:
         values["field_of_view_deg"] = self.view_deg
         values["resolution"] = self.num_cells if self.is_adaptive else self.num_pixels
         values["ray_budget"] = self.most_rays
+        values["max_bounces"] = self.max_bounces or 1
         left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
@@ -160,7 +161,7 @@ class Settings:
             gain_floor=None if self.gain_floor_db == np.inf else _ratio(self.gain_floor_db),
             skip_empty=skip_empty,
             reuse_tiles=reuse_tiles,
-            max_bounces=self.max_bounces,
+            max_bounces=self.max_bounces or 1,
             bounce_floor=_ratio(self.bounce_floor_db),
             retrace=float(np.deg2rad(self.retrace_deg)),
             seed=self.seed,

@@ -92,8 +92,9 @@ class Simulator(Settings):
     gain_floor_db : float
         Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
         the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.
-    max_bounces : int
-        Largest number of reflections of a path; 1: no multi-bounce paths.
+    max_bounces : int, optional
+        Largest number of reflections of a path; 1: no multi-bounce paths. Default: 1, with a warning where walls of a
+        body meet at right angles and return the wave after two or three reflections.
     bounce_floor_db : float
         Loss of power by reflections [dB] at which a ray ends.
     retrace_deg : float
@@ -279,6 +280,8 @@ class Simulator(Settings):
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
         self._doubts.of_place(self.scene, self._placement, starts[0])
+        if self.max_bounces is None:
+            self._doubts.of_corners(self.scene, self._placement, starts[0], self.is_hidden)
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(starts), size):
             some = starts[first : first + size]

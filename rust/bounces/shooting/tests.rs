@@ -410,7 +410,7 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
                 &scene,
                 &launches,
                 &[CONDUCTOR, wood],
-                antennas,
+                &antennas,
                 limits,
                 Sampling::Footprint,
             )
@@ -455,7 +455,7 @@ fn routes_split_by_their_bodies() {
         &scene,
         &launches,
         &[CONDUCTOR; 2],
-        antennas,
+        &antennas,
         LIMITS,
         Sampling::Footprint,
     );
