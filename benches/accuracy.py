@@ -19,7 +19,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 from page import machine, table
 from proof.bounds import bound_rows, matt_bounds, mesh_bounds, quiet_bounds, single_bounds
-from proof.convergence import mesh_points, picture, single_points
+from proof.convergence import WITHIN_MS, mesh_points, picture, single_points, time_rows
 from proof.corners import FAR, corner_results, corner_rows, null_db
 from proof.measure import FULL, TINY
 from proof.oblique import doppler_results, oblique_results, quiet_rows
@@ -44,12 +44,18 @@ PAGE_TEXT = """\
 Errors of radarcore frames against closed forms, and of real meshes against dense integration. Written by
 `python benches/accuracy.py --write`; {machine}.
 
-The page compares three [samplings](sampling.md): `point`, one phasor per pixel as in Stetco et al. (ICRA 2020);
-`footprint`, with a phase that varies over the footprint of a pixel; and `adaptive`, which refines cells of the image
-plane down to an `rcs_floor` or within a `ray_budget`. All numbers are errors of the sampling, for meshes as they are.
+The page compares three [samplings](sampling.md): `point`, one phasor per pixel as in Stetco et al. (ICRA 2020), but
+weighted by area; `footprint`, with a phase that varies over the footprint of a pixel; and `adaptive`, which refines
+cells of the image plane down to an `rcs_floor` or within a `ray_budget`. All numbers are errors of the sampling, for
+meshes as they are.
 The errors of the model itself are in the [last section](#limits-of-the-model).
 
-![Error against rays, time and settings]({picture})
+![Error against time, rays and settings]({picture})
+
+{times}
+
+Least error of the range profile [%] of a frame within a time: the first frame of a new simulator, whose tables are made
+first; later frames are faster ([performance](performance.md)).
 
 The error of a range profile is the l2 norm of the complex difference over the l2 norm of the profile, 57 to 64 GHz,
 with a Hann window. The reference for sphere and plate is the closed form (rms over {single_turns} turns of the radar
@@ -57,7 +63,7 @@ by fractions of a pixel; 81 920 triangles for the sphere), for arm and human a d
 views). "Rays" are the rays cast, without empty tiles of the image. Times are for a frame of one chirp and 512
 samples, without reuse of earlier frames. Above 100 % a profile has no relation to the scene.
 
-- Top: error against the number of rays; below it, error against run time.
+- Top: error against run time; below it, error against the number of rays.
 - `point` converges only where a pixel is less than a wavelength deep: from the start for a plate at normal incidence,
   after millions of rays for curved bodies. The other samplings follow the phase and need tens of thousands of rays.
 - Bottom: error against the setting, `footprint` over pixels and `adaptive` over `rcs_floor`, down to the accuracy of
@@ -116,10 +122,12 @@ per chirp, rays would hit other points every time, and sampling errors could app
 Paths of two and three reflections at 60 GHz, from at most {corner_side} x {corner_side} rays in an image slightly
 wider than the corner; edges and legs are 10 cm. "rays" counts the rays of all reflections and of adaptive cells. At
 {far:g} m the references are far-field cross-sections. Near the radar, the reference of the triangular trihedral is
-its apparent cross-section with R to its apex, by numerical integration. The last column is the phase relative to that
-of the apex, for the dihedral up to its sign. Adaptive sampling casts its own rays for single reflections, and starts
-multiple reflections from the same pixels as `footprint`. A dihedral turned by 45 degrees about the boresight returns
-{null:.0f} dB of its upright echo to vertically polarized antennas; in theory it returns nothing.
+its apparent cross-section with R to its apex: mirror images of the antenna and physical optics on the last plate,
+summed over points (`near_db` in `benches/proof/corners.py`), without rays. Rims of the plates before the last one
+diffract in neither. The last column is the phase relative to that of the apex, for the dihedral up to its sign.
+Adaptive sampling casts its own rays for single reflections, and quarters the pixels of `footprint` for multiple ones.
+A dihedral turned by 45 degrees about the boresight returns {null:.0f} dB of its upright echo to vertically polarized
+antennas; in theory it returns nothing.
 
 ## Real meshes
 
@@ -179,7 +187,9 @@ brackets:
 0.01 m² is that of the default for strong echoes, 0.1 m² that of fast sampling. "edge terms" is `end_points=True`
 within a `ray_budget`, from a base grid of 64 x 64, or 128 x 128 from 100 000 rays on.
 
-The reference is a dense integration of the same meshes. It shares only the distances of depth images with radarcore:
+The reference is a dense integration of the same meshes, ours: its distances are those of depth images of radarcore, to
+the smooth surfaces that radarcore takes meshes for. It tests the sampling and the sum, neither the tracer (compared
+with Embree by `python benches/peers.py`) nor the choice of the surface. It is
 (j / 4π) Σ Γ √(G_t G_r) exp(-2jkR) dΩ over {million_rays:.0f} million rays per view, {pitch:g} mrad apart in each of
 {shifts} images, between which the radar turns by fractions of a pixel; rays to the walls are {wall_pitch:g} mrad
 apart. From the difference between two halves of the images, the error of the reference is about {own_alone:.1f} % for
@@ -268,8 +278,9 @@ def main() -> None:
     ]
     show("bounds", table(["what", "quantity", "bound", "worst", "median", "held"], bound_rows(bounds)))
 
-    image = io.BytesIO()
-    picture([*single_points(run), *mesh_points(meshes)]).savefig(image, dpi=100)
+    points, image = [*single_points(run), *mesh_points(meshes)], io.BytesIO()
+    show("times", table(["target", "sampling", *(f"{most:g} ms" for most in WITHIN_MS)], time_rows(points)))
+    picture(points).savefig(image, dpi=100)
     if arguments.write:
         PAGE.parent.mkdir(exist_ok=True)
         PICTURE.write_bytes(image.getvalue())

@@ -1,4 +1,4 @@
-"""Error against rays, against time, and against the settings of every sampling: docs/accuracy.png."""
+"""Error against time, against rays, and against the settings of every sampling: docs/accuracy.png and a table."""
 
 from __future__ import annotations
 
@@ -70,11 +70,27 @@ CURVES = {
 }
 """Line and colour by sampling and what is varied."""
 
+WITHIN_MS = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Times of a frame for which the table has errors [ms]."""
+
+
+def time_rows(points: list[Point]) -> Iterator[list[str]]:
+    """Smallest error [%] of every sampling within a time, target by target."""
+    for target in dict.fromkeys(p.target for p in points):
+        for label, (curve, _, _) in CURVES.items():
+            chosen = [p for p in points if p.target == target and (p.way.sampling, p.way.knob) == curve]
+            row = [target, label]
+            for most in WITHIN_MS:
+                errors = [100.0 * p.error for p in chosen if 1e3 * p.seconds <= most]
+                row.append(f"{min(errors):.2g}" if errors else "")
+            yield row
+
+
 TARGET_COLORS = ("C2", "C4", "C5", "C9")
 
 
 def picture(points: list[Point]) -> Figure:
-    """Rows: error against rays, against time, and against the settings."""
+    """Rows: error against time, against rays, and against the settings."""
     targets = list(dict.fromkeys(p.target for p in points))
     figure = Figure(figsize=(3.75 * max(len(targets), 3), 11.5), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[2.0, 1.1])
@@ -84,11 +100,11 @@ def picture(points: list[Point]) -> Figure:
         for label, (curve, style, color) in CURVES.items():
             chosen = [p for p in of_target if (p.way.sampling, p.way.knob) == curve]
             errors = [100.0 * p.error for p in chosen]
-            by_rays, by_time = axes[:, column]
+            by_time, by_rays = axes[:, column]
             draw(by_rays, [p.rays for p in chosen], errors, style, color, label)
             draw(by_time, [1e3 * p.seconds for p in chosen], errors, style, color, label)
-        by_rays.set(title=target, xlabel="rays cast")
-        by_time.set(xlabel="time of a frame [ms]")
+        by_time.set(title=target, xlabel="time of a frame [ms]")
+        by_rays.set(xlabel="rays cast")
     for ax in axes[:, 0]:
         ax.set_ylabel("error of the range profile [%]")
     handles, labels = axes[0, 0].get_legend_handles_labels()

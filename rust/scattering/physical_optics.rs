@@ -25,8 +25,8 @@ const LEAST_TURN: f64 = 0.5;
 /// Sampling of the patch behind a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
-    /// One point, no phase variation over the patch and no random phase: the coherent sum over pixels of Stetco
-    /// et al., ICRA 2020. It does not converge; for comparison.
+    /// One point, no phase variation over the patch and no random phase: one phasor per pixel as in Stetco et al., ICRA
+    /// 2020, but with the weight of the patch. It does not converge; for comparison.
     Point,
     /// The phase varies linearly over the patch, tapered so that steep patches drop out.
     Footprint,

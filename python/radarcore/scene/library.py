@@ -1,4 +1,4 @@
-"""Library of materials: published permittivities, with sources and frequencies."""
+"""Library of materials: permittivities, with sources and frequencies."""
 
 from __future__ import annotations
 
@@ -28,16 +28,20 @@ _ITU_PARAMETERS = {
 _SKIN = ColeCole(4.0, ((32.0, 7.234e-12, 1.0), (1100.0, 32.481e-9, 0.8)), 0.0002)
 _SKIN_SOURCE = "S. Gabriel, R. W. Lau, C. Gabriel, Phys. Med. Biol. 41 (1996) 2271, dry skin"
 
-# Real part, loss tangent, and the frequencies [GHz] at which they were measured.
+_RIDDLE = "B. Riddle, J. Baker-Jarvis, J. Krupka, IEEE Trans. Microw. Theory Tech. 51 (2003) 727"
+_ABBAS = "Z. Abbas, R. D. Pollard, R. W. Kelsall, IEEE Trans. Instrum. Meas. 50 (2001) 1334"
+_ELHAWIL = "A. Elhawil et al., Proc. Symposium IEEE/LEOS Benelux Chapter, Brussels, 2007"
+
+# Real part, loss tangent, the frequencies [GHz] at which they were measured, and the source.
 _PLASTICS = {
-    "abs": (2.70, 0.008, (11.0, 11.0)),
-    "pmma": (2.61, 0.010, (11.0, 11.0)),
-    "pom": (2.73, 0.006, (11.0, 11.0)),
-    "pvc": (2.71, 0.006, (11.0, 11.0)),
-    "nylon": (3.00, 0.018, (26.0, 40.0)),
-    "polystyrene": (2.505, 0.00025, (26.0, 40.0)),
-    "ptfe": (2.05, 0.0005, (70.0, 110.0)),
-    "pla": (2.84, 0.043 / 2.84, (60.0, 60.0)),
+    "abs": (2.70, 0.008, (11.0, 11.0), _RIDDLE),
+    "pmma": (2.61, 0.010, (11.0, 11.0), _RIDDLE),
+    "pom": (2.73, 0.006, (11.0, 11.0), _RIDDLE),
+    "pvc": (2.71, 0.006, (11.0, 11.0), _RIDDLE),
+    "nylon": (3.00, 0.018, (26.0, 40.0), _ABBAS),
+    "polystyrene": (2.505, 0.00025, (26.0, 40.0), _ABBAS),
+    "ptfe": (2.05, 0.0005, (70.0, 110.0), _ELHAWIL),
+    "pla": (2.84, 0.043 / 2.84, (60.0, 60.0), "typical of printed parts"),
 }
 
 
@@ -54,8 +58,7 @@ def _entries() -> Iterator[Material]:
     for name, (parameters, band) in _ITU_PARAMETERS.items():
         yield _entry(name, ItuPermittivity(*parameters), _ITU, band)
     yield _entry("skin", _SKIN, _SKIN_SOURCE, (1e-8, 100.0))
-    for name, (real, loss_tangent, band) in _PLASTICS.items():
-        source = f"published permittivity and loss tangent of {name}, measured at {_text(band)}"
+    for name, (real, loss_tangent, band, source) in _PLASTICS.items():
         yield _entry(name, complex(real, -real * loss_tangent), source, band)
 
 

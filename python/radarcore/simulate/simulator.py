@@ -69,7 +69,7 @@ class Simulator(Settings):
         are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
         time; single weak echoes may be lost. Footprint: the pixels of an image, with a phase that varies
         over the patch of each, which converges with the number of pixels. Point: one phasor per pixel as in Stetco et
-        al., ICRA 2020, for comparison; it does not converge.
+        al., ICRA 2020, but weighted by area, for comparison; it does not converge.
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
         the samples are in double precision.
