@@ -74,9 +74,11 @@ samples, without reuse of earlier frames. Above 100 % a profile has no relation 
 {bounds}
 
 Bounds that the samplings are designed for, and the measured errors: worst and median over the targets of a kind, each
-an rms over six turns of the radar for single bodies, or one of the views of a real mesh. Where a bound is not held
-("no"), use a lower floor or another sampling. "edge terms" is adaptive sampling with `end_points=True`, within a
-`ray_budget`, which also counts the base cells in empty directions, where no rays are cast.
+an rms over six turns of the radar for single bodies, or one of the views of a real mesh. All bounds of the default,
+`adaptive` with 0.01 m², hold. Where another is not held ("no"), use the default with a lower floor: `footprint` lacks
+pixels for limbs and long ridges, `point` does not converge, and a `ray_budget` may end before thin parts are reached.
+"edge terms" is adaptive sampling with `end_points=True`, within a `ray_budget`, which also counts the base cells in
+empty directions, where no rays are cast.
 
 ## Specular targets
 

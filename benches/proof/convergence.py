@@ -63,7 +63,7 @@ def point(target: str, rows: list[Sampled]) -> Point:
 
 
 CURVES = {
-    "point, by pixels (Stetco et al. 2020)": (("point", "pixels"), "s:", "C7"),
+    "point, by pixels": (("point", "pixels"), "s:", "C7"),
     "footprint, by pixels": (("footprint", "pixels"), "o-", "C0"),
     "adaptive, by rcs_floor": (("adaptive", "floor"), "D-", "C3"),
     "adaptive, edge terms, by ray_budget": (("adaptive", "rays"), "^--", "C1"),
