@@ -71,6 +71,7 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
                         (0, 0) => chunk.add::<T, I, 0, 0, 2>(&mut sums),
                         (1, 0) => chunk.add::<T, I, 1, 0, 2>(&mut sums),
                         (2, 0) => chunk.add::<T, I, 2, 0, 2>(&mut sums),
+                        (3, 0) => chunk.add::<T, I, 3, 0, 2>(&mut sums),
                         (1 | 2, 1 | 2) => chunk.add::<T, I, 2, 2, 2>(&mut sums),
                         _ => chunk.add::<T, I, 3, 3, 2>(&mut sums),
                     }
@@ -79,6 +80,7 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
                         (0, 0) => chunk.add::<T, I, 0, 0, 1>(&mut sums),
                         (1, 0) => chunk.add::<T, I, 1, 0, 1>(&mut sums),
                         (2, 0) => chunk.add::<T, I, 2, 0, 1>(&mut sums),
+                        (3, 0) => chunk.add::<T, I, 3, 0, 1>(&mut sums),
                         (1 | 2, 1 | 2) => chunk.add::<T, I, 2, 2, 1>(&mut sums),
                         _ => chunk.add::<T, I, 3, 3, 1>(&mut sums),
                     }
@@ -94,6 +96,9 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
         }
     }
 }
+
+/// Boundary that sums start at [bytes]: vectors across two lines of the cache load and store at half the speed.
+const CACHE_LINE: usize = 64;
 
 /// Tolerance of the truncation of a path, relative to its amplitude.
 const fn tolerance<T: Precision>() -> f64 {
@@ -116,13 +121,13 @@ impl Form {
         const TERMS: [(usize, usize); 7] = [(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (2, 2), (3, 3)];
         // Cost of a segment's start in operations; see the `beat/recurrence` bench.
         const START: usize = 150;
-        // The rounding of a phasor grows with its turns.
-        let longest = if size_of::<T>() == 4 { 64 } else { 32 };
+        // The rounding of a phasor grows with its turns: after 64 it is 1e-5 (f32) or 1e-14 (f64) at most.
+        const LONGEST: usize = 64;
         let reach = (num_samples / 2 + 1) as f64;
         let phi = phases.bounds();
         let alpha = amplitudes.bounds;
 
-        let mut num_segments = num_samples.div_ceil(2 * longest + 1);
+        let mut num_segments = num_samples.div_ceil(2 * LONGEST + 1);
         let mut best = (usize::MAX, Self { half: 0, terms: (3, 3) });
         loop {
             let half = num_samples.div_ceil(num_segments) / 2;
@@ -200,7 +205,7 @@ impl<T: Precision> Sums<T> {
         let capacity = 2 * num_samples + 4;
         let numbers: Vec<T> = (0..=num_samples / 2 + 1).map(|j| T::of(j as f64)).collect();
         Self {
-            chunk: vec![T::zero(); 4 * MAX_LANES * capacity],
+            chunk: vec![T::zero(); 4 * MAX_LANES * capacity + CACHE_LINE / size_of::<T>()],
             total: vec![T::zero(); 2 * MAX_LANES * num_samples],
             squares: numbers.iter().map(|j| *j * *j).collect(),
             numbers,
@@ -247,7 +252,8 @@ impl ChunkSum<'_> {
             numbers,
             squares,
         } = sums;
-        let chunk = &mut chunk[..num_segments * stride];
+        let start = chunk.as_ptr().align_offset(CACHE_LINE);
+        let chunk = &mut chunk[start..][..num_segments * stride];
         let (numbers, squares) = (&numbers[..=self.half], &squares[..=self.half]);
 
         // Two paths at a time share the loads and stores of the sums, where there are registers for them. After the
@@ -395,9 +401,8 @@ fn add_segment<V: Vector, const EVEN: usize, const ODD: usize, const PATHS: usiz
     sums: &mut [V::Scalar],
 ) {
     let lanes = V::LANES;
-    let (first, sums) = sums.split_at_mut(4 * lanes);
     for part in 0..2 {
-        let sum = &mut first[part * lanes..][..lanes];
+        let sum = &mut sums[part * lanes..][..lanes];
         let mut total = V::load(sum);
         for start in starts {
             total = total.add(start.g[0][part]);
@@ -408,9 +413,10 @@ fn add_segment<V: Vector, const EVEN: usize, const ODD: usize, const PATHS: usiz
     for i in 1..PATHS {
         turned[i] = starts[i].w;
     }
-    let js = numbers[1..].iter().zip(&squares[1..]);
-    for (sums, (j, square)) in sums.chunks_exact_mut(4 * lanes).zip(js) {
-        let square = V::splat(*square);
+    // By index: an iterator that the compiler leaves as a call would spill all registers at every step.
+    for j in 1..numbers.len() {
+        let sums = &mut sums[4 * lanes * j..][..4 * lanes];
+        let (j, square) = (V::splat(numbers[j]), V::splat(squares[j]));
         let mut even = [V::load(sums), V::load(&sums[lanes..])];
         let mut odd = [V::load(&sums[2 * lanes..]), V::load(&sums[3 * lanes..])];
         for i in 0..PATHS {
@@ -432,7 +438,6 @@ fn add_segment<V: Vector, const EVEN: usize, const ODD: usize, const PATHS: usiz
                         q[1].mul_add(square, g[2 * n - 1][1]),
                     ];
                 }
-                let j = V::splat(*j);
                 let q = [q[0].mul(j), q[1].mul(j)];
                 odd = [q[0].mul_add(c, odd[0]), q[1].mul_add(c, odd[1])];
                 even = [q[1].neg_mul_add(s, even[0]), q[0].mul_add(s, even[1])];
