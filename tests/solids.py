@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+CUBE_VERTICES = "".join(f"v {x} {y} {z}\n" for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)))
+"""Vertices of a cube of edge 1 in an OBJ file: those at z = 0 round it, then those at z = 1."""
+
 
 def corners(mesh):
     return tuple(mesh.vertices[index] for index in mesh.triangles.T)

@@ -145,6 +145,11 @@ def shape_text(shape: tuple[int | None, ...]) -> str:
     return f"({inner},)" if len(shape) == 1 else f"({inner})"
 
 
+def printable(text: str) -> str:
+    """Text for messages, with escapes for characters that a terminal would obey or not show."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def near(name: object, known: Iterable[str]) -> list[str]:
     """Known names close to a given one, the nearest first."""
     return difflib.get_close_matches(str(name), known, n=3)
@@ -175,5 +180,5 @@ def knows_keywords(kind: _Kind) -> _Kind:
         keywords(kind.__name__, given, known)
         construct(self, *args, **given)
 
-    kind.__init__ = checked  # type: ignore[misc]
+    kind.__init__ = checked  # type: ignore[misc]  # a wrapper of the same arguments
     return kind

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::aspect::Aspect;
 use super::first_reflection::{Reflected, first_reflection};
+use super::launch::quarter_centers;
 use super::shooting::{Limits, Radiation, Shooter};
 use super::tube::Tube;
 use crate::cancel::Cancel;
@@ -163,10 +164,7 @@ impl PlaneWave<'_> {
     /// Field radiated by a cell after two and more reflections, by way of its quarters where these radiate another one.
     fn quartered(&self, center: [f64; 2], size: [f64; 2], whole: Complex64) -> Complex64 {
         let half = size.map(|size| 0.5 * size);
-        let parts = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]].map(|sides: [f64; 2]| {
-            let center = [0, 1].map(|axis| center[axis] + sides[axis] * half[axis]);
-            (center, self.bounced(center, half))
-        });
+        let parts = quarter_centers(center, size).map(|center| (center, self.bounced(center, half)));
         let sum: Complex64 = parts.iter().map(|(_, field)| field).sum();
         let is_finest = half[0].max(half[1]) <= FINEST * self.shooter.wavelength;
         if is_finest || (sum - whole).norm() <= MOST_DIFFERENT * size[0] * size[1] {

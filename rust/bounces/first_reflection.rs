@@ -34,8 +34,8 @@ const MOST_TURNED: f64 = 0.3;
 /// Triangles of a lattice of points whose shadows are looked for have this share of the size of the scene at most.
 const LATTICE: f64 = 1.0 / 64.0;
 
-/// Side of the smallest triangles along the edge of a shadow, and where a curved surface begins to count as flat at
-/// grazing incidence; there, seen from the radar [wavelengths].
+/// Side of the smallest triangles along the edge of a shadow, and of those that are quartered no more however curved, at
+/// grazing incidence, which are as small across the wave [wavelengths].
 const FINEST: f64 = 0.25;
 
 /// Shift of a point of a lattice towards the middle of its triangle, relative to its distance: a ray to a corner would
@@ -45,8 +45,10 @@ const INWARDS: f64 = 1e-4;
 /// Difference of two distances relative to a ray below which they are equal.
 const TOUCHING: f64 = 1e-9;
 
-/// Most tasks of a body, and most triangles of one.
+/// Number of tasks of a body of few triangles.
 const TASKS: usize = 256;
+
+/// Most triangles of a task.
 const TASK: usize = 64;
 
 /// Field and power of the first reflection.

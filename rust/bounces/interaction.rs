@@ -89,6 +89,7 @@ impl Interaction {
         let mut hash = mix(u64::from(self.body) + 1);
         if self.bend == DMat3::ZERO {
             let rounded = (1e3 * self.face).round();
+            // The sum with zero has no negative zeros.
             for number in [
                 rounded.x,
                 rounded.y,

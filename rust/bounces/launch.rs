@@ -58,3 +58,9 @@ impl Launch {
         })
     }
 }
+
+/// Centres of the quarters of a cell.
+pub(super) fn quarter_centers(center: [f64; 2], size: [f64; 2]) -> [[f64; 2]; 4] {
+    [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]]
+        .map(|sides: [f64; 2]| [0, 1].map(|axis| center[axis] + sides[axis] * size[axis]))
+}

@@ -6,9 +6,9 @@ use glam::DMat3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::launch::Launch;
+use super::launch::{Launch, quarter_centers};
 use super::path::{BouncePath, Bounces};
-use super::shooting::{Counts, Limits, Shot, Shots, View};
+use super::shooting::{CellPaths, Counts, Launcher, Limits, View};
 use crate::antennas::array::Array;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Hits;
@@ -48,9 +48,9 @@ struct Cell {
     size: [f64; 2],
     /// Numbers of the small parts in it.
     parts: Vec<usize>,
-    shot: Shot,
-    /// Magnitude of its expected error [m^2].
-    doubt: f64,
+    paths: CellPaths,
+    /// Magnitude of the field by which its parent differs from its quarters [m^2].
+    residual: f64,
 }
 
 impl Bounces {
@@ -66,11 +66,11 @@ impl Bounces {
     ) -> (Self, Counts) {
         let view = View::of_planes(images.iter().map(|image| (image.rotation, &image.hits.plane)));
         let num_pixels: usize = images.iter().map(|image| image.hits.plane.num_pixels()).sum();
-        let shots = Shots::new(scene, view, materials, array, limits, Sampling::Footprint);
+        let launcher = Launcher::new(scene, view, materials, array, limits, Sampling::Footprint);
         let mut refine = Refine {
             scene,
             images,
-            shots,
+            launcher,
             array,
             error: ERROR * field / (4.0 * std::f64::consts::PI),
             tubes: LEAST_TUBES.max((MOST_TUBES * num_pixels as f64) as usize),
@@ -82,7 +82,8 @@ impl Bounces {
             cells = refine.quartered(cells);
         }
         for cell in cells {
-            refine.keep(cell.shot);
+            refine.counts.coarse += 1;
+            refine.keep(cell.paths);
         }
         (
             Self::of_paths(scene, array.clone(), refine.paths.into_iter()),
@@ -94,7 +95,7 @@ impl Bounces {
 struct Refine<'a> {
     scene: &'a PosedScene,
     images: &'a [TubeImage<'a>],
-    shots: Shots<'a>,
+    launcher: Launcher<'a>,
     array: &'a Array,
     /// Largest error of a cell [m^2].
     error: f64,
@@ -107,8 +108,8 @@ struct Refine<'a> {
 
 impl Refine<'_> {
     /// Keep the paths of a cell that is not quartered.
-    fn keep(&mut self, shot: Shot) {
-        self.paths.extend(shot.paths);
+    fn keep(&mut self, cell: CellPaths) {
+        self.paths.extend(cell.paths);
     }
 
     /// Pixels of an image that may be quartered; the paths of all others are kept.
@@ -117,15 +118,15 @@ impl Refine<'_> {
         let plane = &hits.plane;
         let shoot = |pixel: usize| {
             let launch = Launch::of_pixel(hits, *rotation, pixel);
-            launch.map_or_else(|| Shot::empty(self.array), |launch| self.shots.shoot(&launch))
+            launch.map_or_else(|| CellPaths::empty(self.array), |launch| self.launcher.shoot(&launch))
         };
-        let shots: Vec<Shot> = (0..plane.num_pixels()).into_par_iter().map(shoot).collect();
-        let strengths: Vec<f64> = shots.iter().map(|shot| largest(&shot.fields)).collect();
-        let surfaces: Vec<u64> = shots.iter().map(|shot| shot.surfaces).collect();
+        let found: Vec<CellPaths> = (0..plane.num_pixels()).into_par_iter().map(shoot).collect();
+        let strengths: Vec<f64> = found.iter().map(|paths| largest(&paths.fields)).collect();
+        let surfaces: Vec<u64> = found.iter().map(|paths| paths.surfaces).collect();
         let parts = parts_by_pixel(plane, parts);
         let mut cells = Vec::new();
-        for (pixel, shot) in shots.into_iter().enumerate() {
-            self.counts = self.counts.plus(shot.counts);
+        for (pixel, paths) in found.into_iter().enumerate() {
+            self.counts = self.counts.plus(paths.counts);
             let (mut strongest, mut is_edge) = (0.0_f64, false);
             for beside in neighbours(plane, pixel) {
                 strongest = strongest.max(strengths[beside]);
@@ -133,7 +134,7 @@ impl Refine<'_> {
             }
             let parts = parts.get(&pixel).cloned().unwrap_or_default();
             if parts.is_empty() && !(is_edge && strongest > self.error) {
-                self.keep(shot);
+                self.keep(paths);
                 continue;
             }
             let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
@@ -142,8 +143,8 @@ impl Refine<'_> {
                 center: [u, v],
                 size: [plane.du, plane.dv],
                 parts,
-                shot,
-                doubt: strongest,
+                paths,
+                residual: strongest,
             });
         }
         cells
@@ -154,10 +155,10 @@ impl Refine<'_> {
         // Those of which most is left first, where tubes run out.
         let most = self.tubes / 4;
         if cells.len() > most {
-            cells.sort_by(|a, b| b.doubt.total_cmp(&a.doubt));
+            cells.sort_by(|a, b| b.residual.total_cmp(&a.residual));
             for cell in cells.split_off(most) {
                 self.counts.coarse += 1;
-                self.keep(cell.shot);
+                self.keep(cell.paths);
             }
         }
         self.tubes -= 4 * cells.len();
@@ -165,22 +166,22 @@ impl Refine<'_> {
         let mut next = Vec::new();
         for (cell, mut quarters) in cells.into_iter().zip(quarters) {
             for quarter in &quarters {
-                self.counts = self.counts.plus(quarter.shot.counts);
+                self.counts = self.counts.plus(quarter.paths.counts);
             }
-            let differences: Vec<Complex64> = (0..cell.shot.fields.len())
+            let differences: Vec<Complex64> = (0..cell.paths.fields.len())
                 .map(|channel| {
-                    let parts = quarters.iter().map(|quarter| quarter.shot.fields[channel]);
-                    parts.sum::<Complex64>() - cell.shot.fields[channel]
+                    let parts = quarters.iter().map(|quarter| quarter.paths.fields[channel]);
+                    parts.sum::<Complex64>() - cell.paths.fields[channel]
                 })
                 .collect();
-            let doubt = largest(&differences);
-            if doubt > self.error || !cell.parts.is_empty() {
+            let residual = largest(&differences);
+            if residual > self.error || !cell.parts.is_empty() {
                 for quarter in &mut quarters {
-                    quarter.doubt = doubt;
+                    quarter.residual = residual;
                 }
                 next.extend(quarters);
             } else {
-                self.keep(cell.shot);
+                self.keep(cell.paths);
             }
         }
         next
@@ -189,8 +190,7 @@ impl Refine<'_> {
     fn quarters(&self, cell: &Cell) -> [Cell; 4] {
         let TubeImage { rotation, parts, .. } = &self.images[cell.image];
         let size = cell.size.map(|size| 0.5 * size);
-        [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]].map(|sides: [f64; 2]| {
-            let center = [0, 1].map(|axis| cell.center[axis] + sides[axis] * size[axis]);
+        quarter_centers(cell.center, cell.size).map(|center| {
             let launch = Launch::at(self.scene, *rotation, center, size);
             let is_small = |part: &&usize| is_small(&parts[**part], center, size);
             Cell {
@@ -198,8 +198,8 @@ impl Refine<'_> {
                 center,
                 size,
                 parts: cell.parts.iter().filter(is_small).copied().collect(),
-                shot: launch.map_or_else(|| Shot::empty(self.array), |launch| self.shots.shoot(&launch)),
-                doubt: 0.0,
+                paths: launch.map_or_else(|| CellPaths::empty(self.array), |launch| self.launcher.shoot(&launch)),
+                residual: 0.0,
             }
         })
     }
@@ -221,15 +221,10 @@ fn is_small(part: &MeshPart, center: [f64; 2], size: [f64; 2]) -> bool {
 /// Numbers of the small parts of every pixel that shows some.
 fn parts_by_pixel(plane: &ImagePlane, parts: &[MeshPart]) -> BTreeMap<usize, Vec<usize>> {
     let mut by_pixel = BTreeMap::<usize, Vec<usize>>::new();
-    // Pixels that a range of the plane covers, along an axis.
-    let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
-        let first = (axis - high / width).floor().max(0.0) as usize;
-        let end = (axis - low / width).floor().min(number as f64 - 1.0) + 1.0;
-        first..end.max(0.0) as usize
-    };
     for (number, part) in parts.iter().enumerate() {
-        for row in range(part.v, plane.axis_row, plane.dv, plane.rows) {
-            for column in range(part.u, plane.axis_column, plane.du, plane.columns) {
+        let [rows, columns] = plane.pixels_of(part.u, part.v);
+        for row in rows {
+            for column in columns.clone() {
                 by_pixel.entry(row * plane.columns + column).or_default().push(number);
             }
         }

@@ -259,7 +259,7 @@ impl<'a> Sensor<'a> {
 }
 
 /// Paths over one cell.
-pub(super) struct Shot {
+pub(super) struct CellPaths {
     pub(super) paths: Vec<BouncePath>,
     /// Sum of the weights of all paths with their phases, per channel [m^2].
     pub(super) fields: Vec<Complex64>,
@@ -269,14 +269,14 @@ pub(super) struct Shot {
 }
 
 /// Ray tubes of all antennas through the cells of a view.
-pub(super) struct Shots<'a> {
+pub(super) struct Launcher<'a> {
     sensor: Sensor<'a>,
     directions: &'static [Direction],
     view: View,
     sampling: Sampling,
 }
 
-impl<'a> Shots<'a> {
+impl<'a> Launcher<'a> {
     /// Tubes through cells of a view.
     pub(super) fn new(
         scene: &'a PosedScene,
@@ -295,15 +295,15 @@ impl<'a> Shots<'a> {
     }
 
     /// Paths over a cell by tubes of all antennas, there and back.
-    pub(super) fn shoot(&self, launch: &Launch) -> Shot {
+    pub(super) fn shoot(&self, launch: &Launch) -> CellPaths {
         let Sensor { shooter, array } = &self.sensor;
         let twice = 2.0 / self.directions.len() as f64; // of shares that add up to one
-        let mut shot = Shot::empty(array);
+        let mut cell = CellPaths::empty(array);
         for direction in self.directions {
             let [starts, ends] = direction.antennas(array);
             for start in 0..starts.len() {
                 let mut met = 0;
-                let Shot { paths, fields, .. } = &mut shot;
+                let CellPaths { paths, fields, .. } = &mut cell;
                 let arrive = |tube: &Tube, interactions: &[Interaction]| {
                     met = interactions.iter().fold(0, |hash, at| mix(hash ^ at.surface()));
                     let weight = |end: usize| {
@@ -334,16 +334,16 @@ impl<'a> Shots<'a> {
                     paths[index].set(array, shooter.scene, start, interactions, &weights);
                 };
                 let counts = self.sensor.shoot(launch, starts.get(start), arrive);
-                shot.counts = shot.counts.plus(counts);
+                cell.counts = cell.counts.plus(counts);
                 // In any order: transmitters and receivers may change places.
-                shot.surfaces = shot.surfaces.wrapping_add(met);
+                cell.surfaces = cell.surfaces.wrapping_add(met);
             }
         }
-        shot
+        cell
     }
 }
 
-impl Shot {
+impl CellPaths {
     pub(super) fn empty(array: &Array) -> Self {
         Self {
             paths: Vec::new(),
@@ -364,12 +364,12 @@ impl Bounces {
         limits: Limits,
         sampling: Sampling,
     ) -> (Self, Counts) {
-        let shots = Shots::new(scene, View::of(launches), materials, array, limits, sampling);
-        let shots: Vec<Shot> = launches.par_iter().map(|launch| shots.shoot(launch)).collect();
-        let counts = shots
+        let launcher = Launcher::new(scene, View::of(launches), materials, array, limits, sampling);
+        let cells: Vec<CellPaths> = launches.par_iter().map(|launch| launcher.shoot(launch)).collect();
+        let counts = cells
             .iter()
-            .fold(Counts::default(), |counts, shot| counts.plus(shot.counts));
-        let paths = shots.into_iter().flat_map(|shot| shot.paths);
+            .fold(Counts::default(), |counts, cell| counts.plus(cell.counts));
+        let paths = cells.into_iter().flat_map(|cell| cell.paths);
         (Self::of_paths(scene, array.clone(), paths), counts)
     }
 }

@@ -1,5 +1,7 @@
 //! Camera: image plane of the sensor, directions of pixels, and tiles.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::error::{Error, Result};
@@ -155,6 +157,19 @@ impl ImagePlane {
     /// Row and column of a point `(u, v)`, in pixels from the upper left corner.
     pub fn pixel(&self, [u, v]: [f64; 2]) -> (f64, f64) {
         (self.axis_row - v / self.dv, self.axis_column - u / self.du)
+    }
+
+    /// Rows and columns of the pixels that show some of a rectangle, ranges of u and v.
+    pub fn pixels_of(&self, u: [f64; 2], v: [f64; 2]) -> [Range<usize>; 2] {
+        let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
+            let first = (axis - high / width).floor().max(0.0) as usize;
+            let end = (axis - low / width).floor().min(number as f64 - 1.0) + 1.0;
+            first..end.max(0.0) as usize
+        };
+        [
+            range(v, self.axis_row, self.dv, self.rows),
+            range(u, self.axis_column, self.du, self.columns),
+        ]
     }
 
     /// Cell of the plane that a pixel covers.

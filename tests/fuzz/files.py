@@ -18,22 +18,15 @@ from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.models.robots.arm import RobotArm
 from radarcore.radar.pattern import TabulatedPattern
 from scene_files import EXAMPLES, PARTS
+from solids import CUBE_VERTICES
 
 # OBJ.
 
-_CUBE = """\
+_CUBE = f"""\
 # a cube
 mtllib cube.mtl
 o cube
-v 0 0 0
-v 1 0 0
-v 1 1 0
-v 0 1 0
-v 0 0 1
-v 1 0 1
-v 1 1 1
-v 0 1 1
-vt 0 0
+{CUBE_VERTICES}vt 0 0
 vn 0 0 1
 g sides
 usemtl steel

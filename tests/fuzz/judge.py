@@ -23,12 +23,12 @@ LONGEST_MESSAGE = 20_000
 
 
 class Verdict(NamedTuple):
-    """What a reading came to."""
+    """Outcome of a reading."""
 
     kind: str
     """Equal for inputs that were read, or refused, in the same way."""
     fault: str
-    """What is wrong; "" if nothing is."""
+    """Fault; "" if there is none."""
     trace: str = ""
 
 

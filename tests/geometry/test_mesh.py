@@ -11,21 +11,14 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from solids import CUBE_VERTICES
 
 SQUARE = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]
 HALVES = [[0, 2, 1], [0, 3, 2]]
 
-CUBE = """# a cube of edge 1, as quads
+CUBE = f"""# a cube of edge 1, as quads
 o cube
-v 0 0 0
-v 1 0 0
-v 1 1 0
-v 0 1 0
-v 0 0 1
-v 1 0 1
-v 1 1 1
-v 0 1 1
-f 4 3 2 1
+{CUBE_VERTICES}f 4 3 2 1
 f 5 6 7 8
 f 1 2 6 5
 f 2 3 7 6

@@ -531,7 +531,7 @@ class Measured(NamedTuple):
     """Mean codes of the receivers."""
     nearest_bin: float
     farthest_bin: float
-    """Where something moves, in a transform of 256 samples."""
+    """Range bins in which something moves, in a transform of 256 samples."""
 
 
 def excerpt(path: Path) -> Measured:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 from typing import Any
 
 import numpy as np
@@ -242,3 +243,9 @@ def test_angles_and_frequencies_give_arrays_of_their_shapes() -> None:
     assert got[2, 0, 1] == pytest.approx(rc.rcs(box, 60e9, direction)[0], rel=1e-9)
     assert rc.rcs(box, frequencies, direction).shape == (1, 2)
     assert rc.rcs(box, 60e9, azimuth_deg=0.0).shape == (1,)
+
+
+def test_example_of_the_docstring_prints_what_it_says() -> None:
+    test = doctest.DocTestParser().get_doctest(str(rc.rcs.__doc__), {"rc": rc, "np": np}, "rcs", None, 0)
+    assert len(test.examples) > 0
+    assert doctest.DocTestRunner().run(test).failed == 0

@@ -8,7 +8,8 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,30 @@ def hears_interrupts() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+def time_to_hear(work: Callable[[], object], after: float) -> float:
+    """Time of all threads from Ctrl-C, `after` seconds after the start of the work, to its end [s]."""
+    sent: list[float] = []
+
+    def interrupt() -> None:
+        sent.append(time.process_time())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(after, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    heard = time.process_time()
+    timer.join()
+    return heard - sent[0]
+
+
+def time_of(work: Callable[[], object]) -> float:
+    """Time of all threads, which no other program stops [s]."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
 @pytest.mark.usefixtures("hears_interrupts")
 def test_interrupt_ends_a_long_frame_soon() -> None:
     wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
@@ -122,45 +147,17 @@ def test_interrupt_ends_a_long_frame_soon() -> None:
         radar = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=num_chirps))
         return simulator([wall], radar, resolution=512, sampling="footprint", method="direct")
 
-    # Times of all threads, which no other program stops: a frame of a second, to tell how busy the machine is, ...
-    began = time.process_time()
-    with_chirps(8).frame()
-    second = time.process_time() - began
-    # ... and one of half a minute.
-    sent: list[float] = []
-
-    def interrupt() -> None:
-        sent.append(time.process_time())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(1.0, interrupt)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        with_chirps(256).frame()
-    heard = time.process_time()
-    timer.join()
-    assert heard - sent[0] < second
+    # A frame of a second, to tell how busy the machine is, and one of half a minute.
+    second = time_of(lambda: with_chirps(8).frame())
+    assert time_to_hear(lambda: with_chirps(256).frame(), after=1.0) < second
 
 
 @pytest.mark.usefixtures("hears_interrupts")
 def test_interrupt_ends_cross_sections_soon() -> None:
     corner, azimuth_deg = rc.shapes.trihedral(1.0), np.linspace(150.0, 210.0, 4000)
-    began = time.process_time()
-    rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::100], max_bounces=3)
-    hundredth = time.process_time() - began
-    sent: list[float] = []
-
-    def interrupt() -> None:
-        sent.append(time.process_time())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(0.5, interrupt)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
-    heard = time.process_time()
-    timer.join()
-    assert heard - sent[0] < 10.0 * hundredth
+    hundredth = time_of(lambda: rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::100], max_bounces=3))
+    all_of_them = partial(rc.rcs, corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
+    assert time_to_hear(all_of_them, after=0.5) < 10.0 * hundredth
 
 
 def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:

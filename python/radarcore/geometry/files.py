@@ -136,7 +136,7 @@ def _has_vertices(path: Path) -> bool:
 
 
 def _beginning(path: Path) -> str:
-    """What a file begins with, as text for messages."""
+    """Beginning of a file, as text for messages."""
     with path.open("rb") as file:
         head = file.read(_BEGINNING)
     if not head:

@@ -200,8 +200,7 @@ class _Meta:
         except KeyError as error:
             raise ValueError(f"{where}: expected the key {error}, got none") from error
         except (TypeError, ValueError, AttributeError, OverflowError) as error:  # JSON has integers of any length
-            text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(error))
-            raise ValueError(f"{where}: {text}") from error
+            raise ValueError(f"{where}: {check.printable(str(error))}") from error
 
 
 def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:

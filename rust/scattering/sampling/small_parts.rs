@@ -44,16 +44,6 @@ impl SmallParts {
 
     /// Mark the quarters of all levels whose cells are too large for a part.
     fn mark(&mut self, part: &MeshPart, planes: &[ImagePlane]) {
-        // Cells that a range of the plane covers, along an axis.
-        let range = |[low, high]: [f64; 2], axis: f64, width: f64, number: usize| {
-            let first = (axis - high / width).floor().max(0.0) as usize;
-            let last = (axis - low / width).floor().min(number as f64 - 1.0);
-            if last < 0.0 {
-                0..0
-            } else {
-                first / SIDE..last as usize / SIDE + 1
-            }
-        };
         for (level, plane) in planes.iter().enumerate().take(MAX_LEVEL) {
             if plane.du <= part.width[0] && plane.dv <= part.width[1] {
                 return;
@@ -61,8 +51,11 @@ impl SmallParts {
             let columns = self.columns[level];
             let bits = &mut self.levels[level];
             bits.resize((plane.rows.div_ceil(SIDE) * columns).div_ceil(64), 0);
-            for row in range(part.v, plane.axis_row, plane.dv, plane.rows) {
-                for column in range(part.u, plane.axis_column, plane.du, plane.columns) {
+            let [rows, quarters] = plane
+                .pixels_of(part.u, part.v)
+                .map(|pixels| pixels.start / SIDE..pixels.end.div_ceil(SIDE));
+            for row in rows {
+                for column in quarters.clone() {
                     let bit = row * columns + column;
                     bits[bit / 64] |= 1 << (bit % 64);
                 }

@@ -72,7 +72,7 @@ class Human:
         self.height = check.positive("height", height, "m")
         if self.height > _TALLEST:
             raise ValueError(
-                f"height: expected at most {_TALLEST:g} m, got {self.height:g}; centimetres? 1.75 is a man of 175 cm"
+                f"height: expected at most {_TALLEST:g} m, got {self.height:g}; centimetres? 1.75 is a person of 175 cm"
             )
         self.speed = check.non_negative("speed", speed, "m/s")
         fastest = gait.MAX_RELATIVE_SPEED * HIP_HEIGHT * self.height

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from radarcore import check
+
 
 @contextmanager
 def located(prefix: str) -> Iterator[None]:
@@ -17,5 +19,4 @@ def located(prefix: str) -> Iterator[None]:
     except (ValueError, TypeError, KeyError, ImportError) as error:
         text = str(error.args[0]) if isinstance(error, KeyError) else str(error)
         kind = ImportError if isinstance(error, ImportError) else ValueError
-        line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
-        raise kind(prefix + line) from error
+        raise kind(prefix + check.printable(" ".join(text.split()))) from error

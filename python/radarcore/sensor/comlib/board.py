@@ -450,7 +450,7 @@ class ComLibBoard:
         )
 
     def _decoded(self, decode: Callable[[bytes], _Decoded], payload: bytes) -> _Decoded:
-        """What a payload says; a ProtocolError, with the port, if it says nothing."""
+        """Decoded payload, or a ProtocolError with the port."""
         try:
             return decode(payload)
         except ProtocolError as error:

@@ -339,7 +339,7 @@ class StrataBoard:
         return values[0] & 0xFFFFFF
 
     def _decoded(self, decode: Callable[[bytes], _Decoded], payload: bytes) -> _Decoded:
-        """What an answer says; a ProtocolError, with the port, if it says nothing."""
+        """Decoded answer, or a ProtocolError with the port."""
         try:
             return decode(payload)
         except ProtocolError as error:
