@@ -1,90 +1,114 @@
-//! Facets: the triangles that eight rays of a tile hit, one in every lane.
+//! Facets: the triangles that rays of a tile hit.
 //!
-//! Where pixels are larger than triangles nearly every ray has one of its own: corners are gathered lane by lane, and
-//! planes and normals computed for all lanes at once. Where several rays have the same, it is computed once for all
-//! (`cargo bench --bench trace -- 'room|person'`).
+//! A triangle that several rays hit is prepared once for all of them. Where pixels are larger than triangles nearly every
+//! ray has one of its own: corners of eight are gathered lane by lane, and planes and normals computed for all lanes at
+//! once (`cargo bench --bench trace -- 'room|person'`).
 
 use crate::numeric::simd::{Isa, Vector};
-use crate::rays::packet::PACKET;
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::scene::NO_BODY;
 use crate::rays::surface::Surface;
 
 /// Rays that a vector of double precision holds: half a packet.
 pub const HALF: usize = PACKET / 2;
 
-/// Number of the triangles that are remembered: walls meet in two of them at an edge.
-pub const HELD: usize = 2;
-
-/// Number of rays from which on a triangle is a group of its own.
+/// Number of rays of a tile from which on a triangle is a group of its own.
 const MANY_RAYS: u32 = 3;
 
-/// Rays of half a packet that hit one body: those of one triangle, or of several.
-pub struct Group {
-    /// Bit mask of the rays, in the half.
-    pub bits: u32,
+/// Rays of a tile that have hit something and are not in any group yet, a bit each.
+pub struct Groups<'a> {
+    rest: u64,
+    bodies: &'a [[u32; PACKET]; PACKETS],
+    triangles: &'a [[u32; PACKET]; PACKETS],
+}
+
+/// Rays that hit one body: all of one triangle, or those of half a packet on several.
+pub struct Group<'a> {
+    /// Bit mask of the rays, in the tile.
+    rays: u64,
     /// Number of the body.
     pub body: u32,
     /// Number of the triangle of the first ray.
-    pub triangle: u32,
-    /// True if all of them hit that triangle.
-    pub is_one: bool,
+    triangle: u32,
+    /// Numbers of the triangles of the half packet with the first ray; none if all rays hit one.
+    several: Option<&'a [u32]>,
 }
 
-/// Numbers of the triangles, with their bodies, whose planes are kept from group to group.
-pub struct Held {
-    keys: [(u32, u32); HELD],
-    next: usize,
-}
-
-impl Held {
-    /// No triangles.
-    pub const NOTHING: Self = Self {
-        keys: [(u32::MAX, u32::MAX); HELD],
-        next: 0,
-    };
-
-    /// Place of what a group needs, and whether it is there: places of single triangles keep them, and the last place
-    /// is for groups of several.
+impl<'a> Groups<'a> {
+    /// All rays of a tile that have hit something; `valid`: bit masks of the rays of every packet.
     #[inline(always)]
-    pub fn place(&mut self, group: &Group) -> (usize, bool) {
-        if !group.is_one {
-            return (HELD, false);
+    pub fn new<I: Isa>(
+        valid: &[u32; PACKETS],
+        bodies: &'a [[u32; PACKET]; PACKETS],
+        triangles: &'a [[u32; PACKET]; PACKETS],
+    ) -> Self {
+        let mut rest = 0;
+        for packet in 0..PACKETS {
+            let hit = valid[packet] & !I::equal(&bodies[packet], NO_BODY);
+            rest |= u64::from(hit) << (packet * PACKET);
         }
-        let key = (group.body, group.triangle);
-        for place in 0..HELD {
-            if self.keys[place] == key {
-                return (place, true);
-            }
-        }
-        let place = self.next;
-        self.keys[place] = key;
-        self.next = (place + 1) % HELD;
-        (place, false)
-    }
-}
-
-impl Group {
-    /// Take a group that holds the first ray out of the rest of a half (0 or 1) of a packet.
-    #[inline(always)]
-    pub fn take<I: Isa>(bodies: &[u32; PACKET], triangles: &[u32; PACKET], half: usize, rest: &mut u32) -> Self {
-        let lane = half * HALF + rest.trailing_zeros() as usize % HALF;
-        let (body, triangle) = (bodies[lane], triangles[lane]);
-        let all = *rest & I::equal(bodies, body) >> (half * HALF);
-        let same = all & I::equal(triangles, triangle) >> (half * HALF);
-        let is_one = same == all || same.count_ones() >= MANY_RAYS;
-        let bits = if is_one { same } else { all };
-        *rest &= !bits;
         Self {
-            bits,
+            rest,
+            bodies,
+            triangles,
+        }
+    }
+
+    /// Take the group that holds the first of the rest of the rays.
+    #[inline(always)]
+    pub fn take<I: Isa>(&mut self) -> Option<Group<'a>> {
+        if self.rest == 0 {
+            return None;
+        }
+        let first = self.rest.trailing_zeros() as usize % MOST_RAYS;
+        let (packet, half) = (first / PACKET, first / HALF);
+        let body = self.bodies[packet][first % PACKET];
+        let triangle = self.triangles[packet][first % PACKET];
+        let mut same = 0;
+        for other in packet..PACKETS {
+            let bits = I::equal(&self.triangles[other], triangle) & I::equal(&self.bodies[other], body);
+            same |= u64::from(bits) << (other * PACKET);
+        }
+        same &= self.rest;
+        let in_body = u64::from(I::equal(&self.bodies[packet], body)) << (packet * PACKET);
+        let all = in_body & self.rest & (0xff << (half * HALF));
+        let is_one = same.count_ones() >= MANY_RAYS || all & !same == 0;
+        let rays = if is_one { same } else { all };
+        self.rest &= !rays;
+        let start = first % PACKET / HALF * HALF;
+        Some(Group {
+            rays,
             body,
             triangle,
-            is_one,
+            several: (!is_one).then(|| &self.triangles[packet][start..start + HALF]),
+        })
+    }
+}
+
+/// Bit mask of the rays of half a packet, from that of a tile.
+#[inline(always)]
+fn of_half(rays: u64, half: usize) -> u32 {
+    (rays >> (half * HALF)) as u32 & 0xff
+}
+
+impl Group<'_> {
+    /// Take the first half packet with rays of the group: its number, and the bit mask of the rays.
+    #[inline(always)]
+    pub fn take_half(&mut self) -> Option<(usize, u32)> {
+        if self.rays == 0 {
+            return None;
         }
+        let half = self.rays.trailing_zeros() as usize / HALF;
+        let bits = of_half(self.rays, half);
+        self.rays &= !(0xff << (half * HALF));
+        Some((half, bits))
     }
 
-    /// Triangle of a lane of the half; that of the first ray where the lane is not in the group.
+    /// Triangle of a lane of half a packet; that of the first ray where the lane is not in the group.
     #[inline(always)]
     fn triangle_of(&self, triangles: &[u32], lane: usize) -> u32 {
-        if self.bits >> lane & 1 == 1 {
+        let half = self.rays.trailing_zeros() as usize / HALF;
+        if of_half(self.rays, half) >> lane & 1 == 1 {
             triangles[lane]
         } else {
             self.triangle
@@ -93,9 +117,9 @@ impl Group {
 
     /// Corners of the triangles in the frame of the body, corner by corner and axis by axis [m].
     #[inline(always)]
-    pub fn corners<V: Vector<Scalar = f64>>(&self, surface: &Surface, triangles: &[u32]) -> [[V; 3]; 3] {
+    pub fn corners<V: Vector<Scalar = f64>>(&self, surface: &Surface) -> [[V; 3]; 3] {
         let mut vectors = [[V::splat(0.0); 3]; 3];
-        if self.is_one {
+        let Some(triangles) = self.several else {
             let corners = surface.corners(self.triangle);
             for corner in 0..3 {
                 for axis in 0..3 {
@@ -103,7 +127,7 @@ impl Group {
                 }
             }
             return vectors;
-        }
+        };
         let mut places = [[[0.0; HALF]; 3]; 3];
         for lane in 0..HALF {
             let corners = surface.corners(self.triangle_of(triangles, lane));
@@ -124,9 +148,9 @@ impl Group {
     /// Normals at the corners of the triangles, corner by corner and axis by axis, and a bit mask of the lanes that have
     /// any.
     #[inline(always)]
-    pub fn normals<V: Vector<Scalar = f64>>(&self, surface: &Surface, triangles: &[u32]) -> ([[V; 3]; 3], u32) {
+    pub fn normals<V: Vector<Scalar = f64>>(&self, surface: &Surface) -> ([[V; 3]; 3], u32) {
         let mut vectors = [[V::splat(0.0); 3]; 3];
-        if self.is_one {
+        let Some(triangles) = self.several else {
             let Some(normals) = surface.corner_normals(self.triangle) else {
                 return (vectors, 0);
             };
@@ -136,7 +160,7 @@ impl Group {
                 }
             }
             return (vectors, u32::MAX);
-        }
+        };
         let (mut places, mut curved) = ([[[0.0; HALF]; 3]; 3], 0);
         for lane in 0..HALF {
             let Some(normals) = surface.corner_normals(self.triangle_of(triangles, lane)) else {

@@ -4,9 +4,9 @@ use glam::{DMat3, DVec3};
 
 use crate::geometry::curved_triangle::MAX_CORRECTED_COSINE;
 use crate::numeric::simd::{Isa, Vector};
-use crate::rays::facets::{Group, HALF, HELD, Held, cross, difference, in_all, rounded_dot};
+use crate::rays::facets::{Group, Groups, HALF, cross, difference, in_all, rounded_dot};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
-use crate::rays::scene::{NO_BODY, PosedScene};
+use crate::rays::scene::PosedScene;
 
 /// Smooth hits of the rays of a tile; see [`crate::rays::smooth_hits::SmoothHits`].
 pub struct Shade {
@@ -48,47 +48,39 @@ impl Shade {
         triangles: &[[u32; PACKET]; PACKETS],
         distances: &[f64; MOST_RAYS],
     ) {
-        let zero = <I::F64 as Vector>::splat(0.0);
-        let mut facets = [ShadedFacets::<I::F64>::none(); HELD + 1];
-        let mut held = Held::NOTHING;
+        let splat = <I::F64 as Vector>::splat;
+        let mut lengths = [0.0; MOST_RAYS];
         for first in (0..MOST_RAYS).step_by(HALF) {
-            let (packet, half) = (first / PACKET, first % PACKET / HALF);
-            let (bodies, triangles) = (&bodies[packet], &triangles[packet]);
-            let hit = rays.valid[packet] & !I::equal(bodies, NO_BODY);
-            let mut rest = hit >> (half * HALF) & 0xff;
-            let distance = I::F64::load(&distances[first..]);
-            zero.store(&mut self.cosine[first..]);
-            if ALL {
-                distance.store(&mut self.distance[first..]);
-                for axis in 0..3 {
-                    zero.store(&mut self.normal[axis][first..]);
-                }
-            }
-            if rest == 0 {
-                continue;
-            }
             let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
-            let length = <I::F64 as Vector>::splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
-            while rest != 0 {
-                let group = Group::take::<I>(bodies, triangles, half, &mut rest);
-                let view = scene.view(group.body);
-                let (place, is_there) = held.place(&group);
-                if !is_there {
-                    facets[place] = ShadedFacets::new(scene, &group, &triangles[half * HALF..]);
+            let length = splat(1.0).add(u.mul(u)).add(v.mul(v)).sqrt();
+            length.store(&mut lengths[first..]);
+            splat(0.0).store(&mut self.cosine[first..]);
+            if ALL {
+                I::F64::load(&distances[first..]).store(&mut self.distance[first..]);
+                for axis in 0..3 {
+                    splat(0.0).store(&mut self.normal[axis][first..]);
                 }
-                let (cosine, correction, normal) = facets[place].shade(view.direction(u, v), length, distance);
+            }
+        }
+        let mut groups = Groups::new::<I>(&rays.valid, bodies, triangles);
+        while let Some(mut group) = groups.take::<I>() {
+            let facets = ShadedFacets::<I::F64>::new(scene, &group);
+            let (view, rotation) = (scene.view(group.body), &scene.pose(group.body).rotation);
+            while let Some((half, bits)) = group.take_half() {
+                let first = half * HALF;
+                let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));
+                let (length, distance) = (I::F64::load(&lengths[first..]), I::F64::load(&distances[first..]));
+                let (cosine, correction, normal) = facets.shade(view.direction(u, v), length, distance);
                 let keep = I::F64::load(&self.cosine[first..]);
-                cosine.select(group.bits, keep).store(&mut self.cosine[first..]);
+                cosine.select(bits, keep).store(&mut self.cosine[first..]);
                 if ALL {
                     let keep = I::F64::load(&self.distance[first..]);
                     let corrected = distance.add(correction);
-                    corrected.select(group.bits, keep).store(&mut self.distance[first..]);
-                    let normal = turn(&scene.pose(group.body).rotation, normal);
+                    corrected.select(bits, keep).store(&mut self.distance[first..]);
+                    let normal = turn(rotation, normal);
                     for axis in 0..3 {
                         let keep = I::F64::load(&self.normal[axis][first..]);
-                        normal[axis]
-                            .select(group.bits, keep)
-                            .store(&mut self.normal[axis][first..]);
+                        normal[axis].select(bits, keep).store(&mut self.normal[axis][first..]);
                     }
                 }
             }
@@ -134,17 +126,17 @@ impl<V: Vector<Scalar = f64>> ShadedFacets<V> {
     }
 
     #[inline(always)]
-    fn new(scene: &PosedScene, group: &Group, triangles: &[u32]) -> Self {
+    fn new(scene: &PosedScene, group: &Group) -> Self {
         let (surface, view) = (scene.surface(group.body), scene.view(group.body));
         let mut facets = Self::none();
-        let [a, b, c] = group.corners::<V>(surface, triangles);
+        let [a, b, c] = group.corners::<V>(surface);
         let (first, second) = (difference(b, a), difference(c, a));
         let one = V::splat(1.0);
         facets.corner = difference(a, in_all(view.origin));
         facets.face = cross(first, second);
         let square = rounded_dot(facets.face, facets.face);
         facets.inverse = one.div(square.sqrt());
-        let ([a, b, c], curved) = group.normals::<V>(surface, triangles);
+        let ([a, b, c], curved) = group.normals::<V>(surface);
         facets.curved = curved;
         if curved != 0 {
             let inverse = one.div(square);
