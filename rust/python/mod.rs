@@ -23,6 +23,10 @@ use scattering::Material;
 use simulator::{DepthScene, IdealFrame, Placement, Scene, Settings, Simulator};
 use synthesis::{Report, Waveform};
 
+/// Memory of tiles and records is allocated and freed by the thousand in every frame, on all threads.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
