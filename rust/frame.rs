@@ -100,6 +100,9 @@ pub struct Counts {
     pub farthest: f64,
     /// Error of phases by the series of the motion [rad].
     pub motion_error: f64,
+    /// Numbers, in the scene, of the bodies and point targets whose motion needs more times than the others', and which
+    /// have a sum of their own.
+    pub rough: Vec<usize>,
     /// Run time of every stage.
     pub times: StageTimes,
 }
@@ -132,7 +135,7 @@ pub fn simulate(
             Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())
         })?;
         let groups = timed(&mut times.scatterers, || {
-            Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)
+            Groups::new(model, &placement, &part, &rays, &mut memory.tubes, cancel)
         })?;
         let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
         frame.add(&part, samples, &outcome, &rays, &groups);
@@ -158,7 +161,7 @@ pub fn paths(
     let part = &parts::of_frame(model, &placement)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
     let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())?;
-    let groups = Groups::new(model, &placement, &rays, &mut memory.tubes, cancel)?;
+    let groups = Groups::new(model, &placement, part, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
     let at_seen = model.placement(at)?;
     groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)
@@ -229,6 +232,9 @@ impl<'a> FrameBuilder<'a> {
         counts.bounces_stopped += bounces.stopped;
         counts.bounces_not_split += bounces.coarse;
         counts.farthest = counts.farthest.max(outcome.farthest).max(groups.farthest());
+        counts.rough.extend_from_slice(groups.rough());
+        counts.rough.sort_unstable();
+        counts.rough.dedup();
         counts.sum.add(outcome);
         counts.times.add(&outcome.times);
 

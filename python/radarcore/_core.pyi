@@ -364,6 +364,12 @@ class IdealFrame:
     def series_errors(self) -> tuple[float, float]:
         """Errors of phases [rad] and of amplitudes by the series over the frame, relative to l2(amplitudes)."""
     @property
+    def rough(self) -> list[int]:
+        """Numbers of the bodies in the scene that have a sum of their own.
+
+        Few times of the frame do not describe their motion.
+        """
+    @property
     def plan(self) -> str:
         """A line per sum over a group of paths."""
     def counts(self) -> list[tuple[str, int]]:

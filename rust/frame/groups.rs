@@ -3,16 +3,21 @@
 use num_complex::Complex64;
 
 use super::model::{Model, Source};
+use super::parts::Part;
 use super::rays::{Image, Rays};
 use crate::bounces::{self, Bounces};
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::paths::kinematics::Kinematics;
-use crate::paths::placement::{NodePlaces, Placement};
+use crate::paths::placement::{Motion, NodePlaces, Placement};
 use crate::paths::scatterers::{Members, Scatterers};
 use crate::paths::series::{Paths, Selection};
 use crate::scattering::material_points::NO_CELL;
+use crate::synthesis::lanes::MOST_TERMS;
+
+/// Share of the tolerance that the terms of sums in lanes may leave out of the phases of a body that moves smoothly.
+const ROUGH: f64 = 0.5;
 
 /// Paths of a frame, or of a part of one.
 pub struct Groups {
@@ -31,13 +36,15 @@ pub struct Groups {
     /// Number of paths of several reflections, and counts of their rays.
     num_bounces: usize,
     bounces: bounces::Counts,
+    /// Numbers, in the scene, of the bodies in rough motion that have a path.
+    rough: Vec<usize>,
 }
 
 /// Paths that are summed together.
 pub(super) struct Group {
     pub(super) paths: GroupPaths,
-    /// True if delays and amplitudes do not change within the frame.
-    pub(super) is_still: bool,
+    /// Motion of the bodies and points; delays and amplitudes of still ones do not change within the frame.
+    pub(super) motion: Motion,
     /// Amplitudes fall with this power of the frequency; they are given for the centre of the band.
     pub(super) order: u8,
 }
@@ -64,27 +71,21 @@ pub struct PathArrays {
 }
 
 impl Groups {
-    /// Group the scatterers of all hits and the paths of several reflections into static and moving ones, and by the
-    /// power of the frequency.
+    /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the frequency.
     pub fn new(
         model: &Model,
         placement: &Placement,
+        part: &Part,
         rays: &Rays,
         tubes: &mut Vec<Image>,
         cancel: &Cancel,
     ) -> Result<Self> {
-        let (mut are_still, points_are_still) = (placement.are_still(), placement.points_are_still());
-        let (deforming, num_points) = match &model.source {
-            Source::Scene(scene) => (scene.deforming.clone(), scene.rcs.len()),
-            Source::Depth(_) => (Vec::new(), 0),
+        let (deforming, num_points): (&[usize], usize) = match &model.source {
+            Source::Scene(scene) => (&scene.deforming, scene.rcs.len()),
+            Source::Depth(_) => (&[], 0),
         };
-        for body in &deforming {
-            are_still[*body] = false;
-        }
-        if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
-            are_still.fill(false);
-        }
-        let rank = |body: u32| u8::from(!are_still[body as usize]);
+        let (motions, of_points) = motions(model, placement, part, deforming);
+        let rank = |body: u32| motions[body as usize] as u8;
         let mut scatterers = rays.scatterers(model, rank)?;
         cancel.check()?;
         let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
@@ -95,43 +96,48 @@ impl Groups {
         let farthest = farthest.fold(0.0, f64::max);
         let num_bounces = bounces.len();
         let num_cells = num_cells(scatterers.cells());
-        // Still ones first, and within both by the power of the frequency.
+        // Still ones first, and within each by the power of the frequency.
         let last_order = (0..scatterers.len()).map(|i| scatterers.order_of(i)).max().unwrap_or(0);
-        let number = |is_still: bool, order: u8| if is_still { order } else { 1 + last_order + order };
-        scatterers.order_by(|body, order| number(are_still[body as usize], order));
+        let number = |motion: Motion, order: u8| motion as u8 * (1 + last_order) + order;
+        scatterers.order_by(|body, order| number(motions[body as usize], order));
         let mut first = 0;
-        for is_still in [true, false] {
+        for motion in Motion::ALL {
             for order in 0..=last_order {
-                let has_points = points_are_still == is_still && order == 0;
+                let has_points = of_points == motion && order == 0;
                 let members = scatterers.members(first, if has_points { num_points } else { 0 }, |body, of| {
-                    number(are_still[body as usize], of) == number(is_still, order)
+                    number(motions[body as usize], of) == number(motion, order)
                 });
                 first = members.surfaces.end;
                 groups.push(Group {
                     paths: GroupPaths::Scatterers(members),
-                    is_still,
+                    motion,
                     order,
                 });
             }
         }
-        let parts = bounces.split(|body| are_still[body as usize]);
-        for (bounces, is_still) in parts.into_iter().zip([true, false]) {
+        // Paths over several bodies move as the roughest of these.
+        let mut rest = bounces;
+        for motion in Motion::ALL {
+            let [own, others] = rest.split(|body| motions[body as usize] <= motion);
             groups.push(Group {
-                paths: GroupPaths::Bounces(Box::new(bounces)),
-                is_still,
+                paths: GroupPaths::Bounces(Box::new(own)),
+                motion,
                 order: 0,
             });
+            rest = others;
         }
         groups.retain(|group| group.len() > 0);
+        let rough = rough(model, &groups, &scatterers);
         Ok(Self {
             all: groups,
             scatterers,
-            deforming: deforming.into_iter().map(|body| body as u32).collect(),
+            deforming: deforming.iter().map(|body| *body as u32).collect(),
             num_points,
             num_cells,
             farthest,
             num_bounces,
             bounces: bounce_counts,
+            rough,
         })
     }
 
@@ -148,6 +154,11 @@ impl Groups {
     /// Number of paths of several reflections, and counts of their rays.
     pub fn bounces(&self) -> (usize, bounces::Counts) {
         (self.num_bounces, self.bounces)
+    }
+
+    /// Numbers, in the scene, of the bodies and point targets in rough motion, increasing; see [`Motion`].
+    pub fn rough(&self) -> &[usize] {
+        &self.rough
     }
 
     /// Distance of the farthest cell of paths that fall with the frequency [m], see [`Outcome::farthest`].
@@ -323,6 +334,41 @@ impl EvaluateAt<'_> {
             _ => None,
         }
     }
+}
+
+/// Motion over a part of the frame of every body, and of all point targets: rough where as many times as sums in lanes
+/// take leave out a large share of the tolerance.
+fn motions(model: &Model, placement: &Placement, part: &Part, deforming: &[usize]) -> (Vec<Motion>, Motion) {
+    let own = (part.half < 1.0).then(|| placement.over(&part.node_times(placement.num_times())));
+    let length = ROUGH * model.settings.tolerance / model.phase_per_length();
+    let placement = own.as_ref().unwrap_or(placement);
+    let (mut bodies, points) = placement.motions(MOST_TERMS, length, deforming, &model.radii);
+    if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
+        // The surface of a pixel moves on at the range rate of the pixel.
+        for motion in &mut bodies {
+            *motion = (*motion).max(Motion::Smooth);
+        }
+    }
+    (bodies, points)
+}
+
+/// See [`Groups::rough`].
+fn rough(model: &Model, groups: &[Group], scatterers: &Scatterers) -> Vec<usize> {
+    let Source::Scene(scene) = &model.source else {
+        return Vec::new();
+    };
+    let mut rough = Vec::new();
+    for group in groups.iter().filter(|group| group.motion == Motion::Rough) {
+        if let GroupPaths::Scatterers(members) = &group.paths {
+            let bodies = scatterers.bodies()[members.surfaces.clone()].iter();
+            rough.extend(bodies.map(|body| scene.body_numbers[*body as usize]));
+            rough.extend(scene.point_numbers.iter().take(members.num_points));
+            rough.dedup();
+        }
+    }
+    rough.sort_unstable();
+    rough.dedup();
+    rough
 }
 
 /// Check that no path has length zero.

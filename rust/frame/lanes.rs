@@ -12,7 +12,7 @@ use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel};
 use crate::paths::kinematics::Kinematics;
 use crate::paths::node_times::NodeTimes;
-use crate::paths::placement::Placement;
+use crate::paths::placement::{Motion, Placement};
 use crate::paths::rows::Rows;
 use crate::paths::scatterers::{Members, Scatterers};
 use crate::paths::series::Selection;
@@ -39,21 +39,23 @@ const SHARES: [f64; 2] = [0.1, 0.2];
 /// Power of two that brings amplitudes of radars to the middle of single precision.
 const SCALE: f64 = 1_073_741_824.0; // 2^30
 
-/// Samples of all paths of a part of the frame; none where lanes are not the fastest or cannot reach the tolerance.
+/// Samples of the paths of some groups in a part of the frame; none where lanes are not the fastest or cannot reach the
+/// tolerance.
 pub(super) fn sum(
     groups: &Groups,
+    some: &[&Group],
     model: &Model,
     placement: &Placement,
     part: &Part,
     cancel: &Cancel,
 ) -> Result<Option<(Samples, Outcome)>> {
-    let num_paths = groups.num_paths();
+    let num_paths = some.iter().map(|group| group.len()).sum();
     let options = model.options(num_paths, part.waveform.chirp_times.len());
-    let still = groups.all.iter().filter(|group| group.is_still);
+    let still = some.iter().filter(|group| group.motion == Motion::Still);
     let work = Work {
         channels: model.array.num_channels(),
         paths: num_paths,
-        still: still.map(Group::len).sum(),
+        still: still.map(|group| group.len()).sum(),
         terms: MANY_TIMES,
     };
     let Some(whole) = frame(part, [MANY_TIMES; 2]) else {
@@ -66,6 +68,7 @@ pub(super) fn sum(
     let tables = Tables::new(&part.waveform, &whole, 0.0);
     let evaluation = Evaluation {
         groups,
+        some,
         model,
         placement,
         part,
@@ -150,9 +153,10 @@ struct GroupPlan {
     left_out: Vec<[f64; 2]>,
 }
 
-/// Evaluation of all groups.
+/// Evaluation of some groups.
 struct Evaluation<'a> {
     groups: &'a Groups,
+    some: &'a [&'a Group],
     model: &'a Model,
     placement: &'a Placement,
     part: &'a Part,
@@ -186,7 +190,7 @@ impl Evaluation<'_> {
         let num_channels = self.model.array.num_channels();
         let builder = Builder::new(self.tables, self.options.tolerance, [false; 2]);
         let plan = |group: &Group| {
-            if group.is_still {
+            if group.motion == Motion::Still {
                 return Ok(GroupPlan {
                     times: [1; 2],
                     left_out: vec![[0.0; 2]; num_channels],
@@ -216,20 +220,19 @@ impl Evaluation<'_> {
             }
             Ok(GroupPlan { times, left_out })
         };
-        let groups = self.groups.all.iter().collect();
-        let plans = parallel::map(self.options.is_parallel, groups, plan);
+        let plans = parallel::map(self.options.is_parallel, self.some.to_vec(), plan);
         plans.into_iter().collect()
     }
 
     /// Records of all paths, by the power of the frequency.
     fn layers(&self, plans: &[GroupPlan]) -> Result<Vec<LaneLayer>> {
-        let all = || self.groups.all.iter().zip(plans);
+        let all = || self.some.iter().zip(plans);
         let places = parallel::map(self.options.is_parallel, all().collect(), |(group, plan)| {
             self.places(group, plan.times)
         });
         let frames: Vec<Option<Block>> = plans.iter().map(|plan| frame(self.part, plan.times)).collect();
         let mut tasks = Vec::new();
-        for (number, (group, at)) in self.groups.all.iter().zip(&places).enumerate() {
+        for (number, (group, at)) in self.some.iter().zip(&places).enumerate() {
             let num_paths = group.len();
             for first in (0..num_paths).step_by(BLOCK) {
                 let last = num_paths.min(first + BLOCK);
@@ -252,7 +255,7 @@ impl Evaluation<'_> {
         let built: Vec<(usize, Vec<Batch>)> = built.into_iter().collect::<Result<_>>()?;
 
         let num_channels = self.model.array.num_channels();
-        let last = self.groups.all.iter().map(|group| group.order).max().unwrap_or(0);
+        let last = self.some.iter().map(|group| group.order).max().unwrap_or(0);
         let mut layers: Vec<LaneLayer> = (0..=last)
             .map(|order| {
                 let mut factors = self.part.waveform.over_frequency(order);
@@ -264,7 +267,7 @@ impl Evaluation<'_> {
             })
             .collect();
         for (number, batches) in built {
-            let (plan, layer) = (&plans[number], &mut layers[usize::from(self.groups.all[number].order)]);
+            let (plan, layer) = (&plans[number], &mut layers[usize::from(self.some[number].order)]);
             for (channel, mut batch) in batches.into_iter().enumerate() {
                 let (errors, left_out) = (&mut batch.errors, plan.left_out[channel]);
                 if plan.times[0] == FEW_TIMES {

@@ -205,7 +205,7 @@ pub struct Model {
     /// Antennas in the axes of every sector.
     pub(super) sectors: Vec<Facing>,
     /// Largest distance of a vertex from the origin of its body [m].
-    radii: Vec<f64>,
+    pub(super) radii: Vec<f64>,
     /// Smallest and largest coordinates of the vertices of every body [m].
     pub(super) boxes: Vec<[DVec3; 2]>,
 }
@@ -306,8 +306,12 @@ impl Model {
 
     /// Error of phases by the series of the motion [rad].
     pub(super) fn phase_error(&self, placement: &Placement) -> f64 {
-        let per_length = 2.0 * std::f64::consts::TAU * self.highest_frequency() / SPEED_OF_LIGHT;
-        per_length * placement.tail(&self.radii)
+        self.phase_per_length() * placement.tail(&self.radii)
+    }
+
+    /// Phase of an echo by the distance to its scatterer [rad/m], at most.
+    pub(super) fn phase_per_length(&self) -> f64 {
+        2.0 * std::f64::consts::TAU * self.highest_frequency() / SPEED_OF_LIGHT
     }
 
     /// Bodies at the time `x` of the frame, those that deform with the vertices of that time.

@@ -1,19 +1,20 @@
 //! Sum over all paths of a frame: in lanes where these are the fastest, else group by group with node times of its own.
+//! Bodies in rough motion, which needs many times, have a sum of their own in any case.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::groups::{Evaluate, Groups};
+use super::groups::{Evaluate, Group, Groups};
 use super::lanes;
 use super::model::Model;
 use super::outcome::{Outcome, count_of_times};
 use super::parts::Part;
-use super::stages::{StageTimes, timed};
+use super::stages::timed;
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::paths::node_times::{self, NodeTimes};
-use crate::paths::placement::Placement;
+use crate::paths::placement::{Motion, Placement};
 use crate::paths::series::{Paths, Selection};
 use crate::synthesis::beat::{self, SINGLE_TOLERANCE, Samples};
 use crate::synthesis::block::Class;
@@ -37,15 +38,20 @@ impl Groups {
     ) -> Result<(Samples, Outcome)> {
         let num_channels = model.array.num_channels();
         let shape = [num_channels, part.waveform.chirp_times.len(), part.waveform.num_samples];
-        if let Some(done) = lanes::sum(self, model, placement, part, cancel)? {
-            return Ok(done);
+        let (rough, others): (Vec<&Group>, Vec<&Group>) =
+            self.all.iter().partition(|group| group.motion == Motion::Rough);
+        let (mut rest, mut done) = (rough, None);
+        match lanes::sum(self, &others, model, placement, part, cancel)? {
+            Some(sum) => done = Some(sum),
+            None => rest = self.all.iter().collect(),
         }
-        let mut cube = zeros(shape, model.settings.tolerance);
-        let (mut outcome, mut times) = (Outcome::default(), StageTimes::default());
+        let (mut cube, mut outcome) =
+            done.unwrap_or_else(|| (zeros(shape, model.settings.tolerance), Outcome::default()));
         if num_channels == 0 {
             return Ok((cube, outcome));
         }
-        for group in &self.all {
+        let mut times = std::mem::take(&mut outcome.times);
+        for group in rest {
             let paths = Evaluate {
                 model,
                 placement,
@@ -53,7 +59,7 @@ impl Groups {
                 group,
             };
             let num_paths = group.len();
-            let nodes = if group.is_still {
+            let nodes = if group.motion == Motion::Still {
                 NodeTimes::ONCE
             } else {
                 let (highest, tolerance) = (model.highest_frequency(), model.settings.tolerance);

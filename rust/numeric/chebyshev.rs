@@ -87,9 +87,47 @@ pub fn series_tail<const N: usize>(values: &[[f64; N]]) -> [f64; N] {
     tail
 }
 
+/// Bound of what a series of `number` terms leaves out of the one through values at more Chebyshev nodes, by component.
+pub fn series_beyond<const N: usize>(values: &[[f64; N]], number: usize) -> [f64; N] {
+    let matrix = chebyshev_matrix(values.len());
+    let mut beyond = [0.0; N];
+    for weights in matrix.chunks(values.len()).skip(number) {
+        let mut coefficient = [0.0; N];
+        for (weight, value) in weights.iter().zip(values) {
+            for k in 0..N {
+                coefficient[k] += weight * value[k];
+            }
+        }
+        for k in 0..N {
+            beyond[k] += coefficient[k].abs();
+        }
+    }
+    beyond
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn series_leave_out_the_coefficients_beyond_theirs() {
+        // T_2 + 0.1 T_9 - 0.01 T_11, T_k(x) = cos(k arccos(x)).
+        let chebyshev = |k: f64, x: f64| (k * x.acos()).cos();
+        let value = |x: f64| {
+            [
+                chebyshev(2.0, x) + 0.1 * chebyshev(9.0, x) - 0.01 * chebyshev(11.0, x),
+                1.0,
+            ]
+        };
+        let values: Vec<[f64; 2]> = chebyshev_nodes(17).into_iter().map(value).collect();
+        for (number, expected) in [(2, 1.11), (8, 0.11), (10, 0.01), (12, 0.0)] {
+            let [beyond, constant] = series_beyond(&values, number);
+            assert!(
+                (beyond - expected).abs() < 1e-13 && constant < 1e-13,
+                "{number} {beyond} {constant}"
+            );
+        }
+    }
 
     #[test]
     fn slopes_of_polynomials_are_exact() {

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
-use crate::numeric::chebyshev::{interpolation_weights, series_tail, slope_weights};
+use crate::numeric::chebyshev::{interpolation_weights, series_beyond, series_tail, slope_weights};
 use crate::paths::kinematics::Kinematics;
 
 /// Relative error of coordinates by rounding, of which no number of times frees a series.
@@ -73,18 +73,34 @@ impl VertexMotion {
         }
     }
 
-    /// Error of the series through the positions [m].
-    fn tail(&self) -> f64 {
+    /// Largest error of a vertex [m], from the errors of the coordinates of a series.
+    fn error(&self, error: impl Fn(&[[f64; 3]]) -> [f64; 3]) -> f64 {
         let number = self.num_vertices();
         let stride = number.div_ceil(NUM_PROBED_VERTICES).max(1);
         let tail = |vertex: usize| {
             let values: Vec<[f64; 3]> = (0..self.num_times)
                 .map(|time| self.positions[time * number + vertex])
                 .collect();
-            DVec3::from_array(series_tail(&values)).length()
+            DVec3::from_array(error(&values)).length()
         };
         (0..number).step_by(stride).map(tail).fold(0.0, f64::max)
     }
+}
+
+/// Motion over a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Motion {
+    /// The same pose at all times.
+    Still,
+    /// Few times describe it.
+    Smooth,
+    /// Series through few times leave out too much.
+    Rough,
+}
+
+impl Motion {
+    /// All motions, from the smoothest on.
+    pub const ALL: [Self; 3] = [Self::Still, Self::Smooth, Self::Rough];
 }
 
 /// Tail of a series of coordinates of a size, or zero where it is rounding.
@@ -213,7 +229,43 @@ impl Placement {
 
     /// Largest error of the series through all positions [m]: bodies reach `radii` (body,) beyond their origin [m].
     pub fn tail(&self, radii: &[f64]) -> f64 {
-        let (num_bodies, num_points) = (self.num_bodies(), self.num_points());
+        let bodies = self.errors_of_bodies(radii, series_tail);
+        let vertices = self.vertices.iter().map(|motion| motion.error(series_tail));
+        bodies
+            .into_iter()
+            .chain(vertices)
+            .fold(self.error_of_points(series_tail), f64::max)
+    }
+
+    /// Motion of every body, and of all point targets together: rough where series through `number` times leave out more
+    /// than a length [m]. `deforming`: the bodies that deform; `radii` as above.
+    pub fn motions(&self, number: usize, length: f64, deforming: &[usize], radii: &[f64]) -> (Vec<Motion>, Motion) {
+        let motion = |is_still: bool, error: f64| match (is_still, error > length) {
+            (true, _) => Motion::Still,
+            (false, is_rough) => {
+                if is_rough {
+                    Motion::Rough
+                } else {
+                    Motion::Smooth
+                }
+            }
+        };
+        let are_still = self.are_still();
+        let mut errors = self.errors_of_bodies(radii, |values| series_beyond(values, number));
+        for (body, motion) in deforming.iter().zip(&self.vertices) {
+            errors[*body] += motion.error(|values| series_beyond(values, number));
+        }
+        let of_body = |body: usize| motion(are_still[body] && !deforming.contains(&body), errors[body]);
+        let points = self.error_of_points(|values| series_beyond(values, number));
+        (
+            (0..self.num_bodies()).map(of_body).collect(),
+            motion(self.points_are_still(), points),
+        )
+    }
+
+    /// Largest error of every body [m], from the errors of the coordinates of a series; zero where it is rounding.
+    fn errors_of_bodies(&self, radii: &[f64], error: impl Fn(&[[f64; 12]]) -> [f64; 12]) -> Vec<f64> {
+        let num_bodies = self.num_bodies();
         let of_body = |body: usize| {
             let pose = |time: usize| {
                 let pose = &self.poses[time * num_bodies + body];
@@ -224,25 +276,42 @@ impl Placement {
                 values
             };
             let values: Vec<[f64; 12]> = (0..self.num_times).map(pose).collect();
-            let tail = series_tail(&values);
+            let tail = error(&values);
             let norm = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
             beyond_rounding(
                 norm(&tail[9..]) + radii[body] * norm(&tail[..9]),
                 norm(&values[0][9..]) + radii[body],
             )
         };
+        (0..num_bodies).map(of_body).collect()
+    }
+
+    /// Largest error of a point target, likewise.
+    fn error_of_points(&self, error: impl Fn(&[[f64; 3]]) -> [f64; 3]) -> f64 {
+        let num_points = self.num_points();
         let of_point = |point: usize| {
             let place = |time: usize| self.points[time * num_points + point].to_array();
             let values: Vec<[f64; 3]> = (0..self.num_times).map(place).collect();
             beyond_rounding(
-                DVec3::from_array(series_tail(&values)).length(),
+                DVec3::from_array(error(&values)).length(),
                 DVec3::from_array(values[0]).length(),
             )
         };
-        let bodies = (0..num_bodies).map(of_body);
-        let points = (0..num_points).map(of_point);
-        let vertices = self.vertices.iter().map(VertexMotion::tail);
-        bodies.chain(points).chain(vertices).fold(0.0, f64::max)
+        (0..num_points).map(of_point).fold(0.0, f64::max)
+    }
+
+    /// Motion over a part of the frame, at times `x` of the frame.
+    pub fn over(&self, times: &[f64]) -> Self {
+        let vertices = self.vertices.iter().map(|motion| {
+            let positions = times.iter().flat_map(|x| motion.at(*x)).collect();
+            VertexMotion::new(times.len(), positions)
+        });
+        Self {
+            num_times: times.len(),
+            poses: times.iter().flat_map(|x| self.poses_at(*x)).collect(),
+            points: times.iter().flat_map(|x| self.points_at(*x)).collect(),
+            vertices: vertices.collect(),
+        }
     }
 
     /// Poses of the bodies at the time `x`.

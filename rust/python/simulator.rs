@@ -296,6 +296,13 @@ impl IdealFrame {
         (phase.max(self.counts.motion_error), weight)
     }
 
+    /// Numbers of the bodies in the scene that have a sum of their own, as few times of the frame do not describe their
+    /// motion.
+    #[getter]
+    fn rough(&self) -> Vec<usize> {
+        self.counts.rough.clone()
+    }
+
     /// Counts of rays, hits, tiles, paths and velocity rows, by name.
     fn counts(&self) -> Vec<(&'static str, usize)> {
         let counts = &self.counts;

@@ -168,7 +168,7 @@ def frame_from_depth(
 
     # Ideal samples, then those of the receiver.
     ideal = _simulate(image, motion, radar, settings, start, at)
-    doubts.of_frame(ideal)
+    doubts.of_frame(ideal, ())
     cube = receive(ideal.cube, radar, start, seed=settings.seed)
 
     # Statistics and truth.

@@ -34,6 +34,10 @@ _FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
 """Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
 
 
+_MOST_NAMES = 3
+"""Names of bodies in one warning, at most."""
+
+
 class Doubts:
     """Warnings of a simulation, each given once.
 
@@ -176,11 +180,14 @@ class Doubts:
                 f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second; no real sensor can do that"
             )
 
-    def of_frame(self, ideal: _core.IdealFrame) -> None:
-        """Warn of unresolved motion within a frame, and of echoes from beyond the largest range."""
+    def of_frame(self, ideal: _core.IdealFrame, names: tuple[str, ...]) -> None:
+        """Warn of unresolved motion within a frame, and of echoes from beyond the largest range. `names`: of the bodies."""
         phase, weight = ideal.series_errors
         if (residual := hypot(phase, weight)) > self._tolerance and self._is_new("series"):
-            series = "phases (fast motion, or large absolute times)" if phase > weight else "amplitudes (turning edges)"
+            rough = ", ".join(repr(names[body]) for body in ideal.rough[:_MOST_NAMES])
+            of = f" of {rough}" if rough else ""
+            phases = f"phases (fast motion{of}, or large absolute times)"
+            series = phases if phase > weight else f"amplitudes (turning edges{of})"
             notice.warn(
                 f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "
                 f"{self._tolerance:.1e}"

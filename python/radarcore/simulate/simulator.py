@@ -270,7 +270,7 @@ class Simulator(Settings):
         self._doubts.of_materials(self.scene)
         engines = [self._engine, *(self._new_engine() for _ in range(side_by_side - 1))]
         for start, ideal, cube in in_order(self._received, placed, engines, _core.Simulator.stop):
-            self._doubts.of_frame(ideal)
+            self._doubts.of_frame(ideal, self.scene.names)
             stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg}
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
