@@ -7,11 +7,11 @@ use crate::error::{Error, Result, fits_memory};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::reflection_table::Reflection;
 
-/// Largest number of cells of the base grid, along either side: rows and columns of the finest have 32 bits.
+/// Largest number of cells of the base grid, along either side: rows and columns of the finest have 23 bits.
 const MAX_SIDE: usize = 1 << 14;
 
 /// Largest number of times that a cell of the base grid is halved.
-pub(crate) const MAX_LEVEL: usize = 6;
+pub(crate) const MAX_LEVEL: usize = 9;
 
 /// Residual error of a cell or quarter relative to the field of the smallest cross-section of interest, at which
 /// splitting stops. Thousands of cells together then have a residual error of a tenth to a third of it (spheres of 5 to

@@ -55,6 +55,15 @@ def test_disc_has_its_closed_form_over_the_band() -> None:
     assert rms(np.angle(ratio)) <= 0.01
 
 
+@pytest.mark.parametrize("distance", [10.0, 30.0, 100.0])
+def test_far_square_has_its_far_field_in_a_wide_view(distance: float) -> None:
+    # At 100 m its side is a ninth of a cell of the base grid, which is halved nine times at most.
+    ratio = spectrum(simulator([body(rc.shapes.plate(0.1, 0.1), distance)], field_of_view_deg=(60.0, 60.0)))
+    wavelength = C / BAND
+    far_field = wavelength / (4.0 * np.pi) ** 1.5 * np.sqrt(4.0 * np.pi) * 0.1**2 / wavelength / distance**2
+    assert rms(db(ratio / far_field)) <= 0.3
+
+
 def test_error_falls_with_the_floor() -> None:
     exact = np.array([sphere(0.2, 1.0, f) for f in BAND])
     ball = body(rc.shapes.sphere(0.2, subdivisions=6), 1.0)

@@ -77,7 +77,7 @@ class Simulator(Settings):
         Way to form the sum over paths, see `beat_signal`.
     rcs_floor : float, optional
         Smallest cross-section of interest [m^2]: cells of adaptive sampling are refined until the residual error of
-        each is 40 dB below the echo of such a target at the peak of the gain and the same distance, or six times.
+        each is 40 dB below the echo of such a target at the peak of the gain and the same distance, or nine times.
         Default: 0.01, 0.1 with fast sampling, and less where the strongest echo in view is weak: a tenth of it.
     ray_budget : int, optional
         Largest number of rays through the cells of a cast, of adaptive sampling; where they do not suffice, the

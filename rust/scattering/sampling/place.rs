@@ -44,7 +44,7 @@ impl Place {
 
     /// Number that tells the places of a level apart.
     pub(super) fn key(&self) -> u64 {
-        // Rows and columns of tiles have 17 bits, see `Refinement::check`.
+        // Rows and columns of tiles have 20 bits, see `Refinement::check`.
         (self.sector as u64) << 56 | (self.row as u64) << 28 | self.column as u64
     }
 
