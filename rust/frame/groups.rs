@@ -91,9 +91,6 @@ impl Groups {
         let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
 
         let mut groups = Vec::new();
-        let smooth = (0..scatterers.len()).filter(|i| scatterers.order_of(*i) > 0);
-        let farthest = smooth.map(|i| rays.distance(scatterers.cells()[i]));
-        let farthest = farthest.fold(0.0, f64::max);
         let num_bounces = bounces.len();
         let num_cells = num_cells(scatterers.cells());
         // Still ones first, and within each by the power of the frequency.
@@ -134,7 +131,7 @@ impl Groups {
             deforming: deforming.iter().map(|body| *body as u32).collect(),
             num_points,
             num_cells,
-            farthest,
+            farthest: rays.farthest(),
             num_bounces,
             bounces: bounce_counts,
             rough,

@@ -15,7 +15,6 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{self, Cast, Hits};
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
-use crate::scattering::material_points::NO_CELL;
 use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
@@ -260,7 +259,7 @@ impl Rays {
     /// Number of cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub fn num_coarse(&self) -> Option<usize> {
         match self {
-            Self::Cells(_, samples) => Some(samples.specular.num_coarse()),
+            Self::Cells(_, samples) => Some(samples.tiles.num_coarse),
             _ => None,
         }
     }
@@ -268,7 +267,7 @@ impl Rays {
     /// Number of hits with a material point; none where the cells of material points tell.
     pub fn num_lit(&self) -> Option<usize> {
         match self {
-            Self::Cells(_, samples) => samples.specular.num_hit().1,
+            Self::Cells(_, samples) => Some(samples.tiles.num_lit),
             _ => None,
         }
     }
@@ -276,7 +275,7 @@ impl Rays {
     /// Number of rays that hit a body.
     pub fn num_hit(&self) -> usize {
         match self {
-            Self::Cells(_, samples) => samples.specular.num_hit().0,
+            Self::Cells(_, samples) => samples.tiles.num_hit,
             Self::Pixels(images) => {
                 let bodies = images.iter().flat_map(|image| &image.hits.body);
                 bodies.filter(|body| **body != NO_BODY).count()
@@ -285,20 +284,10 @@ impl Rays {
         }
     }
 
-    /// Distance of the hit of a cell [m]; 0 for points without a cell.
-    pub fn distance(&self, cell: u32) -> f64 {
+    /// Distance of the farthest cell with edge terms [m].
+    pub fn farthest(&self) -> f64 {
         match self {
-            Self::Cells(_, samples) => samples.specular.distance(cell),
-            Self::Pixels(images) if cell != NO_CELL => {
-                let mut pixel = cell as usize;
-                for image in images {
-                    match image.hits.distance.get(pixel) {
-                        Some(distance) => return *distance,
-                        None => pixel -= image.hits.distance.len(),
-                    }
-                }
-                0.0
-            }
+            Self::Cells(_, samples) => samples.tiles.farthest,
             _ => 0.0,
         }
     }
@@ -316,9 +305,9 @@ impl Rays {
     pub fn nearest(&self, model: &Model) -> Vec<NearestHit> {
         match self {
             Self::Cells(scenes, samples) => {
-                let nearest = samples.specular.nearest().into_iter();
+                let nearest = samples.tiles.nearest.iter();
                 nearest
-                    .map(|hit| NearestHit::new(model, &scenes[hit.sector], &hit))
+                    .map(|hit| NearestHit::new(model, &scenes[hit.sector], hit))
                     .collect()
             }
             Self::Pixels(images) => {

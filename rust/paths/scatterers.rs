@@ -15,8 +15,7 @@ use crate::paths::kinematics::Kinematics;
 /// Material points and the weights of their amplitudes, in arrays.
 pub struct Scatterers {
     pub(crate) array: Array,
-    /// Number of the cell that the point was sampled by: of the pixel, row by row, or in the order of the leaves of a
-    /// quadtree. Empty: no point has one.
+    /// Number of the pixel that the point was sampled by, row by row. Empty: no point has one.
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
     /// Power of the frequency by which the field falls; empty: zero.

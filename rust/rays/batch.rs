@@ -1,4 +1,4 @@
-//! Hits and smooth hits of rays through any points of the image plane, in groups of at most 64.
+//! Hits and smooth normals of rays through any points of the image plane, in groups of 64.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,16 +10,14 @@ use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
 
-/// Number of groups that one thread casts in a row.
-const BLOCK: usize = 16;
+/// Number of rays that one thread casts in a row.
+const BLOCK: usize = 16 * MOST_RAYS;
 
-/// Hit and smooth hit of one ray.
+/// Hit of one ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// Distance along the ray to the triangle [m]; infinite where nothing was hit.
     pub to_facet: f64,
-    /// Distance along the ray to the curved surface [m].
-    pub distance: f64,
     /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
     pub normal: DVec3,
     /// Number of the body, or [`NO_BODY`].
@@ -34,7 +32,6 @@ impl Found {
     /// Hit of a ray that meets nothing.
     pub const NOTHING: Self = Self {
         to_facet: f64::INFINITY,
-        distance: f64::INFINITY,
         normal: DVec3::ZERO,
         body: NO_BODY,
         triangle: u32::MAX,
@@ -58,23 +55,10 @@ pub struct Known<'a, F> {
 /// Known hits of one type, so that the kernel, which is large, is compiled once for all callers.
 type AnyKnown<'a> = Known<'a, &'a (dyn Fn(usize) -> Option<Found> + Sync)>;
 
-/// Ends of groups of 64 rays, the last perhaps smaller, that hold `number` rays in order.
-pub fn whole_groups(number: usize) -> Vec<usize> {
-    let ends = (1..=number.div_ceil(MOST_RAYS)).map(|group| number.min(group * MOST_RAYS));
-    ends.collect()
-}
-
 impl PosedScene {
-    /// Hits of rays through points `(u, v)` of the image plane, group by group in parallel; equal to those of
-    /// [`Self::cast_image`] at the same points. `ends` holds the ray number after the last of each group of at most 64
-    /// rays, which should be close together.
-    pub fn cast_batch<F>(
-        &self,
-        points: &[[f64; 2]],
-        ends: &[usize],
-        cast: &Cast,
-        known: Option<&Known<F>>,
-    ) -> (Vec<Found>, Counts)
+    /// Hits of rays through points `(u, v)` of the image plane, in groups of 64 in parallel; equal to those of
+    /// [`Self::cast_image`] at the same points. Rays one after another should be close together.
+    pub fn cast_batch<F>(&self, points: &[[f64; 2]], cast: &Cast, known: Option<&Known<F>>) -> (Vec<Found>, Counts)
     where
         F: Fn(usize) -> Option<Found> + Sync,
     {
@@ -83,22 +67,16 @@ impl PosedScene {
             found: &known.found,
         });
         let mut found = vec![Found::NOTHING; points.len()];
-        let mut blocks = Vec::with_capacity(ends.len().div_ceil(BLOCK));
-        let (mut first, mut rest) = (0, found.as_mut_slice());
-        for ends in ends.chunks(BLOCK) {
-            let (found, others) = rest.split_at_mut(ends[ends.len() - 1] - first);
-            blocks.push((first, ends, found));
-            (first, rest) = (ends[ends.len() - 1], others);
-        }
-        let counts = blocks
-            .into_par_iter()
-            .map(|(first, ends, found)| {
+        let counts = points
+            .par_chunks(BLOCK)
+            .zip(found.par_chunks_mut(BLOCK))
+            .enumerate()
+            .map(|(block, (points, found))| {
                 cast.level.run(CastBlock {
                     scene: self,
                     cast,
                     known: known.as_ref(),
-                    first,
-                    ends,
+                    first: block * BLOCK,
                     points,
                     found,
                 })
@@ -115,11 +93,8 @@ struct CastBlock<'a> {
     known: Option<&'a AnyKnown<'a>>,
     /// Number of the first ray.
     first: usize,
-    /// Ray number after the last of each group.
-    ends: &'a [usize],
-    /// Plane coordinates (u, v) of all rays.
+    /// Plane coordinates (u, v) of the rays.
     points: &'a [[f64; 2]],
-    /// Hits from the first ray on.
     found: &'a mut [Found],
 }
 
@@ -133,18 +108,13 @@ impl Kernel for CastBlock<'_> {
             cast,
             known,
             first,
-            ends,
             points,
             found,
         } = self;
         let mut scratch = Scratch::new();
         let mut counts = Counts::default();
-        let mut start = first;
-        for end in ends {
-            let group = start..*end;
-            start = *end;
-            let points = &points[group.clone()];
-            let found = &mut found[group.start - first..group.end - first];
+        let groups = points.chunks(MOST_RAYS).zip(found.chunks_mut(MOST_RAYS));
+        for (group, (points, found)) in groups.enumerate() {
             scratch.rays.hold(points);
             if cast.is_outside(&scratch.rays) {
                 counts.tiles_skipped += 1;
@@ -156,7 +126,7 @@ impl Kernel for CastBlock<'_> {
             if let Some(known) = known {
                 let mut touch = Touch(false);
                 scratch.rays.traverse::<I>(known.moved, &mut scratch.top, &mut touch);
-                if !touch.0 && take_over(found, known, group.start) {
+                if !touch.0 && take_over(found, known, first + group * MOST_RAYS) {
                     counts.tiles_reused += 1;
                     continue;
                 }
@@ -175,7 +145,6 @@ impl Kernel for CastBlock<'_> {
                 let (packet, lane) = (ray / PACKET, ray % PACKET);
                 *found = Found {
                     to_facet: scratch.distance[ray],
-                    distance: scratch.shade.distance[ray],
                     normal: scratch.shade.normal_of(ray),
                     body: scratch.hits.body[packet][lane],
                     triangle: scratch.hits.triangle[packet][lane],
@@ -230,16 +199,13 @@ mod tests {
                 .iter()
                 .map(|pixel| plane.center(pixel / plane.columns, pixel % plane.columns).into())
                 .collect();
-            let (found, counts) = scene.cast_batch::<Unknown>(&points, &whole_groups(points.len()), &cast, None);
+            let (found, counts) = scene.cast_batch::<Unknown>(&points, &cast, None);
             assert!(counts.rays + 64 * counts.tiles_skipped >= points.len() && counts.rays > 3000);
             let mut num_hits = 0;
             for (pixel, found) in pixels.into_iter().zip(found) {
                 assert_eq!((found.body, found.triangle), (hits.body[pixel], hits.triangle[pixel]));
                 assert_eq!(found.to_facet, hits.distance[pixel]);
-                assert_eq!(
-                    (found.distance, found.normal),
-                    (smooth.distance[pixel], smooth.normal[pixel])
-                );
+                assert_eq!(found.normal, smooth.normal[pixel]);
                 num_hits += usize::from(found.is_hit());
             }
             assert!(num_hits > 1000);

@@ -20,9 +20,9 @@ use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::material_points::Points;
-use crate::scattering::patch::{Patch, patch};
+use crate::scattering::patch::patch;
 use crate::scattering::physical_optics::{Sampling, Weigh};
-use crate::scattering::samples::{Samples, Specular};
+use crate::scattering::samples::Samples;
 use crate::scattering::sampling::Tiles;
 
 impl Scatterers {
@@ -84,25 +84,6 @@ impl Scatterers {
             array,
             sampling: Sampling::Footprint,
         };
-        if let Specular::Quadtrees(trees) = &samples.specular {
-            let mut num_leaves = 0;
-            for ((scene, array), (_, leaves)) in sectors.iter().zip(trees) {
-                let of_leaf = |index: usize, points: &mut Points| {
-                    let leaf = &leaves[index];
-                    let patch = Patch {
-                        index,
-                        body: leaf.found.body,
-                        cell: leaf.cell,
-                        distance: leaf.found.distance,
-                        normal: leaf.found.normal,
-                    };
-                    let frame = MaterialFrame::of_mesh(scene, patch.body, leaf.found.triangle, 0);
-                    weigh(*array).leaf(&patch, leaf, &frame, &materials[patch.body as usize], points);
-                };
-                points.append(gather(leaves.len(), of_leaf).with_cells_from(num_leaves));
-                num_leaves += leaves.len() as u32;
-            }
-        }
         for ((scene, array), speckles) in sectors.iter().zip(&samples.speckles) {
             for (body, speckle) in speckles.iter().enumerate() {
                 let Some(speckle) = speckle else { continue };
@@ -114,10 +95,8 @@ impl Scatterers {
             }
         }
         let mut scatterers = points.with_array(array);
-        if let Specular::Tiles(tiles) = &samples.specular {
-            let scenes: Vec<&PosedScene> = sectors.iter().map(|(scene, _)| *scene).collect();
-            scatterers.append(of_tiles(&scenes, tiles, scatterers.array.clone(), rank));
-        }
+        let scenes: Vec<&PosedScene> = sectors.iter().map(|(scene, _)| *scene).collect();
+        scatterers.append(of_tiles(&scenes, &samples.tiles, scatterers.array.clone(), rank));
         scatterers.with_vertices(|body| sectors[0].0.surface(body).vertices().len())
     }
 
@@ -170,10 +149,11 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
     bodies.sort_by_key(|body| (rank(*body), *body));
     let mut ends = vec![0; bodies.len()];
     let all = || tiles.pieces.iter().zip(0_u32..);
-    let (mut is_turning, mut is_deformed) = (false, false);
+    let (mut is_turning, mut is_deformed, mut has_orders) = (false, false, false);
     for point in all().flat_map(|(piece, _)| piece.points()) {
         ends[point.body as usize] += 1;
         is_turning |= point.edges != [DVec3::ZERO; 2];
+        has_orders |= point.order > 0;
     }
     let mut number = 0;
     for body in &bodies {
@@ -199,6 +179,9 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
     if is_turning {
         scatterers.patch = vec![Edges::default(); number];
     }
+    if has_orders {
+        scatterers.order = vec![0; number];
+    }
     if is_deformed {
         scatterers.corners = vec![None; number];
     }
@@ -210,12 +193,13 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
         .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
         .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
         .zip(blocks_or_none(&mut scatterers.corners, number, BLOCK))
+        .zip(blocks_or_none(&mut scatterers.order, number, BLOCK))
         .collect();
     blocks.into_par_iter().for_each(|block| {
-        let ((((((origin, body), position), normal), weights), patch), corners) = block;
+        let (((((((origin, body), position), normal), weights), patch), corners), order) = block;
         for (i, (piece, number)) in origin.iter().enumerate() {
             let piece = &tiles.pieces[*piece as usize];
-            let scene = scenes[piece.sector()];
+            let scene = scenes[piece.sector];
             let point = &piece.points()[*number as usize];
             for (to, from) in weights[i * num_weights..]
                 .iter_mut()
@@ -224,6 +208,9 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
                 to.specular = *from;
             }
             body[i] = point.body;
+            if has_orders {
+                order[i] = point.order;
+            }
             if !is_deformed && !is_turning {
                 let pose = scene.pose(point.body);
                 position[i] = pose.point_to_body(point.position);

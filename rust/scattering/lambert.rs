@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
-use crate::rays::batch::{Found, Known, whole_groups};
+use crate::rays::batch::{Found, Known};
 use crate::rays::camera::morton;
 use crate::rays::hits::Counts;
 use crate::rays::surface::Surface;
@@ -183,7 +183,7 @@ impl Speckle {
             moved,
             found: |ray: usize| before.found.get(ray).copied(),
         });
-        let (found, counts) = scene.cast_batch(&places, &whole_groups(places.len()), cast, known.as_ref());
+        let (found, counts) = scene.cast_batch(&places, cast, known.as_ref());
         let mut normal = vec![DVec3::ZERO; points.turns.len()];
         for (sight, found) in sights.iter().zip(&found) {
             let point = sight.point as usize;

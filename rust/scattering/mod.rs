@@ -9,7 +9,6 @@ pub mod material_points;
 pub mod mesh_parts;
 pub mod patch;
 pub mod physical_optics;
-pub mod quadtree;
 pub mod refinement;
 pub mod reflectance;
 pub mod reflection_table;

@@ -16,11 +16,7 @@ use crate::scattering::material::{Material, Response};
 use crate::scattering::material_frame::{MaterialFrame, speckle_turns};
 use crate::scattering::material_points::{NO_CELL, Points, SurfaceSample};
 use crate::scattering::patch::Patch;
-use crate::scattering::quadtree::Leaf;
 use crate::scattering::taper::taper;
-
-/// Least rate of the phase at the end of a cell, relative to the rate in the centre.
-const LEAST_TURN: f64 = 0.5;
 
 /// Sampling of the patch behind a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,80 +74,6 @@ impl Weigh<'_> {
             cube,
         };
         points.push(patch, frame, sample, self.array.num_channels());
-    }
-
-    /// Append the material points of a leaf: edge terms for the specular part where the phase varies fast, else the
-    /// centre.
-    pub(crate) fn leaf(
-        &self,
-        patch: &Patch,
-        leaf: &Leaf,
-        frame: &MaterialFrame,
-        material: &Material,
-        points: &mut Points,
-    ) {
-        let Some(area) = patch.area() else { return };
-        let num_channels = self.array.num_channels();
-        let point = patch.point();
-        let edges = patch.cell.edges(patch.distance, patch.normal);
-        let of_channel = |channel: usize| {
-            let [t, r] = self.array.directions(channel, point);
-            let bisector = bisector(self.array.frequency, t, r);
-            (
-                self.response(material, patch.normal, t, r),
-                edges.map(|edge| bisector.dot(edge)),
-            )
-        };
-
-        // The specular part, by centre, ends or corners.
-        let axes: Vec<usize> = (0..2).filter(|axis| leaf.has_edge_terms[*axis]).collect();
-        for number in (0..1_u8 << axes.len()).filter(|number| leaf.kept >> number & 1 == 1) {
-            let side = |axis: usize| axes.iter().position(|a| *a == axis).map(|place| number >> place & 1);
-            let sides = [0, 1].map(|axis| side(axis).map_or(0.0, |side| f64::from(side) - 0.5));
-            let there = patch.about(sides).unwrap_or(*patch);
-            let area = there.area().unwrap_or(area);
-            let edges_there = there.cell.edges(there.distance, there.normal);
-            // At grazing angles alone the end is not in the plane.
-            let is_there = there.cell != patch.cell || sides == [0.0; 2];
-            let end = if is_there {
-                there.point()
-            } else {
-                point + sides[0] * edges[0] + sides[1] * edges[1]
-            };
-            for channel in 0..num_channels {
-                let (response, slopes) = of_channel(channel);
-                let mut specular = specular(&response, area);
-                let [t, r] = self.array.directions(channel, end);
-                let bisector = bisector(self.array.frequency, t, r);
-                if !leaf.is_linear {
-                    specular *= taper(slopes[0]) * taper(slopes[1]);
-                }
-                for axis in axes.iter().copied() {
-                    // (j/2x) exp(-j(phi+x)) at the upper end, less (j/2x) exp(-j(phi-x)) at the lower.
-                    let (x, x_there) = (slopes[axis], bisector.dot(edges_there[axis]));
-                    let x = if x_there / x > LEAST_TURN { x_there } else { x };
-                    specular *= Complex64::new(0.0, sides[axis] / x);
-                }
-                let diffuse = Complex64::ZERO;
-                points.weights.push(Weight { specular, diffuse });
-            }
-            let is_across = |axis: usize| leaf.is_linear && !leaf.has_edge_terms[axis];
-            let across = [0, 1].map(|axis| {
-                if is_across(axis) {
-                    edges_there[axis]
-                } else {
-                    DVec3::ZERO
-                }
-            });
-            let sample = SurfaceSample {
-                position: frame.position(end),
-                edges: frame.edges(across),
-                order: axes.len() as u8,
-                area: 0.0,
-                cube: 0,
-            };
-            points.push(patch, frame, sample, num_channels);
-        }
     }
 
     /// Append a diffuse point of a surface.

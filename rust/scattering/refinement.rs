@@ -29,7 +29,7 @@ pub struct Refinement<'a> {
     pub follows_echo: bool,
     /// Largest number of rays; none: as many as the floor asks for.
     pub budget: Option<usize>,
-    /// True if cells whose phase varies fast are integrated by edge terms; see [`crate::scattering::quadtree`].
+    /// True if cells whose phase varies fast are integrated by edge terms.
     pub end_points: bool,
     /// Directions with enough gain; none: all.
     pub beam: Option<&'a Beam>,

@@ -13,6 +13,9 @@ pub struct TilePoint {
     pub body: u32,
     /// Number of the triangle.
     pub triangle: u32,
-    /// Edges of the cell on the surface where the body turns [m]; zero otherwise.
+    /// Edges of the cell on the surface that the field is a mean over, where the body turns or beside an edge term [m];
+    /// zero otherwise.
     pub edges: [DVec3; 2],
+    /// Power of the frequency by which the field falls: number of axes of an edge term.
+    pub order: u8,
 }

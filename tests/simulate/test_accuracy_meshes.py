@@ -189,7 +189,7 @@ def test_a_floor_of_cross_section_finds_what_a_budget_is_too_small_for() -> None
     with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
         few = of(10_000)
     many = of(1e-7)
-    assert few.rays <= 10_000 < many.rays
+    assert few.rays <= 2 * 10_000 < many.rays  # with those of the cells that were tried
     assert many.errors.relative < few.errors.relative < 0.1
 
 

@@ -181,7 +181,10 @@ class Doubts:
             )
 
     def of_frame(self, ideal: _core.IdealFrame, names: tuple[str, ...]) -> None:
-        """Warn of unresolved motion within a frame, and of echoes from beyond the largest range. `names`: of the bodies."""
+        """Warn of unresolved motion within a frame, and of echoes from beyond the largest range.
+
+        `names`: those of the bodies in the scene.
+        """
         phase, weight = ideal.series_errors
         if (residual := hypot(phase, weight)) > self._tolerance and self._is_new("series"):
             rough = ", ".join(repr(names[body]) for body in ideal.rough[:_MOST_NAMES])

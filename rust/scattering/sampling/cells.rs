@@ -17,6 +17,7 @@ use crate::scattering::reflection_table::Reflection;
 use crate::scattering::taper::{roll_off, tapers};
 
 /// Cells of a tile, in the order of its rays: packet by packet.
+#[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Cells {
     /// Plane coordinates of the centres.

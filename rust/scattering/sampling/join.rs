@@ -105,6 +105,7 @@ pub(super) fn joined<I: Isa>(
         body,
         triangle: cells.triangle[leader],
         edges: [DVec3::ZERO; 2],
+        order: 0,
     };
     (cosine > 0.0).then_some((point, weight))
 }

@@ -8,10 +8,17 @@
 //! All other quarters keep their material points; points whose phases differ little are joined. A tile depends on the
 //! surfaces that its rays meet alone, so that tiles are independent tasks, and static ones are taken over from the frame
 //! before.
+//!
+//! With edge terms, cells with a fast phase are represented by their ends in place of tapered points. What cancels these
+//! is known when all tiles are; the tiles keep their cells until then. Blocks are split one by one, and without tapers
+//! none of their rays is left out.
 
 mod border;
 mod cells;
+mod edges;
 mod join;
+mod level;
+mod pairs;
 mod place;
 mod points;
 mod refine;

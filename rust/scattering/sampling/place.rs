@@ -59,3 +59,80 @@ impl Place {
         })
     }
 }
+
+/// Place of a cell: sector, level, and row and column among the cells of the level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct CellPlace {
+    pub(super) sector: usize,
+    pub(super) level: usize,
+    pub(super) row: usize,
+    pub(super) column: usize,
+}
+
+impl CellPlace {
+    /// First cell of a tile.
+    pub(super) fn first(tile: &Place) -> Self {
+        let Place {
+            sector,
+            level,
+            row,
+            column,
+        } = *tile;
+        Self {
+            sector,
+            level,
+            row: TILE * row,
+            column: TILE * column,
+        }
+    }
+
+    /// Tile of the cell.
+    pub(super) fn tile(&self) -> Place {
+        let Self {
+            sector,
+            level,
+            row,
+            column,
+        } = *self;
+        Place {
+            sector,
+            level,
+            row: row / TILE,
+            column: column / TILE,
+        }
+    }
+
+    /// Cell some rows and columns further; none beyond the first ones.
+    pub(super) fn about(&self, rows: isize, columns: isize) -> Option<Self> {
+        Some(Self {
+            row: self.row.checked_add_signed(rows)?,
+            column: self.column.checked_add_signed(columns)?,
+            ..*self
+        })
+    }
+
+    /// Cell some levels coarser that the cell is a part of.
+    pub(super) fn within(&self, levels: usize) -> Self {
+        Self {
+            level: self.level - levels,
+            row: self.row >> levels,
+            column: self.column >> levels,
+            ..*self
+        }
+    }
+
+    /// The two parts, one level finer, on the lower, 0, or upper, 1, side of an axis, u or v.
+    pub(super) fn halves(&self, axis: usize, side: usize) -> [Self; 2] {
+        // u and v grow to the left and upwards: to smaller columns and rows.
+        let across = 1 - side;
+        [0, 1].map(|along| {
+            let (row, column) = if axis == 0 { (along, across) } else { (across, along) };
+            Self {
+                level: self.level + 1,
+                row: 2 * self.row + row,
+                column: 2 * self.column + column,
+                ..*self
+            }
+        })
+    }
+}

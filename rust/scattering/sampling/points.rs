@@ -148,6 +148,18 @@ impl TilePoints {
         }
     }
 
+    /// Append the point of one cell, unless it has no weight.
+    pub(super) fn add_center(&mut self, cells: &Cells, cell: usize, width: [f64; 2], channels: &Channels) {
+        match channels {
+            Channels::Common if cells.weight[cell] > 0.0 => {
+                self.points.push(point_of(cells, cell, width));
+                self.weights.push(weight_of(cells, cell));
+            }
+            Channels::Common => {}
+            Channels::Each(array, materials) => self.add_by_channel(cells, cell, width, array, materials),
+        }
+    }
+
     /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
     #[inline(always)]
     fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[Join], width: [f64; 2]) {
@@ -192,27 +204,8 @@ impl TilePoints {
     /// Append the point of a cell with the weight of every channel, whose taper is that of the slopes seen by its
     /// antennas; none if all are zero.
     #[inline(never)]
-    fn add_by_channel(
-        &mut self,
-        cells: &Cells,
-        cell: usize,
-        [du, dv]: [f64; 2],
-        array: &Array,
-        materials: &[Material],
-    ) {
-        let body = cells.body[cell];
-        let patch = Patch {
-            index: cell,
-            body,
-            cell: Cell {
-                u: cells.u[cell],
-                v: cells.v[cell],
-                du,
-                dv,
-            },
-            distance: cells.distance[cell],
-            normal: cells.normal_of(cell),
-        };
+    fn add_by_channel(&mut self, cells: &Cells, cell: usize, width: [f64; 2], array: &Array, materials: &[Material]) {
+        let patch = patch_of(cells, cell, width);
         let Some(area) = patch.area() else { return };
         let weigh = Weigh {
             array,
@@ -222,7 +215,7 @@ impl TilePoints {
         let start = self.weights.len();
         for channel in 0..array.num_channels() {
             let [t, r] = array.directions(channel, patch.point());
-            let response = weigh.response(&materials[body as usize], patch.normal, t, r);
+            let response = weigh.response(&materials[patch.body as usize], patch.normal, t, r);
             let bisector = crate::paths::scatterers::bisector(array.frequency, t, r);
             let tapers = taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
             self.weights.push(specular(&response, area) * tapers);
@@ -231,7 +224,7 @@ impl TilePoints {
             self.weights.truncate(start);
         } else {
             let edges = [DVec3::ZERO; 2];
-            let point = point_of(cells, cell, [du, dv]);
+            let point = point_of(cells, cell, width);
             self.points.push(TilePoint { edges, ..point });
         }
     }
@@ -251,6 +244,19 @@ pub(super) fn point_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> TilePo
         normal: cells.normal_of(cell),
         body: cells.body[cell],
         triangle: cells.triangle[cell],
+        order: 0,
+    }
+}
+
+/// Patch of surface behind a cell of a size.
+pub(super) fn patch_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> Patch {
+    let (u, v) = (cells.u[cell], cells.v[cell]);
+    Patch {
+        index: cell,
+        body: cells.body[cell],
+        cell: Cell { u, v, du, dv },
+        distance: cells.distance[cell],
+        normal: cells.normal_of(cell),
     }
 }
 

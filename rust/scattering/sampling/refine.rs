@@ -7,10 +7,13 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::edges::Leaves;
 use super::join::Join;
+use super::level::Level;
+use super::pairs::KeptCells;
 use super::place::{Place, base_tiles, planes};
-use super::points::Channels;
-use super::residual::BLOCKS;
+use super::points::{Channels, TilePoints};
+use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
 use super::tile::{ALL, Nearest, Scenery, Tile, Worker};
 use crate::antennas::beam::Beam;
@@ -27,8 +30,10 @@ use crate::scattering::reflection_table::Reflection;
 use crate::scattering::sector::Sector;
 use crate::scattering::tile_point::TilePoint;
 
-/// Factor by which the allowed residual error grows where the rays exceed the budget.
+/// Factor by which the allowed residual error grows where the rays exceed the budget, without and with edge terms, where
+/// nothing is left out of what is split.
 const STEP: f64 = 4.0;
+const STEP_OF_EDGE_TERMS: f64 = 2.0;
 
 /// Lowered floor relative to the cross-section of the tile of the base level with the strongest echo: of small bodies
 /// alone in view, the residual error stays that far below their own echo.
@@ -44,7 +49,7 @@ const MOST_TURN: f32 = 0.05;
 const LEAST_TURN: f32 = MOST_TURN / 32.0;
 
 /// Memory of a tile of which every cell is a point.
-const MOST_BYTES: usize = size_of::<Tile>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
+const MOST_BYTES: usize = size_of::<(Tile, KeptCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
 /// Refined tiles: material points of the specular part, and counts.
 pub struct Tiles {
@@ -52,7 +57,7 @@ pub struct Tiles {
     pub pieces: Vec<Piece>,
     /// Number of weights per point.
     pub num_weights: usize,
-    levels: Vec<Level>,
+    pub(super) levels: Vec<Level>,
     /// Base plane and beam of every sector.
     sectors: Vec<(ImagePlane, Option<Beam>)>,
     turns: Vec<f32>,
@@ -65,45 +70,33 @@ pub struct Tiles {
     pub num_hit: usize,
     /// Number of cells with a material point.
     pub num_lit: usize,
+    /// Distance of the farthest cell with edge terms [m].
+    pub farthest: f64,
     /// Nearest hits of all bodies with a hit, the first of equal ones, by body.
     pub nearest: Vec<Nearest>,
     /// Counts of rays and of base tiles.
     pub counts: Counts,
 }
 
-/// Material points of a quarter of a tile.
+/// Material points of a quarter of a tile, or of a tile with edge terms.
 pub struct Piece {
-    tile: Arc<Tile>,
+    /// Number of the sector in whose axes the points are.
+    pub sector: usize,
+    of_tile: Arc<TilePoints>,
     range: Range<usize>,
 }
 
 impl Piece {
-    /// Number of the sector in whose axes the points are.
-    pub fn sector(&self) -> usize {
-        self.tile.place.sector
-    }
-
     /// The points.
     pub fn points(&self) -> &[TilePoint] {
-        &self.tile.points.points[self.range.clone()]
+        &self.of_tile.points[self.range.clone()]
     }
 
     /// Weights of a point, one or one per channel.
     pub fn weights(&self, point: usize, num_weights: usize) -> &[Complex64] {
         let first = (self.range.start + point) * num_weights;
-        &self.tile.points.weights[first..first + num_weights]
+        &self.of_tile.weights[first..first + num_weights]
     }
-}
-
-/// Evaluated tiles of one level.
-#[derive(Default)]
-struct Level {
-    tiles: Vec<Arc<Tile>>,
-    /// Base tile of every tile, and a bit per quarter that was not split.
-    base: Vec<u32>,
-    kept: Vec<u8>,
-    /// Keys of the places, increasing, and numbers of the tiles.
-    keys: Vec<(u64, u32)>,
 }
 
 /// Tile that is wanted: number of its base tile, place, and a bit per packet of rays.
@@ -169,7 +162,12 @@ impl Tiles {
         let (mut levels, mut is_whole) = refine.levels(&[])?;
         while !is_whole {
             // Too many rays: again, with the tiles that are there. In the end nothing is split.
-            refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
+            let step = if refine.settings().end_points {
+                STEP_OF_EDGE_TERMS
+            } else {
+                STEP
+            };
+            refine.floor = refine.floor.map(|floor| step * step * floor);
             refine.most_forced = refine.most_forced.saturating_sub(1);
             (levels, is_whole) = refine.levels(&levels)?;
         }
@@ -207,28 +205,19 @@ impl Tiles {
                 }
             }
         }
-        let mut pieces = Vec::new();
-        let (mut num_hit, mut num_lit) = (0, 0);
-        for (level, index) in of_base.into_iter().flatten() {
-            let level = &levels[level as usize];
-            let (tile, kept) = (&level.tiles[index as usize], level.kept[index as usize]);
-            for quarter in (0..PACKETS).filter(|quarter| kept >> quarter & 1 == 1) {
-                let range = tile.quarter(quarter);
-                if !range.is_empty() {
-                    let tile = tile.clone();
-                    pieces.push(Piece { tile, range });
-                }
-                num_hit += tile.hits[quarter];
-                num_lit += tile.hits[quarter] - tile.silent[quarter];
-            }
-        }
+        let order: Vec<(u32, u32)> = of_base.into_iter().flatten().collect();
+        let gathered = if refine.settings().end_points {
+            Gathered::edge_terms(refine.sceneries, &levels, &order)
+        } else {
+            Gathered::quarters(&levels, &order)
+        };
         let mut counts = refine.counts;
         counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.nearest.is_empty()).count();
         if let Some(known) = refine.known {
             counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
         }
         Self {
-            pieces,
+            pieces: gathered.pieces,
             num_weights,
             sectors: sectors
                 .iter()
@@ -240,11 +229,65 @@ impl Tiles {
                 .collect(),
             rcs_floor: refine.floor.unwrap_or(sectors[0].refinement.rcs_floor),
             num_coarse: refine.num_coarse(&levels),
-            num_hit,
-            num_lit,
+            num_hit: gathered.num_hit,
+            num_lit: gathered.num_lit,
+            farthest: gathered.farthest,
             nearest: nearest_of(levels.iter().flat_map(Level::nearest)),
             counts,
             levels,
+        }
+    }
+}
+
+/// Material points of all tiles, and counts; see [`Tiles`].
+#[derive(Default)]
+struct Gathered {
+    pieces: Vec<Piece>,
+    num_hit: usize,
+    num_lit: usize,
+    farthest: f64,
+}
+
+impl Gathered {
+    /// Points of the quarters that were not split; `order`: level and number of all tiles with a hit.
+    fn quarters(levels: &[Level], order: &[(u32, u32)]) -> Self {
+        let mut all = Self::default();
+        for (level, index) in order {
+            let (level, index) = (&levels[*level as usize], *index as usize);
+            let tile = &level.tiles[index];
+            for quarter in (0..PACKETS).filter(|quarter| level.keeps(index, *quarter)) {
+                if let Some(points) = &tile.points {
+                    all.add(tile.place.sector, points.clone(), tile.quarter(quarter));
+                }
+                all.num_hit += tile.hits[quarter];
+                all.num_lit += tile.hits[quarter] - tile.silent[quarter];
+            }
+        }
+        all
+    }
+
+    /// Points of the cells that were not split, with edge terms.
+    fn edge_terms(sceneries: &[Scenery], levels: &[Level], order: &[(u32, u32)]) -> Self {
+        let leaves = Leaves { sceneries, levels };
+        let tiles = order.par_iter();
+        let found: Vec<_> = tiles
+            .map(|(level, index)| leaves.points(*level as usize, *index as usize))
+            .collect();
+        let mut all = Self::default();
+        for (found, (level, index)) in found.into_iter().zip(order) {
+            let sector = levels[*level as usize].tiles[*index as usize].place.sector;
+            let range = 0..found.points.points.len();
+            all.add(sector, Arc::new(found.points), range);
+            all.num_hit += found.num_hit;
+            all.num_lit += found.num_lit;
+            all.farthest = all.farthest.max(found.farthest);
+        }
+        all
+    }
+
+    fn add(&mut self, sector: usize, of_tile: Arc<TilePoints>, range: Range<usize>) {
+        if !range.is_empty() {
+            self.pieces.push(Piece { sector, of_tile, range });
         }
     }
 }
@@ -298,7 +341,9 @@ impl Refine<'_> {
     /// Tiles that are wanted, cast or taken over.
     fn evaluate(&mut self, all: &[Wanted], tried: &[Level]) -> Level {
         let tile = |worker: &mut Worker, wanted: &Wanted| {
-            let here = tried.get(wanted.place.level).and_then(|level| level.known(wanted));
+            let here = tried
+                .get(wanted.place.level)
+                .and_then(|level| level.known(&wanted.place, wanted.packets));
             let known = here.or_else(|| self.known.and_then(|known| known.tile(wanted)));
             let is_new = known.is_none();
             let scenery = &self.sceneries[wanted.place.sector];
@@ -308,14 +353,8 @@ impl Refine<'_> {
         let tiles: Vec<(Arc<Tile>, bool)> = all.par_iter().map_init(Worker::new, tile).collect();
         let cast = tiles.iter().filter(|(_, is_new)| *is_new);
         self.counts.rays += cast.map(|(tile, _)| tile.rays).sum::<usize>();
-        let mut keys: Vec<(u64, u32)> = all.iter().map(|wanted| wanted.place.key()).zip(0..).collect();
-        keys.sort_unstable();
-        Level {
-            base: all.iter().map(|wanted| wanted.base).collect(),
-            kept: vec![ALL; tiles.len()],
-            tiles: tiles.into_iter().map(|(tile, _)| tile).collect(),
-            keys,
-        }
+        let tiles = tiles.into_iter().map(|(tile, _)| tile).collect();
+        Level::new(tiles, all.iter().map(|wanted| wanted.base).collect())
     }
 
     /// Split the quarters of a level whose residual error is too large; tiles of the next level.
@@ -323,23 +362,20 @@ impl Refine<'_> {
         if number >= MAX_LEVEL {
             return Vec::new();
         }
-        let wanted: Vec<u16> = level
-            .tiles
-            .par_iter()
-            .map(|tile| self.wanted(level, tile, number))
-            .collect();
+        let tiles = level.tiles.par_iter();
+        let split: Vec<u16> = tiles.map(|tile| self.wanted(level, tile, number)).collect();
         let mut next = Vec::new();
-        for (index, wanted) in wanted.into_iter().enumerate() {
+        for (index, split) in split.iter().enumerate() {
             let (base, place) = (level.base[index], level.tiles[index].place);
             for quarter in 0..PACKETS {
-                let packets = of_quarter(wanted, quarter);
+                let packets = of_quarter(*split, quarter);
                 if packets != 0 {
-                    level.kept[index] &= !(1 << quarter);
                     let place = place.quarter(quarter);
                     next.push(Wanted { base, place, packets });
                 }
             }
         }
+        level.split = split;
         next
     }
 
@@ -351,7 +387,12 @@ impl Refine<'_> {
         let scenery = &self.sceneries[sector];
         let allowed = self.allowed(scenery, number);
         let (set, wavenumber) = (scenery.cast.level, scenery.wavenumber);
-        let residual = tile.residual_with(set, wavenumber, |place| level.find(&place).map(|at| &*level.tiles[at]));
+        let adjacent = |place| level.tile(&place);
+        let residual = if scenery.end_points {
+            tile.residual_of_edge_terms(&scenery.planes[number], wavenumber, adjacent)
+        } else {
+            tile.residual_with(set, wavenumber, adjacent)
+        };
         let mut wanted = 0_u16;
         for block in 0..BLOCKS {
             wanted |= u16::from(f64::from(residual[block]) > allowed) << block;
@@ -360,7 +401,7 @@ impl Refine<'_> {
             let all = u16::from(ALL) << (PACKETS * quarter);
             if number < self.most_forced && self.small_parts[sector].wants(&tile.place, quarter) {
                 wanted |= all;
-            } else if of_quarter(wanted, quarter) != 0 {
+            } else if of_quarter(wanted, quarter) != 0 && !scenery.end_points {
                 let skips = self.settings().skip_dark;
                 wanted |= if skips { tile.blocks.bright & all } else { all };
             }
@@ -403,40 +444,18 @@ impl Refine<'_> {
         let first = if self.most_forced < MAX_LEVEL { 0 } else { MAX_LEVEL };
         let mut number = 0;
         for (depth, level) in levels.iter().enumerate().skip(first) {
-            let quarters = level.tiles.par_iter().zip(&level.kept);
-            let cells = quarters.map(|(tile, kept)| {
+            let tiles = level.tiles.par_iter().enumerate();
+            let cells = tiles.map(|(index, tile)| {
                 let wanted = asked.wanted(level, tile, depth);
-                let is_coarse = |quarter: &usize| kept >> quarter & 1 == 1 && of_quarter(wanted, *quarter) != 0;
+                if self.settings().end_points {
+                    return PACKET / 4 * (wanted & !level.split[index]).count_ones() as usize;
+                }
+                let is_coarse = |quarter: &usize| level.keeps(index, *quarter) && of_quarter(wanted, *quarter) != 0;
                 PACKET * (0..PACKETS).filter(is_coarse).count()
             });
             number += cells.sum::<usize>();
         }
         number
-    }
-}
-
-impl Level {
-    /// Tile as it is wanted.
-    fn known(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
-        let tile = &self.tiles[self.find(&wanted.place)?];
-        (tile.packets == wanted.packets).then(|| tile.clone())
-    }
-
-    /// Number of the tile at a place.
-    fn find(&self, place: &Place) -> Option<usize> {
-        let key = place.key();
-        let at = self.keys.binary_search_by_key(&key, |(key, _)| *key).ok()?;
-        Some(self.keys[at].1 as usize)
-    }
-
-    /// Number of rays of all tiles.
-    fn rays(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.rays).sum()
-    }
-
-    /// Nearest hits of the bodies of all tiles.
-    fn nearest(&self) -> impl Iterator<Item = Nearest> {
-        self.tiles.iter().flat_map(|tile| &tile.nearest).copied()
     }
 }
 
@@ -456,7 +475,9 @@ impl<'a> Known<'a> {
     /// Static tile as it is wanted.
     fn tile(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
         let level = self.levels.get(wanted.place.level);
-        level.filter(|_| self.is_static[wanted.base as usize])?.known(wanted)
+        level
+            .filter(|_| self.is_static[wanted.base as usize])?
+            .known(&wanted.place, wanted.packets)
     }
 }
 
@@ -501,12 +522,8 @@ fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflecti
         join: join.collect(),
         turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
         wavenumber,
+        end_points: refinement.end_points,
     }
-}
-
-/// Bits of a quarter's blocks in those of all: packets of the tile that the quarter is split into.
-fn of_quarter(blocks: u16, quarter: usize) -> u8 {
-    (blocks >> (PACKETS * quarter)) as u8 & ALL
 }
 
 /// Upper bound of the angle by which a body turns [rad], zero or a power of two times a constant: it is equal for most

@@ -1,3 +1,5 @@
+mod edge_terms;
+
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -122,7 +124,16 @@ fn transfer(points: &TilePoints, wavenumber: f64) -> Complex64 {
         .map(|(point, weight)| {
             let distance = point.position.length();
             let cosine = -point.normal.dot(point.position) / distance;
-            weight * 2.0 * cosine * Complex64::cis(-2.0 * wavenumber * distance) / (distance * distance)
+            let slopes = point.edges.map(|edge| wavenumber * edge.dot(point.position) / distance);
+            let falls = (WAVENUMBER / wavenumber).powi(i32::from(point.order));
+            weight
+                * sinc(slopes[0])
+                * sinc(slopes[1])
+                * falls
+                * 2.0
+                * cosine
+                * Complex64::cis(-2.0 * wavenumber * distance)
+                / (distance * distance)
         })
         .sum()
 }
@@ -250,13 +261,17 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
 }
 
 fn same(a: &Tiles, b: &Tiles) -> bool {
-    let key = |tiles: &Tiles| -> Vec<([u64; 3], u32, [u64; 2])> {
+    let key = |tiles: &Tiles| -> Vec<([u64; 3], (u32, u8), [u64; 2])> {
         let all = tiles.points();
         let points = all.points.iter().zip(&all.weights);
         points
             .map(|(point, weight)| {
                 let position = point.position.to_array().map(f64::to_bits);
-                (position, point.triangle, [weight.re.to_bits(), weight.im.to_bits()])
+                (
+                    position,
+                    (point.triangle, point.order),
+                    [weight.re.to_bits(), weight.im.to_bits()],
+                )
             })
             .collect()
     };
@@ -267,23 +282,26 @@ fn same(a: &Tiles, b: &Tiles) -> bool {
 fn points_depend_neither_on_threads_nor_on_the_frame_before() {
     let base = ImagePlane::centered(64, 64, 0.5, 0.5);
     let surfaces = vec![sphere(0.1), plates(&[[0.0, 0.0, 0.3, 0.3]])];
-    let settings = Refinement {
-        join: 1.5,
-        ..refinement(base, 1e-3)
-    };
     let posed = |y: f64| PosedScene::new(surfaces.clone(), vec![at(1.0, y, 0.0), at(1.6, -0.3, 0.1)]);
     let (before, now) = (posed(0.1), posed(0.12));
-    let fresh = tiles(&now, &settings);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert!(same(&fresh, &pool.install(|| tiles(&now, &settings))));
+    for end_points in [false, true] {
+        let settings = Refinement {
+            join: 1.5,
+            end_points,
+            ..refinement(base, 1e-3)
+        };
+        let fresh = tiles(&now, &settings);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert!(same(&fresh, &pool.install(|| tiles(&now, &settings))));
 
-    let known = tiles(&before, &settings);
-    let (moved, array) = (now.moved(&before).unwrap(), array());
-    let one = [sector(&now, &array, &settings)];
-    let again = Tiles::new(&one, &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
-    assert!(same(&fresh, &again));
-    assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
-    assert!(!same(&fresh, &known));
+        let known = tiles(&before, &settings);
+        let (moved, array) = (now.moved(&before).unwrap(), array());
+        let one = [sector(&now, &array, &settings)];
+        let again = Tiles::new(&one, &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
+        assert!(same(&fresh, &again));
+        assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
+        assert!(!same(&fresh, &known));
+    }
 }
 
 #[test]
@@ -421,7 +439,7 @@ fn body_on_the_seam_of_two_sectors_echoes_as_in_the_middle_of_one() {
         let found = Tiles::new(&sectors, &materials, None).unwrap();
         // The points of both are in axes of their own, about one origin.
         let on_seam = transfer(&found.points(), WAVENUMBER);
-        let halves = [0, 1].map(|number| found.pieces.iter().filter(|piece| piece.sector() == number).count());
+        let halves = [0, 1].map(|number| found.pieces.iter().filter(|piece| piece.sector == number).count());
         assert!(halves.iter().all(|number| *number > 0), "{halves:?}");
         let ratio = on_seam / middle;
         assert!(

@@ -1,19 +1,21 @@
 //! Tiles: 8 x 8 rays, their material points quarter by quarter, and what a refinement decides by.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::border::Border;
 use super::cells::Cells;
 use super::join::Join;
-use super::place::Place;
+use super::pairs::{self, KeptCells, Patch};
+use super::place::{CellPlace, Place};
 use super::points::{Channels, TilePoints};
 use super::residual::{BLOCKS, Blocks, Echoes};
 use crate::antennas::array::Array;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
+use crate::rays::camera::{Cell, ImagePlane, TILE, Tile as Pixels};
 use crate::rays::facets::HALF;
 use crate::rays::hits::Cast;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::PosedScene;
 use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
@@ -33,6 +35,8 @@ pub(super) struct Scenery<'a> {
     /// Angle by which every body turns [rad]; 0 where its cells keep their tapers.
     pub(super) turns: Vec<f32>,
     pub(super) wavenumber: f64,
+    /// True if cells with a fast phase have edge terms: tiles keep their cells in place of points.
+    pub(super) end_points: bool,
 }
 
 /// Bits of all packets of a tile.
@@ -49,8 +53,12 @@ pub(super) struct Tile {
     /// Criteria of refinement.
     pub(super) blocks: Blocks,
     border: Border,
-    /// Points of all quarters, and the end of every quarter.
-    pub(super) points: TilePoints,
+    /// False if no ray was cast, as nothing is seen there.
+    pub(super) is_seen: bool,
+    /// Cells, for edge terms; none without a hit.
+    pub(super) kept: Option<Box<KeptCells>>,
+    /// Points of all quarters, if there are any, and the end of every quarter.
+    pub(super) points: Option<Arc<TilePoints>>,
     ends: [usize; 4],
     /// Cells of every quarter that hit a body, and of those the ones without a point.
     pub(super) hits: [usize; 4],
@@ -141,14 +149,14 @@ impl Kernel for Evaluate<'_> {
         } = self;
         let plane = &scenery.planes[place.level];
         let Some(pixels) = place.pixels(plane) else {
-            return Tile::without_hits(place, packets, Border::OUTSIDE, 0);
+            return Tile::unseen(place, packets);
         };
         scratch.rays.aim::<I>(plane, &pixels);
         if packets != ALL {
             scratch.rays.keep(u32::from(packets));
         }
         if scenery.cast.is_outside(&scratch.rays) {
-            return Tile::without_hits(place, packets, Border::OUTSIDE, 0);
+            return Tile::unseen(place, packets);
         }
         let (rows, columns) = (pixels.rows, pixels.columns);
         if scenery.scene.search::<I>(scratch, scenery.cast) {
@@ -183,6 +191,11 @@ impl Kernel for Evaluate<'_> {
         if place.level == 0 {
             tile.echo = cells.echo();
         }
+        if scenery.end_points {
+            let (wavenumber, channels) = (scenery.wavenumber, &scenery.channels);
+            tile.kept = Some(Box::new(KeptCells::new(cells, plane, wavenumber, channels)));
+            return tile;
+        }
         points.clear();
         for quarter in 0..PACKETS {
             let hit = cells.hits(quarter);
@@ -196,7 +209,7 @@ impl Kernel for Evaluate<'_> {
             }
             tile.ends[quarter] = points.points.len();
         }
-        tile.points = points.copy();
+        tile.points = (!points.points.is_empty()).then(|| Arc::new(points.copy()));
         tile
     }
 }
@@ -227,6 +240,13 @@ impl Kernel for Meets<'_> {
 }
 
 impl Tile {
+    fn unseen(place: Place, packets: u8) -> Self {
+        Self {
+            is_seen: false,
+            ..Self::without_hits(place, packets, Border::OUTSIDE, 0)
+        }
+    }
+
     fn without_hits(place: Place, packets: u8, border: Border, rays: usize) -> Self {
         Self {
             place,
@@ -234,7 +254,9 @@ impl Tile {
             rays,
             blocks: Blocks::DARK,
             border,
-            points: TilePoints::default(),
+            is_seen: true,
+            kept: None,
+            points: None,
             ends: [0; 4],
             hits: [0; 4],
             silent: [0; 4],
@@ -246,6 +268,53 @@ impl Tile {
     /// Points of a quarter.
     pub(super) fn quarter(&self, number: usize) -> Range<usize> {
         number.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[number]
+    }
+
+    /// Residual field of every block with edge terms, with the cells of adjacent tiles of the same level.
+    pub(super) fn residual_of_edge_terms<'a>(
+        &'a self,
+        plane: &ImagePlane,
+        wavenumber: f64,
+        adjacent: impl Fn(Place) -> Option<&'a Self>,
+    ) -> [f32; BLOCKS] {
+        let Place { row, column, .. } = self.place;
+        let beside = |row: Option<usize>, column: Option<usize>| {
+            let place = Place {
+                row: row?,
+                column: column?,
+                ..self.place
+            };
+            adjacent(place).map(|tile| (place, tile))
+        };
+        let tiles = [
+            Some((self.place, self)),
+            beside(Some(row), column.checked_sub(1)),
+            beside(Some(row), Some(column + 1)),
+            beside(row.checked_sub(1), Some(column)),
+            beside(Some(row + 1), Some(column)),
+        ];
+        let tiles = || tiles.iter().flatten();
+        if tiles().all(|(_, tile)| tile.kept.is_none()) {
+            return [0.0; BLOCKS];
+        }
+        let patch = |at: CellPlace| {
+            let place = at.tile();
+            let (_, tile) = tiles().find(|(other, _)| *other == place)?;
+            tile.patch(&at, plane)
+        };
+        pairs::residual(CellPlace::first(&self.place), wavenumber, patch)
+    }
+
+    /// Cell as others compare it; none if no ray was cast. `plane`: that of the level.
+    fn patch(&self, at: &CellPlace, plane: &ImagePlane) -> Option<Patch> {
+        let cell = TileRays::ray(at.row % TILE, at.column % TILE);
+        let is_cast = self.is_seen && self.packets >> (cell / PACKET) & 1 == 1;
+        let is_inside = at.row < plane.rows && at.column < plane.columns;
+        let patch = || {
+            let kept = self.kept.as_ref();
+            kept.map_or(Patch::nothing(plane), |kept| kept.patch(cell, plane))
+        };
+        (is_cast && is_inside).then(patch)
     }
 
     /// Residual field of every block, with the cells of adjacent tiles of the same level.
