@@ -135,7 +135,7 @@ def surface_results(run: Run) -> Iterator[SurfaceResult]:
     for target in targets(run):
         expected = target.echo()
         own_error = profile_errors(target.echo(2.0 / 3.0), expected, *SPAN).relative
-        for fineness in range(len(SAGITTAS)):
+        for fineness in range(run.finenesses):
             scene = target.scene(fineness)
             number = sum(len(mesh.triangles) for mesh in target.meshes(fineness))
             view, reference = View("", "", scene, RADAR, rc.Pose()), Dense((expected, expected), 0, *SPAN)
