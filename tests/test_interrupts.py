@@ -40,6 +40,7 @@ def beat(method: str, num_paths: int, num_chirps: int, num_samples: int, toleran
         waveform=waveform._core,
         tolerance=tolerance,
         method=method,
+        threads=2,
     )
 
 
@@ -93,7 +94,7 @@ def test_interrupt_ends_an_image_soon() -> None:
     waveform = rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=16)
 
     def image(side: int) -> Callable[[], object]:
-        sim = rc.Simulator(scene, rc.Radar(waveform), resolution=side, field_of_view_deg=(40.0, 40.0))
+        sim = rc.Simulator(scene, rc.Radar(waveform), resolution=side, field_of_view_deg=(40.0, 40.0), threads=2)
         return sim.depth_image
 
     assert time_to_hear(image(1200), after=0.2) < 3.0 * time_of(image(200))
