@@ -7,7 +7,8 @@ import platform
 from collections.abc import Iterable
 from pathlib import Path
 
-PERFORMANCE = Path(__file__).parent.parent / "docs" / "performance.md"
+DOCS = Path(__file__).parent.parent / "docs"
+PERFORMANCE, ACCURACY = DOCS / "performance.md", DOCS / "accuracy.md"
 
 
 def table(header: list[str], rows: Iterable[list[str]]) -> str:

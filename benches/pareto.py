@@ -10,13 +10,18 @@ The library, finufft, is optional: `pip install finufft==2.5.1`.
 from __future__ import annotations
 
 import argparse
+import ctypes
 import io
 import math
 import os
+import subprocess
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import product
+from pathlib import Path
 
 # Threads of numpy's BLAS that wait for work would slow everything else down.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
@@ -45,8 +50,10 @@ Error of the beat signal against run time, written by `python benches/pareto.py 
 
 {num_paths} paths, one channel, {machine}; one thread unless stated otherwise. Times are medians over {repeats} rounds
 in which the methods take turns, and include the call from Python with delays and amplitudes in memory. "× f32" and "×
-f64" are the speedups over the direct sums of radarcore (phasor recurrences) in single and double precision, measured
-in the same rounds; on other machines times change more than ratios. "grid" is `method="auto"`; the plan chooses the
+f64" are speedups over the direct sums of radarcore (phasor recurrences) in single and double precision: medians of the
+ratios of the rounds, not ratios of the medians beside them. On other machines times change more than ratios. "C f64"
+is "direct f64" in forty lines of C (`benches/direct_sum.c`, `cc -O3 -march=native -ffast-math`), to tell whether the
+yardstick is a good one. "grid" is `method="auto"`; the plan chooses the
 range-velocity grid in all cases but the fan. [Synthesis](synthesis.md) describes the methods.
 
 Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
@@ -127,16 +134,36 @@ class Method:
     nodes: int | None = None
     error: float = math.nan
     times: list[float] = field(default_factory=list)
+    """Of the sum itself, round by round [s]."""
+    totals: list[float] = field(default_factory=list)
+    """Of the call from Python, round by round [s]."""
 
     @property
     def seconds(self) -> float:
         """Median time of the sum itself."""
-        return self.call.library_seconds if isinstance(self.call, LibrarySum) else self.total_seconds
+        return float(np.median(self.times))
 
     @property
     def total_seconds(self) -> float:
         """Median time of the call from Python."""
-        return float(np.median(self.times))
+        return float(np.median(self.totals))
+
+    def speedup(self, base: Method) -> float:
+        """Median over the rounds of the ratio of the times of another method and of this one."""
+        return float(np.median(np.divide(base.times, self.times)))
+
+    def take_turn(self, shortest: float) -> None:
+        """Add the median times of calls for at least `shortest` [s]: the first finds other data in the caches."""
+        is_library = isinstance(self.call, LibrarySum)
+        totals: list[float] = []
+        if is_library:
+            self.call.times.clear()
+        while not totals or sum(totals) < shortest:
+            start = time.perf_counter()
+            self.call()
+            totals.append(time.perf_counter() - start)
+        self.totals.append(float(np.median(totals)))
+        self.times.append(self.call.library_seconds if is_library else self.totals[-1])
 
 
 def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phasors:
@@ -168,6 +195,44 @@ def has_direct_f64(job: Job) -> bool:
     except ValueError:
         return False
     return True
+
+
+# The direct sum in C.
+
+
+@cache
+def c_library() -> ctypes.CDLL | None:
+    """direct_sum.c, by the compiler of the machine; None where there is none."""
+    source = Path(__file__).with_name("direct_sum.c")
+    with tempfile.TemporaryDirectory() as directory:
+        target = Path(directory) / "direct_sum.so"
+        options = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
+        try:
+            done = subprocess.run(["cc", *options, "-o", target, source, "-lm"], capture_output=True, check=False)
+        except OSError:
+            return None
+        if done.returncode != 0:
+            return None
+        library = ctypes.CDLL(str(target))
+    reals, phasors = (np.ctypeslib.ndpointer(dtype, flags="C_CONTIGUOUS") for dtype in (np.float64, np.complex128))
+    number, count = ctypes.c_double, ctypes.c_long
+    library.direct_sum.argtypes = [
+        *(reals, reals, phasors, count),
+        *(number, number, number, number, reals, count, count),
+        phasors,
+    ]
+    library.direct_sum.restype = None
+    return library
+
+
+def c_sum(library: ctypes.CDLL, job: Job) -> Phasors:
+    """The samples of a job with linear delays."""
+    wf = job.waveform
+    samples = np.empty((1, wf.num_chirps, wf.num_samples), complex)
+    paths = job.delay, job.delay_rate, job.amplitude, len(job.delay)
+    times = wf.sample_times[0], 1.0 / wf.sample_rate, wf.chirp_times, wf.num_chirps, wf.num_samples
+    library.direct_sum(*paths, wf.start_frequency, wf.slope, *times, samples)
+    return samples
 
 
 # The library: a good user's sum for linear delays.
@@ -255,7 +320,7 @@ class LibrarySum:
 
     @property
     def library_seconds(self) -> float:
-        """Median time of a frame inside the library."""
+        """Median time of a frame inside the library, since `times` was cleared."""
         per_frame = np.reshape(self.times, (-1, len(self.block_times))).sum(axis=1)
         return float(np.median(per_frame))
 
@@ -337,17 +402,7 @@ def measure(case: Case, methods: list[Method], run: Run) -> None:
         method.error = truth.error(method.call())
     for _ in range(run.repeats):
         for method in methods:
-            method.times.append(turn_time(method.call, run.round))
-
-
-def turn_time(call: Callable[[], object], shortest: float) -> float:
-    """Median time [s] of calls for at least `shortest`: the first finds the caches full of others' data."""
-    times: list[float] = []
-    while not times or sum(times) < shortest:
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
+            method.take_turn(run.round)
 
 
 def ours(case: Case, tolerances: Iterable[float]) -> Iterator[Method]:
@@ -364,6 +419,12 @@ def ours(case: Case, tolerances: Iterable[float]) -> Iterator[Method]:
     yield method("direct f32", None)
     if has_direct_f64(jobs[min(jobs)]):
         yield method("direct f64", None)
+
+
+def in_c(job: Job) -> Iterator[Method]:
+    """The direct sum in C, if there is a compiler and the chirps make whole groups."""
+    if job.waveform.num_chirps % 16 == 0 and (built := c_library()) is not None:
+        yield Method("C f64", None, lambda: c_sum(built, job))
 
 
 def library(job: Job, tolerances: Iterable[float]) -> Iterator[Method]:
@@ -385,7 +446,8 @@ def linear_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
     for bandwidth, num_samples in ((1e9, 128), (5e9, 256)):
         wf = waveform(bandwidth=bandwidth, num_samples=num_samples)
         for case in (random_order(wf, run.side), image_order(wf, run.side)):
-            methods = [*ours(case, run.tolerances), *library(case.job(run.tolerances[0]), run.tolerances)]
+            job = case.job(run.tolerances[0])
+            methods = [*ours(case, run.tolerances), *in_c(job), *library(job, run.tolerances)]
             measure(case, methods, run)
             yield f"{case.name}, {bandwidth / 1e9:g} GHz", methods
 
@@ -446,8 +508,8 @@ def overhead(run: Run) -> str:
 def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[str]]:
     """One row per method: what nodes and the library's columns are missing is a dash."""
     for name, methods in results:
-        seconds = {method.name: method.seconds for method in methods}
-        direct = [seconds.get(f"direct {precision}") for precision in ("f32", "f64")]
+        by_name = {method.name: method for method in methods}
+        direct = [by_name.get(f"direct {precision}") for precision in ("f32", "f64")]
         for method in methods:
             is_library = isinstance(method.call, LibrarySum)
             yield [
@@ -459,7 +521,7 @@ def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[st
                 f"{method.error:.1e}",
                 milliseconds(method.seconds),
                 milliseconds(method.total_seconds) if is_library else "-",
-                *("-" if base is None else f"{base / method.seconds:.3g}" for base in direct),
+                *("-" if base is None else f"{method.speedup(base):.3g}" for base in direct),
             ]
 
 
@@ -473,6 +535,7 @@ STYLES = {
     "grid": "o-C3",
     "direct f32": "sC0",
     "direct f64": "DC0",
+    "C f64": "xC0",
     "finufft 2-D f32": "^--C1",
     "finufft 2-D f64": "v--C1",
     "finufft 1-D f32": "^:C2",

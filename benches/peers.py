@@ -51,8 +51,8 @@ Distances along the rays of an image, {side} x {side} pixels, 60 degrees, beside
 
 The room has bumpy walls and four spheres. The sphere has a radius of 1 m, is 2 m in front of the camera, and fills
 the image except for the corners. The camera moves from frame to frame. Times are medians over {rounds} rounds of
-{frames} frames in which the casters take turns. "×" is the speedup over embreex and over Embree's packets in the same
-rounds; on other machines times change more than ratios. Distances are compared before any timing.
+{frames} frames in which the casters take turns. "×" is the speedup over embreex and over Embree's packets, a median of
+ratios of the rounds; on other machines times change more than ratios. Distances are compared before any timing.
 
 "tracer" is the first step of `Simulator`: rays from the pose of the camera, search in f32, distances in f64, triangle
 indices. "depth_image" adds cosines of incidence, reflectance and body indices. The libraries get precomputed rays in
@@ -386,8 +386,8 @@ def image_by(caster: Caster, view: View) -> Any:
         return caster.cast(caster.rays(view))
 
 
-def times_in_turns(casters: list[Caster], run: Run) -> list[float]:
-    """Median time [s] of an image by every caster."""
+def times_in_turns(casters: list[Caster], run: Run) -> list[list[float]]:
+    """Median time [s] of an image by every caster, round by round."""
     times: list[list[float]] = [[] for _ in casters]
     for i in range(run.rounds):
         first, *others = [view(i * run.frames + frame, run.side) for frame in range(run.frames + 1)]
@@ -396,8 +396,8 @@ def times_in_turns(casters: list[Caster], run: Run) -> list[float]:
                 # Fills the caches; and threads that have slept begin on one core.
                 for _ in range(1 if caster.threads == 1 else 20):
                     caster.cast(caster.rays(first))
-                own += [duration(caster.cast, caster.rays(each)) for each in others]
-    return [float(np.median(own)) for own in times]
+                own.append(float(np.median([duration(caster.cast, caster.rays(each)) for each in others])))
+    return times
 
 
 def duration(action: Callable[..., object], *arguments: object) -> float:
@@ -440,8 +440,10 @@ def image_rows(name: str, mesh: Triangles, peers: Iterable[Peer], run: Run) -> I
 
     times = dict(zip([caster.name for caster in casters], times_in_turns(casters, run), strict=True))
     for caster, own in times.items():
-        ratios = [f"{times[peer] / own:.3g}" if peer in times else "-" for peer in ("embreex", "Embree packets")]
-        yield [name, caster, milliseconds(own), f"{1e-6 * run.side**2 / own:.3g}", *ratios]
+        peers = ("embreex", "Embree packets")
+        ratios = [f"{np.median(np.divide(times[peer], own)):.3g}" if peer in times else "-" for peer in peers]
+        seconds = float(np.median(own))
+        yield [name, caster, milliseconds(seconds), f"{1e-6 * run.side**2 / seconds:.3g}", *ratios]
 
 
 def build_row(name: str, mesh: Triangles, has_embree: bool, run: Run) -> list[str]:
@@ -452,8 +454,10 @@ def build_row(name: str, mesh: Triangles, has_embree: bool, run: Run) -> list[st
             ours.append(duration(lambda: rc.Mesh(*mesh, shading="flat")))
             if has_embree:
                 theirs.append(duration(EmbreeScene(mesh).commit))
-    own, other = np.median(ours), np.median(theirs) if has_embree else np.nan
-    return [name, milliseconds(own), *([milliseconds(other), f"{other / own:.3g}"] if has_embree else ["-", "-"])]
+    row = [name, milliseconds(float(np.median(ours)))]
+    if not has_embree:
+        return [*row, "-", "-"]
+    return [*row, milliseconds(float(np.median(theirs))), f"{np.median(np.divide(theirs, ours)):.3g}"]
 
 
 def main() -> None:

@@ -132,7 +132,7 @@ pub fn simulate(
         cancel.check()?;
         let rays = timed(&mut times.rays, || {
             let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-            Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())
+            Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel)
         })?;
         let groups = timed(&mut times.scatterers, || {
             Groups::new(model, &placement, &part, &rays, &mut memory.tubes, cancel)
@@ -160,7 +160,7 @@ pub fn paths(
     let placement = model.placement(motion)?;
     let part = &parts::of_frame(model, &placement)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-    let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref())?;
+    let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel)?;
     let groups = Groups::new(model, &placement, part, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
     let at_seen = model.placement(at)?;
@@ -168,10 +168,10 @@ pub fn paths(
 }
 
 /// Image of the hits of rays at one time.
-pub fn image(model: &Model, at: &World, memory: &mut Memory) -> Result<Arc<Image>> {
+pub fn image(model: &Model, at: &World, memory: &mut Memory, cancel: &Cancel) -> Result<Arc<Image>> {
     let placement = model.placement(at)?;
     let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
-    let image = Arc::new(model.cast_image(scene, memory.image.as_deref())?);
+    let image = Arc::new(model.cast_image(scene, memory.image.as_deref(), cancel)?);
     memory.image = Some(image.clone());
     Ok(image)
 }

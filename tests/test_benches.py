@@ -11,6 +11,8 @@ import pytest
 import radarcore as rc
 from meshes import room, sphere
 from page import with_section
+from pareto import Method
+from proof.bounds import Bound, unheld_lines
 from rays import ratio, times_in
 
 PAGE = "# Speed\n\n<!-- benches/a.py -->\n\nold\n\n<!-- end of benches/a.py -->\n\nby hand\n"
@@ -71,3 +73,24 @@ def test_time_of_a_rust_bench_is_that_of_its_fastest_sample(tmp_path: Path) -> N
 def test_benches_are_compared_within_runs() -> None:
     runs = [{"slow": 2.0, "fast": 1.0}, {"slow": 30.0, "fast": 10.0}, {"slow": 9.0, "fast": 1.0}]
     assert ratio(runs, "slow", "fast") == "3"
+
+
+def test_a_bound_that_is_not_held_says_what_to_set_and_the_default_has_none() -> None:
+    def bound(what: str, measured: float) -> Bound:
+        return Bound(what, "level [dB]", "closed form", 1.0, [0.1, measured])
+
+    held, unheld = bound("adaptive, default, single bodies", 0.9), bound("footprint, 512 pixels, spheres", 1.1)
+    (line,) = unheld_lines([held, unheld])
+    assert line.startswith("- `footprint`: ")
+    assert "use the default" in line
+    with pytest.raises(ValueError, match="expected what to set in place of 'adaptive, default, single bodies'"):
+        list(unheld_lines([bound("adaptive, default, single bodies", 1.1)]))
+
+
+def test_speedup_is_the_median_of_the_ratios_of_rounds() -> None:
+    base, own = (Method(name, None, lambda: np.zeros(1), times=times) for name, times in TIMES.items())
+    # Ratios of 2, 10 and 1; of the medians 3.
+    assert (own.speedup(base), base.seconds / own.seconds) == (2.0, 3.0)
+
+
+TIMES = {"base": [2.0, 10.0, 3.0], "own": [1.0, 1.0, 3.0]}

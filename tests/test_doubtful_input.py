@@ -40,8 +40,12 @@ def test_height_of_a_person_in_other_units_is_refused(height: float) -> None:
             lambda: Joint("elbow", "a", "b", axis=[0, 0, 1], limits=(-180.0, 180.0)),
             "limits of 'elbow': expected radians, got -180; degrees",
         ),
+        (
+            lambda: Joint("elbow", "a", "b", axis=[0, 0, 1], limits=(-1e308, 1e308)),
+            r"limits of 'elbow': expected radians, got -1e\+308; degrees",
+        ),
     ],
-    ids=["yaw", "pitch", "arm", "arm by name", "trajectory", "limits"],
+    ids=["yaw", "pitch", "arm", "arm by name", "trajectory", "limits", "huge"],
 )
 def test_angles_in_degrees_are_said_at_the_line_that_has_them(make: Call, message: str) -> None:
     with pytest.warns(UserWarning, match=message) as caught:

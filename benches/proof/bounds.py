@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 
 from proof.measure import floor_text
 from proof.oblique import Quiet
-from proof.real_meshes import ProfileErrors, ViewResult, Way
+from proof.real_meshes import DEFAULT, ProfileErrors, ViewResult, Way
+from proof.surfaces import SurfaceResult
 from proof.targets import MattPower, Measured
+
+PAPER, SURFACE, DENSE = "closed form", "exact surface", "dense integration, ours"
+"""References; the page says what each of them is."""
+
+INSTEAD = {
+    "point": "it does not converge, and its rays hit other points in every chirp: use the default",
+    "footprint": "five pixels across a plate, or those along limbs and long ridges, are too few: use the default, or a "
+    "narrower `field_of_view_deg`",
+    "adaptive, edge terms": "a budget may end before thin and far parts are reached: leave `ray_budget` out, or lower "
+    "`rcs_floor`",
+}
+"""What to set where a bound is not held, by the beginning of its name."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +33,7 @@ class Bound:
 
     what: str
     quantity: str
+    reference: str
     bound: float
     measured: list[float]
     is_typical: bool = False
@@ -32,26 +47,23 @@ class Bound:
 
 def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[Bound]:
     """Spheres, plates, discs and the cylinder at 1 m."""
-
-    def of(rows: list[Measured], sampling: str, setting: str, *kinds: str) -> list[Measured]:
-        return [
-            row
-            for row in rows
-            if (row.sampling, row.setting) == (sampling, setting)
-            and row.case.name.startswith(kinds)
-            and row.case.has_budgets
-        ]
-
-    for what, setting, kinds, level, phase in (
-        ("footprint, 512 pixels, spheres", "512", ("sphere",), 0.25, 0.04),
-        ("footprint, 512 pixels, plates and discs", "512", ("disc", "square"), 0.6, None),
-        ("footprint, 256 pixels, single bodies", "256", ("disc", "square", "sphere", "cylinder"), 0.5, None),
+    flat, all_kinds = ("disc", "square"), ("disc", "square", "plane", "sphere", "cylinder")
+    for sampling, setting, name, kinds, level, phase in (
+        ("adaptive", "default", "default, single bodies", all_kinds, 0.6, 0.06),
+        ("footprint", "512", "512 pixels, spheres", ("sphere",), 0.25, 0.04),
+        ("footprint", "512", "512 pixels, plates and discs", flat, 0.6, None),
+        ("footprint", "256", "256 pixels, single bodies", all_kinds, 0.5, None),
     ):
-        rows = of(mirror, "footprint", setting, *kinds)
+        rows = [
+            row
+            for row in mirror
+            if (row.sampling, row.setting) == (sampling, setting) and row.case.name.startswith(kinds)
+        ]
         if rows:
-            yield Bound(what, "level [dB]", level, [row.level for row in rows], is_typical=setting == "256")
+            what, is_typical = f"{sampling}, {name}", setting == "256"
+            yield Bound(what, "level [dB]", PAPER, level, [row.level for row in rows], is_typical)
             if phase:
-                yield Bound(what, "phase [rad]", phase, [row.phase for row in rows])
+                yield Bound(what, "phase [rad]", PAPER, phase, [row.phase for row in rows])
     for budget, level, phase in (("10000", 0.4, 0.06), ("40000", 0.2, 0.025), ("70000", 0.1, 0.015)):
         rows = [row for row in budgets if row.setting == budget]
         what = f"adaptive, edge terms, {budget} rays, single bodies"
@@ -60,8 +72,8 @@ def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[B
             what += " but cylinders"
             rows = [row for row in rows if not row.case.name.startswith("cylinder")]
         if rows:
-            yield Bound(what, "level [dB]", level, [row.level for row in rows])
-            yield Bound(what, "phase [rad]", phase, [row.phase for row in rows])
+            yield Bound(what, "level [dB]", PAPER, level, [row.level for row in rows])
+            yield Bound(what, "phase [rad]", PAPER, phase, [row.phase for row in rows])
 
 
 def quiet_bounds(oblique: list[Quiet], doppler: list[Quiet]) -> Iterator[Bound]:
@@ -71,11 +83,12 @@ def quiet_bounds(oblique: list[Quiet], doppler: list[Quiet]) -> Iterator[Bound]:
             is_bounded = row.sampling == "adaptive, edge terms" and row.setting == floor_text(1e-5)
             if row.name.startswith(name) and is_bounded:
                 quantity = "echo [dB]" if name == "wall" else "error [dB]"
-                yield Bound(f"{row.sampling}, {row.setting}, {row.name}", quantity, bound, [row.level])
+                yield Bound(f"{row.sampling}, {row.setting}, {row.name}", quantity, PAPER, bound, [row.level])
     # A frame follows its points: only a cast per chirp shows what sampling adds to the side lobes of the window.
     for sampling in ("point", "footprint", "adaptive"):
         levels = [row.level for row in doppler if row.sampling == sampling and row.name != "one frame"]
-        yield Bound(f"{sampling}, sphere that moves evenly, cast anew per chirp", "Doppler floor [dB]", -65.0, levels)
+        what = f"{sampling}, sphere that moves evenly, cast anew per chirp"
+        yield Bound(what, "Doppler floor [dB]", "no line: even motion", -65.0, levels)
 
 
 def matt_bounds(matt: list[MattPower]) -> Iterator[Bound]:
@@ -83,10 +96,25 @@ def matt_bounds(matt: list[MattPower]) -> Iterator[Bound]:
     rows = [row for row in matt if row.num_paths >= 1000]
     if rows:
         deviations = [100.0 * abs(row.of_paths - 1.0) for row in rows]
-        yield Bound("diffuse targets, from 1000 paths on", "mean power [%]", 1.0, deviations)
+        yield Bound("diffuse targets, from 1000 paths on", "mean power [%]", "Lambert's law", 1.0, deviations)
+
+
+SURFACE_BOUNDS = {"capsule": (0.5, 6.0), "tube": (0.5, 20.0), "person": (0.5, 7.0)}
+"""Bounds of strongest peak [dB] and profile [%] for meshes of bodies whose exact surface is known."""
+
+
+def surface_bounds(results: list[SurfaceResult]) -> Iterator[Bound]:
+    """Meshes against their exact surfaces, at the default setting."""
+    for kind, (strongest, profile) in SURFACE_BOUNDS.items():
+        rows = [row.errors for row in results if row.target.startswith(kind) and row.way == DEFAULT.title]
+        if rows:
+            what = f"{DEFAULT.title}, {kind}, any mesh"
+            yield Bound(what, "strongest peak [dB]", SURFACE, strongest, [abs(row.strongest) for row in rows])
+            yield Bound(what, "range profile [%]", SURFACE, profile, [100.0 * row.relative for row in rows])
 
 
 MESH_BOUNDS: list[tuple[Way, tuple[float, float, float, float | None], tuple[float, float] | None]] = [
+    (DEFAULT, (1.0, 7.0, 21.0, -38.0), (3.5, 15.0)),
     (Way("adaptive", "floor", 1e-1), (1.5, 12.0, 45.0, -38.0), (4.0, 25.0)),
     (Way("adaptive", "floor", 1e-2), (1.0, 7.0, 21.0, -38.0), (3.5, 15.0)),
     (Way("adaptive", "floor", 1e-3), (0.8, 6.0, 18.0, -41.0), (2.5, 15.0)),
@@ -97,26 +125,26 @@ MESH_BOUNDS: list[tuple[Way, tuple[float, float, float, float | None], tuple[flo
     (Way("footprint", "pixels", 1024), (1.3, 2.9, 12.0, None), None),
 ]
 """Bounds of strongest peak [dB], peaks [dB rms], profile [%] and floor [dB] for arm and human, and of peaks and profile
-for rooms. A floor of 1e-2 m² is that of the default, 1e-1 m² that of fast sampling."""
+for rooms. The floor of the default follows the echo, at most 1e-2 m²; 1e-1 m² is that of fast sampling."""
 
 
 def mesh_bounds(results: list[ViewResult]) -> Iterator[Bound]:
     """Real meshes."""
     for way, alone, in_room in MESH_BOUNDS:
-        what = f"{way.name}, {way.text}"
+        what = way.title
         errors = errors_of(results, way, is_room=False)
         if errors:
             name = f"{what}, arm and human"
-            yield Bound(name, "strongest peak [dB]", alone[0], [abs(e.strongest) for e in errors])
-            yield Bound(name, "peaks [dB rms]", alone[1], [e.peaks for e in errors])
-            yield Bound(name, "range profile [%]", alone[2], [100.0 * e.relative for e in errors])
+            yield Bound(name, "strongest peak [dB]", DENSE, alone[0], [abs(e.strongest) for e in errors])
+            yield Bound(name, "peaks [dB rms]", DENSE, alone[1], [e.peaks for e in errors])
+            yield Bound(name, "range profile [%]", DENSE, alone[2], [100.0 * e.relative for e in errors])
             if alone[3]:
-                yield Bound(name, "error floor [dB]", alone[3], [e.floor for e in errors])
+                yield Bound(name, "error floor [dB]", DENSE, alone[3], [e.floor for e in errors])
         errors = errors_of(results, way, is_room=True)
         if in_room and errors:
             name = f"{what}, room"
-            yield Bound(name, "peaks [dB rms]", in_room[0], [e.peaks for e in errors])
-            yield Bound(name, "range profile [%]", in_room[1], [100.0 * e.relative for e in errors])
+            yield Bound(name, "peaks [dB rms]", DENSE, in_room[0], [e.peaks for e in errors])
+            yield Bound(name, "range profile [%]", DENSE, in_room[1], [100.0 * e.relative for e in errors])
 
 
 def errors_of(results: list[ViewResult], way: Way, *, is_room: bool) -> list[ProfileErrors]:
@@ -136,8 +164,20 @@ def bound_rows(bounds: list[Bound]) -> Iterator[list[str]]:
         yield [
             b.what,
             b.quantity,
+            b.reference,
             f"{b.bound:g}" + (" typically" if b.is_typical else ""),
             f"{worst:.2g}",
             f"{typical:.2g}",
             "yes" if b.is_held else "no",
         ]
+
+
+def unheld_lines(bounds: list[Bound]) -> Iterator[str]:
+    """Why bounds are not held and what to set instead, one line per kind; an error for one without a reason."""
+    unheld = [b.what for b in bounds if not b.is_held]
+    for what in unheld:
+        if not what.startswith(tuple(INSTEAD)):
+            raise ValueError(f"INSTEAD: expected what to set in place of {what!r}, whose bound is not held")
+    for beginning, instead in INSTEAD.items():
+        if any(what.startswith(beginning) for what in unheld):
+            yield fill(f"- `{beginning}`: {instead}.", width=120, subsequent_indent="  ", break_on_hyphens=False)

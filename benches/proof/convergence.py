@@ -10,9 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import radarcore as rc
+from proof.bounds import DENSE, PAPER
 from proof.closed_forms import sphere_echo, square_echo
+from proof.dense import Dense
 from proof.measure import SPEED_OF_LIGHT, TURNS, Run, conductor, frequencies, num_cells, rms, turned
-from proof.real_meshes import RADAR, WAVEFORM, Sampled, ViewResult, Way, sampled, ways
+from proof.real_meshes import RADAR, WAVEFORM, Sampled, View, ViewResult, Way, sampled, ways
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ def single_points(run: Run) -> Iterator[Point]:
         for way in ways(finer):
             side = int(way.number) if way.knob == "pixels" else num_cells(60.0)
             motions = [turned(turn, side, 60.0) for turn in TURNS[: run.turns : 2]]
-            yield point(name, [sampled(scene, RADAR, motion, way, expected, (0.0, 2.0)) for motion in motions])
+            reference = Dense((expected, expected), 0, 0.0, 2.0)
+            yield point(name, [sampled(View("", "", scene, RADAR, motion), way, reference) for motion in motions])
 
 
 def mesh_points(results: list[ViewResult]) -> Iterator[Point]:
@@ -65,6 +68,7 @@ def point(target: str, rows: list[Sampled]) -> Point:
 CURVES = {
     "point, by pixels": (("point", "pixels"), "s:", "C7"),
     "footprint, by pixels": (("footprint", "pixels"), "o-", "C0"),
+    "adaptive, default": (("adaptive", "default"), "*", "C3"),
     "adaptive, by rcs_floor": (("adaptive", "floor"), "D-", "C3"),
     "adaptive, edge terms, by ray_budget": (("adaptive", "rays"), "^--", "C1"),
 }
@@ -79,7 +83,7 @@ def time_rows(points: list[Point]) -> Iterator[list[str]]:
     for target in dict.fromkeys(p.target for p in points):
         for label, (curve, _, _) in CURVES.items():
             chosen = [p for p in points if p.target == target and (p.way.sampling, p.way.knob) == curve]
-            row = [target, label]
+            row = [target, label, PAPER if target.startswith(("sphere", "plate")) else DENSE]
             for most in WITHIN_MS:
                 errors = [100.0 * p.error for p in chosen if 1e3 * p.seconds <= most]
                 row.append(f"{min(errors):.2g}" if errors else "")
@@ -108,7 +112,7 @@ def picture(points: list[Point]) -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel("error of the range profile [%]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    top.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=10)
+    top.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=10)
 
     by_pixels, by_floor = bottom.subplots(1, 2, sharey=True)
     for target, color in zip(targets, TARGET_COLORS, strict=False):

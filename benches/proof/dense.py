@@ -1,7 +1,8 @@
 """Dense integration of a scene: what all samplings would give if rays cost nothing.
 
 H = (j / 4 pi) sum of Gamma sqrt(G_t G_r) exp(-2jkR) dOmega over rays as close as the phase asks for. Of radarcore only
-the distances of depth images are used: no footprint, no cell, nothing of its scattering or of its sum over paths.
+the distances of depth images are used: no footprint, no cell, nothing of its scattering or of its sum over paths. With
+the distances of Embree nothing of its tracer either, to the facets as they are.
 
 Every group of bodies has a window of its own, just wide enough for it. The rays of one image would be too far apart
 where surfaces are steep, which raises false echoes as in any `point` image; but these differ from image to image when
@@ -10,22 +11,59 @@ the radar is turned by parts of a pixel, and the mean of such images is that of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 import radarcore as rc
-from proof.measure import SPEED_OF_LIGHT, Phasors, Reals
-
-CELLS = 2**20
-"""Of the histogram of distances: 10 μm wide, where weights split between two neighbours are off by 1e-4."""
+from proof.measure import Phasors, Reals
+from proof.range_spectrum import CELLS, add, spectrum
 
 OVERVIEW = 512
 """Pixels of the image in which windows are looked for."""
 
 MARGIN = 3.0
 """Pixels of the overview by which windows are wider than what it shows."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera at the radar: pose in the world, (rows, columns), half its width and height at a distance of 1."""
+
+    pose: rc.Pose
+    shape: tuple[int, int]
+    half: tuple[float, float]
+
+    def image(self, scene: rc.Scene, radar: rc.Radar) -> rc.DepthImage:
+        """Depth image of radarcore."""
+        view = tuple(np.rad2deg(2.0 * np.arctan(half)) for half in self.half)
+        sim = rc.Simulator(
+            scene,
+            radar,
+            radar_motion=self.pose,
+            resolution=self.shape,
+            field_of_view_deg=view,
+            sampling="point",
+        )
+        return sim.depth_image()
+
+
+Tracer = Callable[[rc.Scene, rc.Radar, Camera], tuple[Reals, NDArray[np.int32]]]
+"""Distances along the rays of the pixels [m], and numbers of the bodies they meet, -1 for none."""
+
+
+def smooth_surfaces(scene: rc.Scene, radar: rc.Radar, camera: Camera) -> tuple[Reals, NDArray[np.int32]]:
+    """Distances by radarcore to the smooth surfaces that it takes meshes for."""
+    image = camera.image(scene, radar)
+    return image.surface_distance, image.body
+
+
+def facets(scene: rc.Scene, radar: rc.Radar, camera: Camera) -> tuple[Reals, NDArray[np.int32]]:
+    """Distances by radarcore to the facets as they are."""
+    image = camera.image(scene, radar)
+    return image.distance, image.body
 
 
 @dataclass(frozen=True)
@@ -53,6 +91,7 @@ def dense(
     shifts: int,
     background: Sequence[int] = (),
     field_of_view_deg: float = 60.0,
+    tracer: Tracer = smooth_surfaces,
 ) -> Dense:
     """Sum over all rays, body by body.
 
@@ -71,9 +110,10 @@ def dense(
         Bodies that fill the field of view; large and flat, they have rays twice as far apart.
     field_of_view_deg : float
         In which bodies are looked for, and all of which the background fills [degrees].
+    tracer : Tracer
+        Whose distances, and to what surfaces.
     """
     histograms = np.zeros((2, CELLS))
-    cell = range_cell(radar.waveform)
     num_rays, spans = 0, []
     overview = rc.Simulator(
         scene,
@@ -93,33 +133,14 @@ def dense(
         views.append((View.whole(field_of_view_deg), list(background), 2.0 * pitch))
     for view, bodies, spacing in views:
         for number, shift in enumerate(lattice(shifts)):
-            distance, weight, count = view.look(scene, radar, radar_motion, bodies, spacing, shift)
+            distance, weight, count = view.look(scene, radar, radar_motion, bodies, spacing, shift, tracer)
             num_rays += count
             if distance.size == 0:
                 continue
             spans += [distance.min(), distance.max()]
-            place, part = np.divmod(distance / cell, 1.0)
-            first = place.astype(np.int64)
-            for cells, shares in ((first, weight * (1.0 - part)), (first + 1, weight * part)):
-                start = cells.min()
-                counts = np.bincount(cells - start, shares)
-                histograms[2 * number // shifts, start : start + len(counts)] += counts
+            add(histograms[2 * number // shifts], radar.waveform, distance, weight)
     first_half, second_half = (2.0 / shifts * spectrum(histogram, radar.waveform) for histogram in histograms)
     return Dense((first_half, second_half), num_rays, min(spans), max(spans))
-
-
-def range_cell(waveform: rc.Waveform) -> float:
-    """Width of a cell [m]: the histogram is as long as the ranges that the frequencies tell apart."""
-    step = waveform.slope / waveform.sample_rate
-    return SPEED_OF_LIGHT / (2.0 * step * CELLS)
-
-
-def spectrum(histogram: Reals, waveform: rc.Waveform) -> Phasors:
-    """(j / 4 pi) sum of weights times exp(-2jkR) at the frequencies of the sweep: one transform."""
-    start = 2.0 * np.pi * waveform.start_frequency / SPEED_OF_LIGHT
-    turned = histogram * np.exp(-2j * start * range_cell(waveform) * np.arange(CELLS))
-    transformed: Phasors = np.fft.fft(turned)[: waveform.num_samples]
-    return 1j / (4.0 * np.pi) * transformed
 
 
 def lattice(number: int) -> Reals:
@@ -161,30 +182,24 @@ class View:
         bodies: list[int],
         pitch: float,
         shift: Reals,
+        tracer: Tracer,
     ) -> tuple[Reals, Reals, int]:
         """Distances of some bodies [m] and their weights Gamma sqrt(G_t G_r) dOmega, and how many rays were cast."""
         columns, rows = (int(np.ceil(2.0 * half / pitch)) for half in (self.half_width, self.half_height))
-        camera = self.rotation @ rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, *(shift * pitch)])
+        turned = self.rotation @ rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, *(shift * pitch)])
         half_width, half_height = 0.5 * pitch * columns, 0.5 * pitch * rows
-        sim = rc.Simulator(
-            scene,
-            radar,
-            radar_motion=radar_motion @ camera,
-            resolution=(rows, columns),
-            field_of_view_deg=(np.rad2deg(2.0 * np.arctan(half_width)), np.rad2deg(2.0 * np.arctan(half_height))),
-            sampling="point",
-        )
-        image = sim.depth_image()
+        camera = Camera(radar_motion @ turned, (rows, columns), (half_width, half_height))
+        distance, body = tracer(scene, radar, camera)
         # Misses have the number -1: the last.
         is_wanted = np.zeros(len(scene.bodies) + 1, dtype=bool)
         is_wanted[bodies] = True
-        row, column = np.nonzero(is_wanted[image.body])
+        row, column = np.nonzero(is_wanted[body])
         u, v = half_width - (column + 0.5) * pitch, half_height - (row + 0.5) * pitch
         square = 1.0 + u**2 + v**2
         reflection = np.array([body.material.reflection.real for body in scene.bodies])
-        weight = reflection[image.body[row, column]] * pitch**2 / (square * np.sqrt(square))
+        weight = reflection[body[row, column]] * pitch**2 / (square * np.sqrt(square))
         # Directions as the antennas see them.
-        x, y, z = camera.rotation @ np.stack([np.ones_like(u), u, v])
+        x, y, z = turned.rotation @ np.stack([np.ones_like(u), u, v])
         pattern = radar.tx_patterns[0]
         weight = weight * pattern.gain(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
-        return image.surface_distance[row, column], weight, rows * columns
+        return distance[row, column], weight, rows * columns

@@ -62,6 +62,8 @@ class Run:
     corner_side: int
     aspects: int
     rooms: int
+    finenesses: int
+    """Of meshes of exact surfaces."""
     mesh_resolutions: list[int]
     mesh_floors: list[float]
     mesh_budgets: list[int]
@@ -82,6 +84,7 @@ FULL = Run(
     corner_side=128,
     aspects=4,
     rooms=2,
+    finenesses=3,
     mesh_resolutions=[64, 128, 256, 512, 1024],
     mesh_floors=[1e-1, 1e-2, 1e-3, 1e-4],
     mesh_budgets=[40_000, 100_000, 260_000],
@@ -100,6 +103,7 @@ TINY = Run(
     corner_side=16,
     aspects=1,
     rooms=1,
+    finenesses=1,
     mesh_resolutions=[32, 64],
     mesh_floors=[1.0],
     mesh_budgets=[5_000],

@@ -7,14 +7,18 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import radarcore as rc
 from proof.closed_forms import sphere_echo
-from proof.dense import dense
+from proof.dense import Dense, Tracer, dense, facets, smooth_surfaces
+from proof.embree import embree_facets
 from proof.measure import (
+    FULL,
     SPEED_OF_LIGHT,
     Phasors,
     Reals,
@@ -67,6 +71,8 @@ class View:
     """A scene before the radar."""
 
     group: str
+    name: str
+    """Within its group."""
     scene: rc.Scene
     radar: rc.Radar
     radar_motion: rc.Pose
@@ -76,10 +82,11 @@ class View:
 def views(run: Run) -> Iterator[View]:
     if not robots.is_available():
         return
-    for posture in POSTURES_DEG[: run.aspects]:
-        yield View("arm at 1.2 m", rc.Scene(arm(posture, [1.25, 0.0, -0.55])), RADAR, rc.Pose())
+    for number, posture in enumerate(POSTURES_DEG[: run.aspects], 1):
+        yield View("arm at 1.2 m", f"posture {number}", rc.Scene(arm(posture, [1.25, 0.0, -0.55])), RADAR, rc.Pose())
     for heading in HEADINGS_DEG[: run.aspects]:
-        yield View("human at 2.5 m", rc.Scene(human(heading, [2.5, 0.0])), RADAR, rc.Pose([0.0, 0.0, 0.9]))
+        scene, motion = rc.Scene(human(heading, [2.5, 0.0])), rc.Pose([0.0, 0.0, 0.9])
+        yield View("human at 2.5 m", f"heading {heading:g}°", scene, RADAR, motion)
     for number, yaw in list(enumerate(np.deg2rad([8.0, -5.0])))[: run.rooms]:
         walls = rc.Body(
             rc.shapes.box([5.2, 4.4, 2.6]), material=rc.Material(-0.25), motion=rc.Pose([1.6, 0.1, 1.3]), name="walls"
@@ -90,7 +97,7 @@ def views(run: Run) -> Iterator[View]:
             *human(HEADINGS_DEG[number], [2.5, -0.5]),
         ]
         motion = rc.Pose.from_rpy([0.0, 0.0, 1.0], [0.0, 0.0, yaw])
-        yield View("room with both", rc.Scene(bodies), INDOOR_RADAR, motion, background=(0,))
+        yield View("room with both", f"view {number + 1}", rc.Scene(bodies), INDOOR_RADAR, motion, background=(0,))
 
 
 @cache
@@ -156,17 +163,22 @@ def profile_errors(got: Phasors, expected: Phasors, nearest: float, farthest: fl
     """From transfer functions; floors between the nearest and the farthest surface [m]."""
     mine, theirs = profile(got), profile(expected)
     size = np.abs(theirs)
-    is_high, is_empty = size > below(PEAKS_DB) * size.max(), size < below(EMPTY_DB) * size.max()
-    is_peak = is_high & (size > np.roll(size, 1)) & (size >= np.roll(size, -1))
+    is_empty = size < below(EMPTY_DB) * size.max()
     is_empty &= (ranges() > nearest) & (ranges() < farthest)
     levels = decibels(np.abs(mine) / size)
     difference = np.abs(mine - theirs)
     return ProfileErrors(
         strongest=float(levels[size.argmax()]),
-        peaks=rms(levels[is_peak]),
+        peaks=rms(levels[is_peak(size)]),
         relative=float(np.linalg.norm(difference) / np.linalg.norm(size)),
         floor=float(decibels(rms(difference[is_empty]) / size.max())) if is_empty.any() else -np.inf,
     )
+
+
+def is_peak(size: Reals) -> Any:
+    """True at the local maxima of a profile within `PEAKS_DB` of its largest."""
+    is_high = size > below(PEAKS_DB) * size.max()
+    return is_high & (size > np.roll(size, 1)) & (size >= np.roll(size, -1))
 
 
 # Ways to sample a scene.
@@ -174,7 +186,10 @@ def profile_errors(got: Phasors, expected: Phasors, nearest: float, farthest: fl
 
 @dataclass(frozen=True)
 class Way:
-    """A sampling and its setting: `number` is pixels along a side, rays with edge terms, or a floor [m²]."""
+    """A sampling and its setting: `number` is pixels along a side, rays with edge terms, or a floor [m²].
+
+    With the knob "default" all settings are those of a simulator that was told nothing.
+    """
 
     sampling: str
     knob: str
@@ -183,6 +198,8 @@ class Way:
     @property
     def options(self) -> dict[str, Any]:
         """Of a simulator."""
+        if self.knob == "default":
+            return {}
         if self.knob == "pixels":
             return {"sampling": self.sampling, "resolution": int(self.number)}
         if self.knob == "floor":
@@ -195,15 +212,26 @@ class Way:
         return f"{self.sampling}, edge terms" if self.knob == "rays" else self.sampling
 
     @property
+    def title(self) -> str:
+        """Sampling and setting."""
+        return f"{self.name}, {self.text}"
+
+    @property
     def text(self) -> str:
         """Of the setting, in tables."""
+        if self.knob == "default":
+            return "default"
         return floor_text(self.number) if self.knob == "floor" else f"{int(self.number)} {self.knob}"
+
+
+DEFAULT = Way("adaptive", "default", 0.0)
 
 
 def ways(run: Run) -> list[Way]:
     return [
         *(Way("point", "pixels", side) for side in run.mesh_resolutions),
         *(Way("footprint", "pixels", side) for side in run.mesh_resolutions),
+        DEFAULT,
         *(Way("adaptive", "floor", rcs_floor) for rcs_floor in run.mesh_floors),
         *(Way("adaptive", "rays", budget) for budget in run.mesh_budgets),
     ]
@@ -217,19 +245,93 @@ class Sampled:
     rays: int
     seconds: float
     errors: ProfileErrors
+    transfer_function: Phasors | None = None
 
 
-def sampled(
-    scene: rc.Scene, radar: rc.Radar, motion: rc.Pose, way: Way, expected: Phasors, span: tuple[float, float]
-) -> Sampled:
+def sampled(view: View, way: Way, reference: Dense) -> Sampled:
     """One frame with nothing known from frames before."""
-    settings: dict[str, Any] = {"field_of_view_deg": (60.0, 60.0), "tolerance": 1e-6}
-    sim = rc.Simulator(scene, radar, radar_motion=motion, **settings, **way.options)
+    # Single reflections, as references have them.
+    settings: dict[str, Any] = {"field_of_view_deg": (60.0, 60.0), "tolerance": 1e-6, "max_bounces": 1}
+    sim = rc.Simulator(view.scene, view.radar, radar_motion=view.radar_motion, **settings, **way.options)
     start = time.perf_counter()
     got = frame(sim)
     seconds = time.perf_counter() - start
-    errors = profile_errors(np.conj(got.cube[0, 0]), expected, *span)
-    return Sampled(way, got.stats["rays_cast"], seconds, errors)
+    transfer_function = np.conj(got.cube[0, 0])
+    errors = profile_errors(transfer_function, reference.transfer_function, reference.nearest, reference.farthest)
+    return Sampled(way, got.stats["rays_cast"], seconds, errors, transfer_function)
+
+
+# References: kept, as they take minutes.
+
+STORED = Path(__file__).with_suffix(".npz")
+"""Dense integrations of all views, written by `python benches/references.py --write`."""
+
+
+def integrated(view: View, pitch: float, shifts: int, tracer: Tracer = smooth_surfaces) -> Dense:
+    """Dense integration of a view."""
+    return dense(
+        view.scene,
+        view.radar,
+        view.radar_motion,
+        pitch=pitch,
+        shifts=shifts,
+        background=view.background,
+        tracer=tracer,
+    )
+
+
+def reference_of(view: View, run: Run) -> Dense:
+    """Dense integration of a view, as it is kept where the run asks for that."""
+    if run is not FULL:
+        return integrated(view, run.pitch, run.shifts)
+    reference = stored_reference(view)
+    if reference is None:
+        raise ValueError(f"{STORED.name}: {view.group}, {view.name}, has changed: python benches/references.py --write")
+    return reference
+
+
+def stored_reference(view: View) -> Dense | None:
+    """Dense integration of a view, as it is kept; None where that is of other meshes or poses."""
+    with np.load(STORED) as file:
+        key = f"{view.group}, {view.name}"
+        if f"{key}: bodies" not in file or not np.allclose(file[f"{key}: bodies"], bodies_of(view), 1e-6, 1e-6):
+            return None
+        first, second = file[f"{key}: halves"].astype(complex)
+        num_rays, nearest, farthest = file[f"{key}: rays and span"].tolist()
+        return Dense((first, second), int(num_rays), nearest, farthest)
+
+
+def stored_arrays(view: View, reference: Dense) -> dict[str, NDArray[Any]]:
+    """What is kept of a view."""
+    key = f"{view.group}, {view.name}"
+    return {
+        f"{key}: bodies": bodies_of(view),
+        f"{key}: halves": np.array(reference.halves, dtype=np.complex64),
+        f"{key}: rays and span": np.array([reference.num_rays, reference.nearest, reference.farthest]),
+    }
+
+
+def bodies_of(view: View) -> Reals:
+    """Numbers that tell the bodies and their poses: triangles, mean vertex and mean square, as the radar has them."""
+    rows = []
+    for body in view.scene.bodies:
+        vertices = view.radar_motion.inverse().apply(body.motion.apply(body.mesh.vertices))
+        rows.append([len(body.mesh.triangles), *vertices.mean(axis=0), (vertices**2).mean()])
+    return np.array(rows)
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A peak of the range profile of a reference."""
+
+    range: float
+    """[m]."""
+    level: float
+    """Relative to the strongest peak [dB]."""
+    error: float
+    """Of the level by the default sampling [dB]."""
+    own_error: float
+    """Of the level by the reference itself: half the difference of its two halves [dB]."""
 
 
 @dataclass(frozen=True)
@@ -237,32 +339,49 @@ class ViewResult:
     """All ways for one view."""
 
     group: str
+    name: str
     sampled: list[Sampled]
+    peaks: list[Peak]
     own_error: float
     """Half the relative difference of the profiles from two halves of the images of the dense integration."""
     num_rays: int
 
+    @property
+    def default(self) -> ProfileErrors:
+        """Errors of the default sampling."""
+        return next(row.errors for row in self.sampled if row.way == DEFAULT)
+
 
 def mesh_results(run: Run) -> Iterator[ViewResult]:
     for view in views(run):
-        reference = dense(
-            view.scene,
-            view.radar,
-            view.radar_motion,
-            pitch=run.pitch,
-            shifts=run.shifts,
-            background=view.background,
-        )
-        span = reference.nearest, reference.farthest
-        expected = reference.transfer_function
-        own_error = 0.5 * profile_errors(*reference.halves, *span).relative
+        reference = reference_of(view, run)
         results = [
-            sampled(view.scene, view.radar, view.radar_motion, way, expected, span)
+            sampled(view, way, reference)
             for way in ways(run)
             # A room is large: down to the lowest floors it takes millions of rays.
             if way.knob != "floor" or not view.background or way.number >= 1e-3
         ]
-        yield ViewResult(view.group, results, own_error, reference.num_rays)
+        profiles = [profile(half) for half in reference.halves]
+        own_error = 0.5 * float(np.linalg.norm(profiles[0] - profiles[1]) / np.linalg.norm(0.5 * sum(profiles)))
+        peaks = peaks_of(next(row.transfer_function for row in results if row.way == DEFAULT), reference)
+        yield ViewResult(view.group, view.name, results, peaks, own_error, reference.num_rays)
+
+
+def peaks_of(got: Phasors, reference: Dense) -> list[Peak]:
+    """Peaks within `PEAKS_DB` of the strongest, with the errors of a frame and of the reference."""
+    mine, theirs = np.abs(profile(got)), np.abs(profile(reference.transfer_function))
+    levels = decibels(theirs / theirs.max())
+    # Half the difference of the halves is what both are off: their phases count, as they are summed.
+    spread = 0.5 * np.abs(np.subtract(*(profile(half) for half in reference.halves)))
+    return [
+        Peak(
+            float(ranges()[index]),
+            float(levels[index]),
+            float(decibels(mine[index] / theirs[index])),
+            float(decibels(1.0 + spread[index] / theirs[index])),
+        )
+        for index in np.flatnonzero(is_peak(theirs))
+    ]
 
 
 @dataclass(frozen=True)
@@ -281,12 +400,37 @@ def sphere_checks(run: Run) -> Iterator[SphereCheck]:
     wavenumbers = 2.0 * np.pi * frequencies(WAVEFORM) / SPEED_OF_LIGHT
     expected = sphere_echo(0.1, 1.0, wavenumbers)
     for mesh in (rc.shapes.sphere(0.1), rc.shapes.sphere(0.1, subdivisions=6)):
-        got = dense(rc.Scene([conductor(mesh, 1.0)]), RADAR, rc.Pose(), pitch=run.pitch, shifts=run.shifts)
+        got = integrated(View("", "", rc.Scene([conductor(mesh, 1.0)]), RADAR, rc.Pose()), run.pitch, run.shifts)
         span = got.nearest, got.farthest
         yield SphereCheck(
             len(mesh.triangles),
             profile_errors(got.transfer_function, expected, *span).relative,
             0.5 * profile_errors(*got.halves, *span).relative,
+        )
+
+
+@dataclass(frozen=True)
+class TracerCheck:
+    """Relative differences of range profiles of a mesh by dense integration."""
+
+    tracer: float
+    """Of distances by Embree and by radarcore, to the facets as they are."""
+    surface: float
+    """Of the facets as they are and the smooth surfaces."""
+
+
+def tracer_checks(run: Run) -> Iterator[TracerCheck]:
+    """The first posture of the arm and the first heading of the human."""
+    for group in ("arm", "human"):
+        view = next(view for view in views(run) if view.group.startswith(group))
+        # The same rays: few are enough.
+        embree, ours, smooth = (
+            integrated(view, 3.0 * run.pitch, 4, tracer) for tracer in (embree_facets, facets, smooth_surfaces)
+        )
+        span = ours.nearest, ours.farthest
+        yield TracerCheck(
+            profile_errors(embree.transfer_function, ours.transfer_function, *span).relative,
+            profile_errors(ours.transfer_function, smooth.transfer_function, *span).relative,
         )
 
 
@@ -310,6 +454,38 @@ def mesh_rows(results: list[ViewResult]) -> Iterator[list[str]]:
                 worst_and_median([100.0 * e.relative for e in errors], 1),
                 worst_and_median([e.floor for e in errors], 0),
             ]
+
+
+PEAK_COLUMNS = ["scene", "view", "range [m]", "level [dB]", "error [dB]", "reference's own [dB]"]
+VIEW_COLUMNS = ["scene", "view", "strongest [dB]", "peaks [dB]", "profile [%]", "floor [dB]", "reference's own [%]"]
+
+
+def view_rows(results: list[ViewResult]) -> Iterator[list[str]]:
+    """Every view at the default setting."""
+    for result in results:
+        e = result.default
+        numbers = [f"{e.strongest:+.2f}", f"{e.peaks:.2f}", f"{100.0 * e.relative:.1f}", f"{e.floor:.1f}"]
+        yield [result.group, result.name, *numbers, f"{100.0 * result.own_error:.1f}"]
+
+
+def view_errors(page: str) -> dict[str, ProfileErrors]:
+    """Errors of the default setting by group and view, from the table of `view_rows` in a page."""
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:1] == "|"]
+    found = {}
+    for row in cells[cells.index(VIEW_COLUMNS) + 2 :]:
+        if len(row) != len(VIEW_COLUMNS):
+            break
+        strongest, peaks, relative, floor = map(float, row[2:6])
+        found[f"{row[0]}, {row[1]}"] = ProfileErrors(strongest, peaks, 0.01 * relative, floor)
+    return found
+
+
+def peak_rows(results: list[ViewResult]) -> Iterator[list[str]]:
+    """Every peak at the default setting."""
+    for result in results:
+        for p in result.peaks:
+            numbers = [f"{p.range:.3f}", f"{p.level:.1f}", f"{p.error:+.2f}", f"{p.own_error:.2f}"]
+            yield [result.group, result.name, *numbers]
 
 
 def worst_and_median(values: list[float], digits: int) -> str:

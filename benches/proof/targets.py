@@ -147,6 +147,8 @@ def mirror_results(run: Run) -> Iterator[list[Measured]]:
             for x in run.floors
             if not is_point
         ]
+        if not is_point:
+            ways.append(("adaptive", "default", cells, {}))
         yield [measured(case, run, *way, run.repeats) for way in ways]
 
 

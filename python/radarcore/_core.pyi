@@ -49,11 +49,13 @@ def beat_signal(
     split_still: bool = True,
     skip_rows: bool = True,
     plan_only: bool = False,
+    report: Callable[[int], object] | None = None,
 ) -> tuple[Any, Report]:
     """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
 
     complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid", "recurrence", "lanes".
-    With `plan_only` None, and the report of the sum that would be run.
+    With `plan_only` None, and the report of the sum that would be run. `report` receives the number of chirps of all
+    channels that a direct sum has done, from time to time.
     """
 
 def levels() -> list[str]:
@@ -73,7 +75,7 @@ def cross_sections(
     polarization: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     max_bounces: int,
     threads: int | None = None,
-    report: Callable[[int], None] | None = None,
+    report: Callable[[int], object] | None = None,
 ) -> NDArray[np.float64]:
     """Radar cross-sections [m^2] of bodies at poses (body, 3, 4), (direction,), by up to `max_bounces` reflections.
 
@@ -131,8 +133,10 @@ class Surface:
         triangles: NDArray[np.uint32],
         *,
         crease_angle: float | None = None,
-        report: Callable[[float], object] | None = None,
-    ) -> Surface: ...
+        report: Callable[[int], object] | None = None,
+    ) -> Surface:
+        """`report` receives the thousandths of the build that are done, from time to time."""
+
     def kept(self) -> NDArray[np.uint32] | None:
         """Rows of the triangles that were kept, (m,); None where all were."""
 

@@ -111,7 +111,7 @@ def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
     Such numbers are degrees nearly always; angles of something that keeps turning are not whole.
     """
     beyond = np.abs(angles) > 2.0 * np.pi
-    if beyond.any() and (bad := beyond & (2.0 * angles == np.round(2.0 * angles))).any():
+    if beyond.any() and (bad := beyond & (np.mod(angles, 0.5) == 0.0)).any():
         notice.warn(f"{name}: expected radians, got {angles[bad][0]:g}; degrees? np.deg2rad makes radians of them")
     return angles
 

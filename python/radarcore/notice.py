@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tqdm import tqdm
+
+_LONG = 1.0
+"""Time after which work has a progress bar [s]."""
 
 _OURS = {"radarcore", "dataclasses", "functools"}
 """Packages between the user's line and a warning: constructors of dataclasses are ours, too."""
@@ -32,3 +37,23 @@ def progress(
     return tqdm(
         steps, desc=description, unit=unit, unit_scale=steps is None, total=total, disable=None if shown else True
     )
+
+
+@contextmanager
+def progress_if_long(description: str, unit: str, total: int, *, shown: bool = True) -> Iterator[Callable[[int], None]]:
+    """Progress bar that appears after a second: a function that takes the number of steps that are done."""
+    bars: list[tqdm[Any]] = []
+    begin = monotonic()
+
+    def report(num_done: int) -> None:
+        if not bars and monotonic() > begin + _LONG:
+            bars.append(progress(None, description, unit, total=total, shown=shown))
+        for bar in bars:
+            bar.update(num_done - bar.n)
+
+    try:
+        yield report
+        report(total)
+    finally:
+        for bar in bars:
+            bar.close()

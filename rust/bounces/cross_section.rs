@@ -40,7 +40,7 @@ pub fn cross_sections(
     frequency: f64,
     aspects: &[Aspect],
     max_bounces: usize,
-    (cancel, done): (&Cancel, &(dyn Fn() + Sync)),
+    cancel: &Cancel,
 ) -> Result<Vec<f64>> {
     if !(frequency > 0.0 && frequency.is_finite()) {
         return Err(Error::value("frequency", "a positive number [Hz]", frequency));
@@ -56,7 +56,7 @@ pub fn cross_sections(
     };
     let of = |aspect: &Aspect| {
         let Reflected { field, diffuse } = shooter.far_field(aspect, cancel)?;
-        done();
+        cancel.advance(1);
         Ok(4.0 * PI * field.norm_sqr() + diffuse)
     };
     aspects.par_iter().map(of).collect()

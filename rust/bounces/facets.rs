@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::aspect::Aspect;
 use super::cross_section::PlaneWave;
 use super::shooting::{Limits, Shooter};
+use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::rays::scene::PosedScene;
@@ -38,8 +39,8 @@ pub struct FacetDifference {
 impl FacetDifference {
     /// Difference at a wavelength [m] for facets that approximate a curved surface where they meet at less than
     /// `crease_angle` [rad].
-    pub fn new(surface: &Arc<Surface>, crease_angle: f64, wavelength: f64) -> Result<Self> {
-        let smooth = surface.shaded(ShadingMode::Smooth { crease_angle })?;
+    pub fn new(surface: &Arc<Surface>, crease_angle: f64, wavelength: f64, cancel: &Cancel) -> Result<Self> {
+        let smooth = surface.shaded(ShadingMode::Smooth { crease_angle }, cancel)?;
         let is_curved = |triangle: u32| smooth.corner_normals(triangle).is_some();
         if !(0..smooth.num_triangles() as u32).into_par_iter().any(is_curved) {
             return Ok(Self::default());
@@ -48,9 +49,9 @@ impl FacetDifference {
         let aspects = monostatic(&directions(NUM_DIRECTIONS));
         let fields = |surface: Arc<Surface>| {
             let scene = PosedScene::new(vec![surface], vec![Pose::IDENTITY]);
-            far_fields(&scene, wavelength, &aspects)
+            far_fields(&scene, wavelength, &aspects, cancel)
         };
-        let (curved, flat) = (fields(smooth), fields(surface.shaded(ShadingMode::Flat)?));
+        let (curved, flat) = (fields(smooth)?, fields(surface.shaded(ShadingMode::Flat, cancel)?)?);
         let echo: f64 = curved.iter().map(Complex64::norm_sqr).sum();
         let differences = curved.iter().zip(&flat).map(|(a, b)| (a - b).norm_sqr());
         let relative = |power: f64| if echo > 0.0 { (power / echo).sqrt() } else { 0.0 };
@@ -63,7 +64,7 @@ impl FacetDifference {
 
 /// Far fields f of a perfect conductor after one reflection, cell by cell of a grid of rays, with `f exp(-j k R) / R` at
 /// a distance R in a unit wave [m].
-fn far_fields(scene: &PosedScene, wavelength: f64, aspects: &[Aspect]) -> Vec<Complex64> {
+fn far_fields(scene: &PosedScene, wavelength: f64, aspects: &[Aspect], cancel: &Cancel) -> Result<Vec<Complex64>> {
     let shooter = Shooter {
         scene,
         materials: &[CONDUCTOR],
@@ -76,14 +77,15 @@ fn far_fields(scene: &PosedScene, wavelength: f64, aspects: &[Aspect]) -> Vec<Co
     let of = |aspect: &Aspect| {
         let [least, most] = RAYS;
         let size = |extent: f64| extent / (RAYS_PER_WAVELENGTH * extent / wavelength).clamp(least, most);
+        cancel.check()?;
         let Some((wave, grid)) = PlaneWave::over(&shooter, aspect, size) else {
-            return Complex64::ZERO;
+            return Ok(Complex64::ZERO);
         };
         let cells = (0..grid.rows).flat_map(|row| (0..grid.columns).map(move |column| (row, column)));
         let sum: Complex64 = cells
             .map(|(row, column)| wave.reflected(grid.center(row, column), grid.size))
             .sum();
-        sum * Complex64::I / wavelength
+        Ok(sum * Complex64::I / wavelength)
     };
     aspects.par_iter().map(of).collect()
 }
@@ -133,7 +135,7 @@ mod tests {
         let aspects = monostatic(&directions(20));
         let off = |mode: ShadingMode| {
             let scene = PosedScene::new(vec![sphere(3, mode)], vec![Pose::IDENTITY]);
-            let fields = far_fields(&scene, WAVELENGTH, &aspects);
+            let fields = far_fields(&scene, WAVELENGTH, &aspects, &Cancel::default()).unwrap();
             let errors = fields.iter().map(|f| (f.norm() / 0.05 - 1.0).abs());
             errors.fold(0.0, f64::max)
         };
@@ -146,14 +148,16 @@ mod tests {
     fn facets_differ_the_less_the_finer_they_are_however_they_are_shaded() {
         let mut last = f64::INFINITY;
         for level in 2..5 {
-            let of = |mode: ShadingMode| FacetDifference::new(&sphere(level, mode), FRAC_PI_4, WAVELENGTH).unwrap();
+            let of = |mode: ShadingMode| {
+                FacetDifference::new(&sphere(level, mode), FRAC_PI_4, WAVELENGTH, &Cancel::default()).unwrap()
+            };
             let difference = of(SMOOTH);
             assert_eq!(difference, of(ShadingMode::Flat));
             // Every halving of edges quarters the sagitta.
             assert!(difference.rms < 0.6 * last, "{level} {difference:?}");
             last = difference.rms;
         }
-        let sharp = FacetDifference::new(&sphere(2, SMOOTH), 0.01, WAVELENGTH).unwrap();
+        let sharp = FacetDifference::new(&sphere(2, SMOOTH), 0.01, WAVELENGTH, &Cancel::default()).unwrap();
         assert_eq!(sharp, FacetDifference::default());
     }
 

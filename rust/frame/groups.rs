@@ -88,7 +88,7 @@ impl Groups {
         let rank = |body: u32| motions[body as usize] as u8;
         let mut scatterers = rays.scatterers(model, rank)?;
         cancel.check()?;
-        let (bounces, bounce_counts) = rays.bounces(model, tubes)?;
+        let (bounces, bounce_counts) = rays.bounces(model, tubes, cancel)?;
 
         let mut groups = Vec::new();
         let num_bounces = bounces.len();

@@ -161,7 +161,7 @@ struct Evaluation<'a> {
     placement: &'a Placement,
     part: &'a Part,
     cancel: &'a Cancel,
-    options: &'a Options,
+    options: &'a Options<'a>,
     tables: &'a Tables,
 }
 

@@ -335,7 +335,7 @@ impl Model {
     }
 
     /// Options of the sum over `num_paths` paths.
-    pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options {
+    pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options<'static> {
         let work = [
             num_paths,
             self.array.num_channels(),

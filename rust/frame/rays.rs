@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, Launch, TubeImage};
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
@@ -66,6 +67,15 @@ impl Image {
     pub fn smooth(&self) -> &SmoothHits {
         self.smooth.get_or_init(|| SmoothHits::new(&self.scene, &self.hits))
     }
+
+    /// [`Self::smooth`] until a request to stop.
+    pub fn smooth_until(&self, cancel: &Cancel) -> Result<&SmoothHits> {
+        if let Some(smooth) = self.smooth.get() {
+            return Ok(smooth);
+        }
+        let smooth = SmoothHits::until(&self.scene, &self.hits, cancel)?;
+        Ok(self.smooth.get_or_init(|| smooth))
+    }
 }
 
 /// Rays of a frame and their hits.
@@ -89,29 +99,36 @@ pub struct NearestHit {
 }
 
 impl Model {
-    fn cast(&self) -> Cast<'_> {
+    fn cast<'a>(&self, cancel: &'a Cancel) -> Cast<'a> {
         Cast {
             skip_empty: self.settings.skip_empty,
+            cancel: Some(cancel),
             ..Cast::default()
         }
     }
 
     /// Cast the rays of images of all sectors within the beam; static tiles of the images `before` are reused.
-    fn cast_images(&self, scene: &Arc<PosedScene>, planes: &[ImagePlane], before: &[Image]) -> Result<Vec<Image>> {
+    fn cast_images(
+        &self,
+        scene: &Arc<PosedScene>,
+        planes: &[ImagePlane],
+        before: &[Image],
+        cancel: &Cancel,
+    ) -> Result<Vec<Image>> {
         let sectors = self.sectors.iter().zip(planes).enumerate();
         sectors
             .map(|(number, (facing, plane))| {
                 let (beam, before) = (facing.beam.as_ref(), before.get(number));
-                Image::cast(facing.scene(scene), plane, beam, &self.cast(), before)
+                Image::cast(facing.scene(scene), plane, beam, &self.cast(cancel), before)
             })
             .collect()
     }
 
     /// Cast the whole image, with cosines of incidence.
-    pub(super) fn cast_image(&self, scene: Arc<PosedScene>, before: Option<&Image>) -> Result<Image> {
+    pub(super) fn cast_image(&self, scene: Arc<PosedScene>, before: Option<&Image>, cancel: &Cancel) -> Result<Image> {
         let cast = Cast {
             with_cosines: true,
-            ..self.cast()
+            ..self.cast(cancel)
         };
         let before = before.filter(|_| self.settings.reuse_tiles);
         Image::cast(scene, &self.settings.image, None, &cast, before)
@@ -121,7 +138,13 @@ impl Model {
 impl Rays {
     /// Cast the rays of a frame, or of a part of one within which bodies turn by some angles [rad]; static tiles of the
     /// frame `before` are reused.
-    pub fn cast(model: &Model, scene: &Arc<PosedScene>, turns: &[f64], before: Option<&Self>) -> Result<Self> {
+    pub fn cast(
+        model: &Model,
+        scene: &Arc<PosedScene>,
+        turns: &[f64],
+        before: Option<&Self>,
+        cancel: &Cancel,
+    ) -> Result<Self> {
         if let Source::Depth(_) = &model.source {
             return Ok(Self::None);
         }
@@ -155,7 +178,7 @@ impl Rays {
                     .map(|((scene, facing), base)| Sector {
                         scene,
                         array: &facing.array,
-                        cast: model.cast(),
+                        cast: model.cast(cancel),
                         refinement: Refinement {
                             base: *base,
                             beam: facing.beam.as_ref(),
@@ -176,7 +199,7 @@ impl Rays {
                     Some(Self::Pixels(images)) => &**images,
                     _ => &[],
                 };
-                model.cast_images(scene, planes, before).map(Self::Pixels)
+                model.cast_images(scene, planes, before, cancel).map(Self::Pixels)
             }
         }
     }
@@ -208,7 +231,12 @@ impl Rays {
 
     /// Paths of several reflections, from the rays, or from images where the rays are adaptive; these replace `tubes`,
     /// the images of the frame before.
-    pub fn bounces(&self, model: &Model, tubes: &mut Vec<Image>) -> Result<(Bounces, bounces::Counts)> {
+    pub fn bounces(
+        &self,
+        model: &Model,
+        tubes: &mut Vec<Image>,
+        cancel: &Cancel,
+    ) -> Result<(Bounces, bounces::Counts)> {
         let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
         if model.settings.limits.max_bounces <= 1 {
             return Ok(none());
@@ -226,7 +254,7 @@ impl Rays {
             (Self::Pixels(images), RaySampling::Pixels(_, sampling)) => Ok(shoot(images, *sampling)),
             (Self::Cells(scenes, _), RaySampling::Adaptive { rcs_floor, .. }) => {
                 let before = if model.settings.reuse_tiles { &**tubes } else { &[] };
-                let images = model.cast_images(&scenes[0], &model.settings.tubes, before)?;
+                let images = model.cast_images(&scenes[0], &model.settings.tubes, before, cancel)?;
                 let field = field_of(*rcs_floor, SPEED_OF_LIGHT / model.array.frequency);
                 let each = images.iter().zip(scenes).zip(&model.sectors);
                 let tube_images: Vec<TubeImage> = each

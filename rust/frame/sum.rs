@@ -19,10 +19,6 @@ use crate::paths::series::{Paths, Selection};
 use crate::synthesis::beat::{self, SINGLE_TOLERANCE, Samples};
 use crate::synthesis::block::Class;
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::plan::Method;
-
-/// Largest number of path-samples of one piece of a direct sum: half a second at most.
-const PIECE_PATH_SAMPLES: usize = 1 << 27;
 
 /// Largest number of delays and amplitudes of one piece of the sum, which bounds memory.
 const PIECE_NUMBERS: usize = 1 << 25;
@@ -74,15 +70,12 @@ impl Groups {
             let [delays_at, amplitudes_at] = [nodes.delays, nodes.amplitudes].map(|number| part.node_times(number));
             let evaluate = paths.at(&delays_at, &amplitudes_at);
             let most = delays_at.len().max(amplitudes_at.len());
-            let mut size = PIECE_NUMBERS / (num_channels * most);
-            if model.settings.method == Method::Direct {
-                size = size.min(PIECE_PATH_SAMPLES / shape.iter().product::<usize>());
-            }
-            for first in (0..num_paths).step_by(size.max(1)) {
+            let size = (PIECE_NUMBERS / (num_channels * most)).max(1);
+            for first in (0..num_paths).step_by(size) {
                 cancel.check()?;
                 let selection = Selection {
                     first,
-                    last: num_paths.min(first + size.max(1)),
+                    last: num_paths.min(first + size),
                     step: 1,
                 };
                 let piece = timed(&mut times.paths, || evaluate.take(selection))?;
@@ -96,7 +89,10 @@ impl Groups {
                     num_channels,
                     num_paths: selection.len(),
                 };
-                let options = model.options(selection.len(), shape[1]);
+                let options = beat::Options {
+                    cancel: Some(cancel),
+                    ..model.options(selection.len(), shape[1])
+                };
                 let report = timed(&mut times.sum, || {
                     let (samples, report) = beat::beat_signal(&part.waveform, &series, &options)?;
                     add(&mut cube, samples, &part.waveform.over_frequency(group.order));

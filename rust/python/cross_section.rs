@@ -1,17 +1,13 @@
 //! Radar cross-sections of bodies.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use super::arrays::{numbers, points, poses};
 use super::rays::Surface;
 use super::scattering::{Material, materials};
-use super::threads::{pool, watch};
+use super::threads::compute;
 use crate::bounces::{self, Aspect};
-use crate::cancel::Cancel;
 use crate::rays::scene::PosedScene;
 
 /// Radar cross-sections [m^2] of bodies at poses (body, 3, 4) for unit vectors (direction, 3) to the transmitter and the
@@ -50,15 +46,8 @@ pub(super) fn cross_sections<'py>(
     let poses = poses(numbers("poses", &body_poses, [Some(surfaces.len()), Some(3), Some(4)])?);
     let materials = materials(&body_materials, surfaces.len())?;
     let scene = PosedScene::new(surfaces.iter().map(|surface| surface.0.clone()).collect(), poses);
-    let (pool, cancel, number) = (pool(threads)?, Arc::new(Cancel::default()), AtomicUsize::new(0));
-    let done = || {
-        number.fetch_add(1, Ordering::Relaxed);
-    };
-    let tell = |py: Python<'_>| match &report {
-        Some(report) => report.call1(py, (number.load(Ordering::Relaxed),)).map(|_| ()),
-        None => Ok(()),
-    };
-    let work = || bounces::cross_sections(&scene, &materials, frequency, &aspects, max_bounces, (&cancel, &done));
-    let sections = py.detach(|| watch(&pool, &cancel, tell, work))?;
+    let sections = compute(py, threads, report.as_ref(), |cancel| {
+        bounces::cross_sections(&scene, &materials, frequency, &aspects, max_bounces, cancel)
+    })?;
     Ok(sections.into_pyarray(py))
 }

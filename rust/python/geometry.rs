@@ -6,7 +6,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use super::arrays::matrix;
-use super::threads::compute;
+use super::threads::compute_owned;
 use crate::geometry::obj::{Obj, read_obj};
 
 pub(super) type ObjArrays<'py> = (
@@ -27,7 +27,7 @@ pub(super) fn load_obj(py: Python<'_>, path: PathBuf) -> PyResult<ObjArrays<'_>>
         object_names,
         group_names,
         material_names,
-    } = compute(py, None, || read_obj(&path))?;
+    } = compute_owned(py, None, move |cancel| read_obj(&path, cancel))?;
     let parts = [(object, object_names), (group, group_names), (material, material_names)];
     let parts = parts
         .into_iter()

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{numbers, points};
 use super::scattering::{Material, materials};
-use super::threads::{check_threads, compute};
+use super::threads::{check_threads, compute, compute_owned};
 use crate::bounces::FacetDifference;
 use crate::frame;
 use crate::rays::hits;
@@ -22,6 +22,7 @@ pub(super) struct Surface(pub(super) Arc<surface::Surface>);
 
 #[pymethods]
 impl Surface {
+    /// `report` receives the thousandths of the build that are done, from time to time.
     #[new]
     #[pyo3(signature = (vertices, triangles, *, crease_angle=None, report=None))]
     fn new(
@@ -37,17 +38,8 @@ impl Surface {
             .0
             .to_vec();
         let mode = crease_angle.map_or(ShadingMode::Flat, |crease_angle| ShadingMode::Smooth { crease_angle });
-        let tell = |share: f64| {
-            if let Some(report) = &report {
-                Python::attach(|py| {
-                    if let Err(error) = report.call1(py, (share,)) {
-                        error.write_unraisable(py, Some(report.bind(py)));
-                    }
-                });
-            }
-        };
-        let surface = compute(py, None, || {
-            surface::Surface::new_with(&vertices, &triangles, mode, &tell)
+        let surface = compute_owned(py, report.as_ref(), move |cancel| {
+            surface::Surface::new_until(&vertices, &triangles, mode, cancel)
         })?;
         Ok(Self(Arc::new(surface)))
     }
@@ -61,7 +53,7 @@ impl Surface {
     #[pyo3(signature = (vertices, *, threads=None))]
     fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
         let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
-        let surface = compute(py, threads, || self.0.deform(vertices))?;
+        let surface = compute(py, threads, None, |cancel| self.0.deform_until(vertices, cancel))?;
         Ok(Self(Arc::new(surface)))
     }
 
@@ -77,8 +69,8 @@ impl Surface {
         wavelength: f64,
         threads: Option<usize>,
     ) -> PyResult<([usize; 6], [f64; 6])> {
-        let (q, difference) = compute(py, threads, || {
-            let difference = FacetDifference::new(&self.0, crease_angle, wavelength)?;
+        let (q, difference) = compute(py, threads, None, |cancel| {
+            let difference = FacetDifference::new(&self.0, crease_angle, wavelength, cancel)?;
             Ok((self.0.quality(crease_angle), difference))
         })?;
         let counts = [
@@ -138,7 +130,7 @@ impl Hits {
         if let Some(cosine) = &self.0.hits.cosine {
             return self.image(PyArray1::from_slice(py, cosine));
         }
-        let smooth = compute(py, threads, || Ok(self.0.smooth()))?;
+        let smooth = compute(py, threads, None, |cancel| self.0.smooth_until(cancel))?;
         self.image(PyArray1::from_slice(py, &smooth.cosine))
     }
 
@@ -146,7 +138,7 @@ impl Hits {
     /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn smooth<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<SmoothArrays<'py>> {
-        let smooth = compute(py, threads, || Ok(self.0.smooth()))?;
+        let smooth = compute(py, threads, None, |cancel| self.0.smooth_until(cancel))?;
         let plane = &self.0.hits.plane;
         let normals = smooth.normal.iter().flat_map(DVec3::to_array);
         Ok((
@@ -168,15 +160,9 @@ impl Hits {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let materials = self::materials(&materials, self.0.scene.num_bodies())?;
         let polarization = polarization.map(DVec3::from_array);
-        let reflectance = compute(py, threads, || {
-            let smooth = || self.0.smooth();
-            Ok(reflectance::reflectance(
-                &self.0.hits,
-                &materials,
-                frequency,
-                polarization,
-                smooth,
-            ))
+        let reflectance = compute(py, threads, None, |cancel| {
+            let smooth = || self.0.smooth_until(cancel);
+            reflectance::reflectance(&self.0.hits, &materials, frequency, polarization, smooth, cancel)
         })?;
         self.image(reflectance.into_pyarray(py))
     }

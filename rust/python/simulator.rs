@@ -468,7 +468,7 @@ impl Simulator {
     /// Hits of the rays of an image with the kinematics `at` one time.
     fn image(&self, py: Python<'_>, at: PyRef<'_, Placement>) -> PyResult<Hits> {
         let at = &at.0;
-        let image = self.run(py, |memory, _| frame::image(&self.model, at, memory))?;
+        let image = self.run(py, |memory, cancel| frame::image(&self.model, at, memory, cancel))?;
         Ok(Hits(image))
     }
 
@@ -492,7 +492,7 @@ impl Simulator {
 }
 
 impl Simulator {
-    /// Run a function on the threads of the simulator, without the interpreter; Ctrl-C ends it between two stages.
+    /// Run a function on the threads of the simulator, without the interpreter, until Ctrl-C.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
         let pool = pool(self.threads)?;
         let cancel = Arc::new(Cancel::default());
@@ -504,7 +504,7 @@ impl Simulator {
             };
             in_progress(Some(cancel.clone()));
             let memory = &mut *memory;
-            let result = watch(&pool, &cancel, |_| Ok(()), || work(memory, &cancel));
+            let result = watch(&pool, &cancel, None, || work(memory, &cancel));
             in_progress(None);
             result
         })

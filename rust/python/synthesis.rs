@@ -168,10 +168,11 @@ fn level(name: Option<&str>) -> Result<Level> {
         .ok_or_else(|| Error::value("level", format!("one of {:?}", levels()), name))
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and the report of the sum; with `plan_only` its plan alone.
+/// Beat samples (channel, chirp, sample) of paths, and the report of the sum; with `plan_only` its plan alone. `report`
+/// receives the number of chirps of all channels that a direct sum has done, from time to time.
 #[pyfunction(signature = (
     delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
-    split_still=true, skip_rows=true, plan_only=false
+    split_still=true, skip_rows=true, plan_only=false, report=None
 ))]
 pub(super) fn beat_signal<'py>(
     py: Python<'py>,
@@ -187,35 +188,42 @@ pub(super) fn beat_signal<'py>(
     split_still: bool,
     skip_rows: bool,
     plan_only: bool,
+    report: Option<Py<PyAny>>,
 ) -> PyResult<(Option<Bound<'py, PyAny>>, Report)> {
     check_threads(threads)?;
     let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
     let waveform = &waveform.0;
     let shape = [paths.num_channels, waveform.chirp_times.len(), waveform.num_samples];
-    let is_parallel = threads != Some(1) && beat::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
+    let is_long = beat::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
     let options = beat::Options {
         method: self::method(method)?,
         level: self::level(level)?,
         tolerance: self::tolerance(tolerance)?,
-        is_parallel,
+        is_parallel: is_long && threads != Some(1),
         split_still,
         skip_rows,
+        cancel: None,
     };
     let (samples, report) = paths.with_series(|series| {
-        let sum = || {
+        let sum = |options: &beat::Options| {
             if plan_only {
                 let report = beat::Report {
-                    plan: beat::plan(waveform, series, &options)?,
+                    plan: beat::plan(waveform, series, options)?,
                     ..beat::Report::default()
                 };
                 return Ok((None, report));
             }
-            beat::beat_signal(waveform, series, &options).map(|(samples, report)| (Some(samples), report))
+            beat::beat_signal(waveform, series, options).map(|(samples, report)| (Some(samples), report))
         };
-        if is_parallel {
-            compute(py, threads, sum)
+        if is_long {
+            compute(py, threads, report.as_ref(), |cancel| {
+                sum(&beat::Options {
+                    cancel: Some(cancel),
+                    ..options
+                })
+            })
         } else {
-            py.detach(|| sum().map_err(PyErr::from))
+            py.detach(|| sum(&options).map_err(PyErr::from))
         }
     })?;
     let array = |samples| match samples {

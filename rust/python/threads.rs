@@ -1,9 +1,10 @@
 //! Pools of threads, one per number of threads.
 
 use std::num::NonZero;
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -18,55 +19,88 @@ const MAX_THREADS: usize = 1024;
 /// Pools of threads by their number, and the process they live in: a forked child has none of its parent's threads.
 static POOLS: Mutex<(u32, Vec<Arc<ThreadPool>>)> = Mutex::new((0, Vec::new()));
 
-/// Run a function without the interpreter, on `threads` threads or as many as there are cores.
+/// Run a function without the interpreter, on `threads` threads or as many as there are cores, until Ctrl-C. `report`
+/// receives the number of steps that are done, from time to time.
 pub(super) fn compute<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
-    work: impl FnOnce() -> Result<T> + Send,
+    report: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Cancel) -> Result<T> + Send,
 ) -> PyResult<T> {
-    py.detach(|| pool(threads)?.install(work).map_err(PyErr::from))
+    let (pool, cancel) = (pool(threads)?, Cancel::default());
+    py.detach(|| watch(&pool, &cancel, report, || work(&cancel)))
+}
+
+/// [`compute`] for work that owns its input. It is left behind where it does not end soon after Ctrl-C, as in code of
+/// others that cannot be stopped, and ends at its next check.
+pub(super) fn compute_owned<T: Send + 'static>(
+    py: Python<'_>,
+    report: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let (pool, cancel) = (pool(None)?, Arc::new(Cancel::default()));
+    py.detach(|| {
+        let ((sender, receiver), shared) = (channel(), cancel.clone());
+        pool.spawn(move || {
+            // Nobody is there to receive what was left behind.
+            let _ = sender.send(catch_unwind(AssertUnwindSafe(|| work(&shared))));
+        });
+        let done = listen(&receiver, &cancel, report, PATIENCE)?;
+        Ok(done.unwrap_or_else(|panic| resume_unwind(panic))?)
+    })
 }
 
 /// Interval of the checks for signals.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 
+/// Time that work gets to end after Ctrl-C before it is left behind.
+const PATIENCE: Duration = Duration::from_millis(500);
+
 /// Run a function on a pool, while this thread, without the interpreter, waits for the result or for Ctrl-C, which asks
-/// the function to stop. `report` is called from time to time, too.
+/// the function to stop. `report` receives the number of steps that are done, from time to time.
 pub(super) fn watch<T: Send>(
     pool: &ThreadPool,
     cancel: &Cancel,
-    report: impl Fn(Python<'_>) -> PyResult<()> + Sync,
+    report: Option<&Py<PyAny>>,
     work: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
     let (sender, receiver) = channel();
-    let (mut raised, mut result) = (None, None);
+    // A panic of the work goes on from the scope.
     pool.in_place_scope(|scope| {
         scope.spawn(move |_| {
             // Nobody is there to receive only if the scope has panicked.
             let _ = sender.send(work());
         });
-        loop {
-            match receiver.recv_timeout(SIGNAL_INTERVAL) {
-                Ok(done) => {
-                    result = Some(done);
-                    break;
-                }
-                Err(RecvTimeoutError::Disconnected) => break,
-                Err(RecvTimeoutError::Timeout) => {
-                    let heard = Python::attach(|py| py.check_signals().and_then(|()| report(py)));
-                    if let Err(error) = heard {
-                        cancel.ask();
-                        raised = Some(error);
-                    }
+        listen(&receiver, cancel, report, Duration::MAX)
+    })
+    .and_then(|done| Ok(done?))
+}
+
+/// Wait for a result or for Ctrl-C, which asks the work to stop and leaves it `patience` to do so.
+fn listen<T>(receiver: &Receiver<T>, cancel: &Cancel, report: Option<&Py<PyAny>>, patience: Duration) -> PyResult<T> {
+    let mut raised: Option<(PyErr, Instant)> = None;
+    loop {
+        match (receiver.recv_timeout(SIGNAL_INTERVAL), &raised) {
+            (Ok(done), None) => return Ok(done),
+            (Err(RecvTimeoutError::Timeout), None) => {
+                let heard = Python::attach(|py| {
+                    py.check_signals()?;
+                    report.map_or(Ok(()), |report| report.call1(py, (cancel.num_done(),)).map(|_| ()))
+                });
+                if let Err(error) = heard {
+                    cancel.ask();
+                    raised = Some((error, Instant::now()));
                 }
             }
+            (Err(RecvTimeoutError::Timeout), Some((_, since))) if since.elapsed() < patience => {}
+            _ => break,
         }
-    });
-    match (raised, result) {
-        (Some(error), _) => Err(error),
-        (None, Some(result)) => Ok(result?),
-        (None, None) => unreachable!("a panic of the work goes on from the scope"),
     }
+    // Without an error nobody has sent anything: the work has panicked.
+    Err(raised.map_or_else(
+        || PyRuntimeError::new_err("the work has ended without a result"),
+        |(error, _)| error,
+    ))
 }
 
 /// Check that a pool may have this number of threads.

@@ -1,5 +1,6 @@
 //! Hits of the pixels of an image, and options of casting.
 
+use crate::cancel::Cancel;
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::TileRays;
@@ -62,6 +63,8 @@ pub struct Cast<'a> {
     pub traversals: Traversals,
     /// Scene and hits of another time with the same directions outside. Tiles where no body has moved are copied.
     pub previous: Option<(&'a PosedScene, &'a Hits)>,
+    /// Request to stop.
+    pub cancel: Option<&'a Cancel>,
 }
 
 impl Cast<'_> {
@@ -81,6 +84,7 @@ impl Default for Cast<'_> {
             with_cosines: false,
             traversals: Traversals::Chosen,
             previous: None,
+            cancel: None,
         }
     }
 }

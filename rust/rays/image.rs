@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level};
@@ -75,7 +76,8 @@ impl PosedScene {
             .zip_eq(cosine.par_iter_mut())
             .enumerate()
             .map(|(index, (((distance, body), triangle), cosine))| {
-                cast.level.run(CastBand {
+                cast.cancel.map_or(Ok(()), Cancel::check)?;
+                Ok(cast.level.run(CastBand {
                     scene: self,
                     cast,
                     previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
@@ -85,9 +87,9 @@ impl PosedScene {
                     body,
                     triangle,
                     cosine: cosine.as_deref_mut(),
-                })
+                }))
             });
-        hits.counts = counts.reduce(Counts::default, Counts::plus);
+        hits.counts = counts.try_reduce(Counts::default, |a, b| Ok(a.plus(b)))?;
         Ok(hits)
     }
 

@@ -3,6 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::cancel::Cancel;
+use crate::error::Result;
 use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::rays::camera::{TILE, Tile};
 use crate::rays::hits::Hits;
@@ -28,6 +30,18 @@ impl SmoothHits {
 
     /// [`Self::new`] with a given instruction set.
     pub fn at(scene: &PosedScene, hits: &Hits, level: Level) -> Self {
+        match Self::shaded(scene, hits, level, &Cancel::default()) {
+            Ok(smooth) => smooth,
+            Err(_) => unreachable!("nobody asks it to stop"),
+        }
+    }
+
+    /// [`Self::new`] until a request to stop.
+    pub fn until(scene: &PosedScene, hits: &Hits, cancel: &Cancel) -> Result<Self> {
+        Self::shaded(scene, hits, Level::best(), cancel)
+    }
+
+    fn shaded(scene: &PosedScene, hits: &Hits, level: Level, cancel: &Cancel) -> Result<Self> {
         let num_pixels = hits.plane.num_pixels();
         let mut smooth = Self {
             cosine: vec![0.0; num_pixels],
@@ -39,7 +53,8 @@ impl SmoothHits {
         let distance = smooth.distance.par_chunks_mut(band);
         let normal = smooth.normal.par_chunks_mut(band);
         let bands = cosine.zip_eq(distance).zip_eq(normal).enumerate();
-        bands.for_each(|(index, ((cosine, distance), normal))| {
+        bands.try_for_each(|(index, ((cosine, distance), normal))| {
+            cancel.check()?;
             level.run(ShadeBand {
                 scene,
                 hits,
@@ -48,8 +63,9 @@ impl SmoothHits {
                 distance,
                 normal,
             });
-        });
-        smooth
+            Ok(())
+        })?;
+        Ok(smooth)
     }
 }
 

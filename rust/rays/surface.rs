@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use rayon::prelude::*;
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::components::Components;
@@ -91,16 +92,11 @@ pub struct TriangleHit {
 impl Surface {
     /// Check a mesh, drop its degenerate triangles (area below 1e-18 m^2) and build its tree.
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode) -> Result<Self> {
-        Self::new_with(vertices, triangles, mode, &|_| ())
+        Self::new_until(vertices, triangles, mode, &Cancel::default())
     }
 
-    /// [`Self::new`] with progress: `report` gets the fraction of the work that is done, from time to time.
-    pub fn new_with(
-        vertices: &[DVec3],
-        triangles: &[[u32; 3]],
-        mode: ShadingMode,
-        report: &dyn Fn(f64),
-    ) -> Result<Self> {
+    /// [`Self::new`] until a request to stop, in steps of a thousandth of the work.
+    pub fn new_until(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode, cancel: &Cancel) -> Result<Self> {
         check_vertices(vertices)?;
         if triangles.len() > MOST_PRIMITIVES {
             let expected = format!("at most {MOST_PRIMITIVES}");
@@ -129,12 +125,16 @@ impl Surface {
             Some(kept) => kept.iter().map(|&row| triangles[row as usize]).collect(),
         };
         let content_hash = content_hash(vertices, &triangles);
-        report(0.1);
+        finished(cancel, 100)?;
         let shading = match mode {
             ShadingMode::Flat => Shading::flat(),
-            ShadingMode::Smooth { crease_angle } => Shading::smooth(vertices, &triangles, crease_angle),
+            ShadingMode::Smooth { crease_angle } => {
+                let groups = Groups::new(vertices, &triangles, crease_angle);
+                finished(cancel, 200)?;
+                Shading::of_groups(vertices, &triangles, &groups)
+            }
         };
-        report(0.5);
+        finished(cancel, 200)?;
         let rest = Arc::new(vertices.to_vec());
         let mesh = Mesh {
             rest: rest.clone(),
@@ -145,18 +145,18 @@ impl Surface {
             parts: OnceLock::new(),
             content_hash,
         };
-        Ok(Self::build(Arc::new(mesh), rest, shading, report))
+        Self::build(Arc::new(mesh), rest, shading, cancel)
     }
 
     /// Surface with a new tree.
-    fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading, report: &dyn Fn(f64)) -> Self {
+    fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading, cancel: &Cancel) -> Result<Self> {
         let middle = mesh.bounds(&vertices).middle();
         let relative = |triangle: usize| mesh.relative(&vertices, triangle, middle);
         let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of_triangle(&relative(i)));
-        report(0.85);
+        finished(cancel, 350)?;
         let fitted = Fitted::new(&mesh, &vertices, middle, primitives.into_par_iter());
-        report(1.0);
-        Self {
+        finished(cancel, 150)?;
+        Ok(Self {
             blocks: fitted.blocks,
             built_cost: tree.cost(),
             tree,
@@ -167,12 +167,17 @@ impl Surface {
             part_bounds: OnceLock::new(),
             vertices,
             mesh,
-        }
+        })
     }
 
     /// Surface with the same triangles and moved vertices [m]. The tree keeps its topology and gets new boxes, unless
     /// its cost has grown too much since it was built; then a new one is built.
     pub fn deform(&self, vertices: Vec<DVec3>) -> Result<Self> {
+        self.deform_until(vertices, &Cancel::default())
+    }
+
+    /// [`Self::deform`] until a request to stop.
+    pub fn deform_until(&self, vertices: Vec<DVec3>, cancel: &Cancel) -> Result<Self> {
         if vertices.len() != self.vertices.len() {
             let expected = format!("{} as the mesh has", self.vertices.len());
             return Err(Error::value("vertices", expected, vertices.len()));
@@ -185,9 +190,11 @@ impl Surface {
                 let groups = mesh
                     .groups
                     .get_or_init(|| Groups::new(&mesh.rest, &mesh.triangles, crease_angle));
+                cancel.check()?;
                 Shading::of_groups(&vertices, &mesh.triangles, groups)
             }
         };
+        cancel.check()?;
         let fit = |middle: DVec3| {
             let primitives = self.blocks.par_iter().map(|block| block.triangles);
             Fitted::new(&mesh, &vertices, middle, primitives)
@@ -199,9 +206,10 @@ impl Surface {
             middle += fitted.bounds.middle();
             fitted = fit(middle);
         }
+        cancel.check()?;
         let tree = self.tree.refit(|leaf| fitted.boxes[leaf]);
         if tree.cost() > DECAY * self.built_cost {
-            return Ok(Self::build(mesh, vertices, shading, &|_| ()));
+            return Self::build(mesh, vertices, shading, cancel);
         }
         Ok(Self {
             blocks: fitted.blocks,
@@ -218,11 +226,11 @@ impl Surface {
     }
 
     /// Surface of the same triangles with another shading; this one where it has that shading.
-    pub fn shaded(self: &Arc<Self>, mode: ShadingMode) -> Result<Arc<Self>> {
+    pub fn shaded(self: &Arc<Self>, mode: ShadingMode, cancel: &Cancel) -> Result<Arc<Self>> {
         if self.mesh.mode == mode {
             return Ok(self.clone());
         }
-        Self::new(&self.vertices, &self.mesh.triangles, mode).map(Arc::new)
+        Self::new_until(&self.vertices, &self.mesh.triangles, mode, cancel).map(Arc::new)
     }
 
     /// Quality of the mesh; see [`Quality::new`].
@@ -400,6 +408,12 @@ impl Mesh {
         let all = self.triangles.iter().flatten();
         Bounds::of(all.map(|vertex| vertices[*vertex as usize]))
     }
+}
+
+/// Count thousandths of a build that are done; an error after a request to stop.
+fn finished(cancel: &Cancel, thousandths: usize) -> Result<()> {
+    cancel.advance(thousandths);
+    cancel.check()
 }
 
 /// Refuse coordinates that cannot be traced.

@@ -7,6 +7,7 @@
 
 use num_complex::Complex64;
 
+use crate::cancel::Cancel;
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level};
@@ -21,13 +22,14 @@ pub const BLOCK: usize = 64;
 type Lanes = [f64; BLOCK];
 
 /// Complex beat samples `(channel, chirp, sample)` of the paths of a class, row-major; input as [`PathSeries::check`]
-/// accepts it.
+/// accepts it. After a request to stop they are worthless; the chirps of all channels count as steps.
 pub fn beat_signal(
     waveform: &Waveform,
     series: &PathSeries,
     class: Class,
     level: Level,
     is_parallel: bool,
+    cancel: Option<&Cancel>,
 ) -> Vec<Complex64> {
     // Per channel: constants of every path, one record after the other. Still paths are the same in every chirp.
     let channels: Vec<[Records; 2]> = parallel::map(is_parallel, (0..series.num_channels).collect(), |channel| {
@@ -40,6 +42,7 @@ pub fn beat_signal(
             waveform,
             records,
             times: &times,
+            cancel,
         })
     };
     let zero = || Sums {
@@ -74,7 +77,9 @@ pub fn beat_signal(
                 let still = &still[channel * blocks_per_chirp + block];
                 (0..BLOCK).map(move |i| Complex64::new(still.re[i] + moving.re[i], still.im[i] + moving.im[i]))
             };
-            (0..blocks_per_chirp).flat_map(sum).take(waveform.num_samples).collect()
+            let samples = (0..blocks_per_chirp).flat_map(sum).take(waveform.num_samples).collect();
+            cancel.inspect(|cancel| cancel.advance(1));
+            samples
         });
     rows.into_iter().flatten().collect()
 }
@@ -208,6 +213,7 @@ struct AddPaths<'a> {
     waveform: &'a Waveform,
     records: &'a Records,
     times: &'a Times,
+    cancel: Option<&'a Cancel>,
 }
 
 impl Kernel for AddPaths<'_> {
@@ -223,6 +229,9 @@ impl Kernel for AddPaths<'_> {
             im: [0.0; BLOCK],
         };
         for record in self.records.numbers.chunks_exact(self.records.stride()) {
+            if self.cancel.is_some_and(Cancel::is_asked) {
+                break;
+            }
             let (tau_0, turns_0) = (record[0], record[1]);
             let (delays, amplitudes) = record[2..].split_at(num_delays - 1);
 
@@ -279,7 +288,7 @@ mod tests {
         };
         let results: Vec<_> = Level::available()
             .into_iter()
-            .map(|level| beat_signal(&wf, &series, Class::All, level, false))
+            .map(|level| beat_signal(&wf, &series, Class::All, level, false, None))
             .collect();
         assert!(results.iter().all(|r| r == &results[0]));
         assert_eq!(results[0].len(), 300);
@@ -305,6 +314,7 @@ mod tests {
                 Class::All,
                 Level::best(),
                 false,
+                None,
             )
         };
         let of = |path: usize| series(&[0, 2, 4, 6].map(|k| delay[k + path]), &amplitude[path..=path]);
@@ -327,7 +337,7 @@ mod tests {
             num_channels: 1,
             num_paths: 1,
         };
-        let got = beat_signal(&wf, &series, Class::All, Level::best(), false);
+        let got = beat_signal(&wf, &series, Class::All, Level::best(), false, None);
         // The tone by exact steps: its phase is linear in the sample, so double-double is not needed per sample.
         let start = turns(wf.start_frequency, tau) - 0.5 * wf.slope * tau * tau + wf.slope * tau * wf.adc_delay;
         let step = wf.slope * tau / wf.sample_rate;

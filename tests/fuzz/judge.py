@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 LONGEST = 2.0
-"""Time that a reading may take [s]."""
+"""Time of the processor that a reading may take [s], whatever else the machine does."""
 
 MOST_MEMORY = 512 << 20
 """Memory that a reading may take, besides a hundred times the size of its input [bytes]: a few words of a scene file
@@ -36,9 +36,9 @@ def judge(read: Callable[[Path], Any], folder: Path, size: int) -> Verdict:
     """Read the input of `size` bytes in a folder; call with tracemalloc on."""
     tracemalloc.reset_peak()
     before = tracemalloc.get_traced_memory()[0]
-    began = time.perf_counter()
+    began = time.process_time()
     verdict = _verdict(read, folder)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     memory = tracemalloc.get_traced_memory()[1] - before
     if verdict.fault:
         return verdict
@@ -52,9 +52,9 @@ def judge(read: Callable[[Path], Any], folder: Path, size: int) -> Verdict:
 def _time_alone(read: Callable[[Path], Any], folder: Path) -> float:
     """Time of a reading that is not traced [s]."""
     tracemalloc.stop()
-    began = time.perf_counter()
+    began = time.process_time()
     _verdict(read, folder)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     tracemalloc.start()
     return took
 

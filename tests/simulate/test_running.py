@@ -8,15 +8,16 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 import radarcore as rc
+from interrupts import hears_interrupts, time_of, time_to_hear
 from radarcore.simulate.side_by_side import in_order
+
+__all__ = ["hears_interrupts"]
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=8, chirp_interval=300e-6
@@ -107,38 +108,6 @@ def test_used_simulator_travels_with_equal_bits() -> None:
         np.testing.assert_array_equal(again.frame(at).cube, cube)
 
 
-@pytest.fixture
-def hears_interrupts() -> Iterator[None]:
-    """Python's own handler, also where the tests were started in the background, with SIGINT ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-def time_to_hear(work: Callable[[], object], after: float) -> float:
-    """Time of all threads from Ctrl-C, `after` seconds after the start of the work, to its end [s]."""
-    sent: list[float] = []
-
-    def interrupt() -> None:
-        sent.append(time.process_time())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(after, interrupt)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    heard = time.process_time()
-    timer.join()
-    return heard - sent[0]
-
-
-def time_of(work: Callable[[], object]) -> float:
-    """Time of all threads, which no other program stops [s]."""
-    began = time.process_time()
-    work()
-    return time.process_time() - began
-
-
 @pytest.mark.usefixtures("hears_interrupts")
 def test_interrupt_ends_a_long_frame_soon() -> None:
     wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
@@ -150,14 +119,6 @@ def test_interrupt_ends_a_long_frame_soon() -> None:
     # A frame of a second, to tell how busy the machine is, and one of half a minute.
     second = time_of(lambda: with_chirps(8).frame())
     assert time_to_hear(lambda: with_chirps(256).frame(), after=1.0) < second
-
-
-@pytest.mark.usefixtures("hears_interrupts")
-def test_interrupt_ends_cross_sections_soon() -> None:
-    corner, azimuth_deg = rc.shapes.trihedral(1.0), np.linspace(150.0, 210.0, 4000)
-    hundredth = time_of(lambda: rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::100], max_bounces=3))
-    all_of_them = partial(rc.rcs, corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
-    assert time_to_hear(all_of_them, after=0.5) < 10.0 * hundredth
 
 
 def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
@@ -191,19 +152,8 @@ def test_interrupt_ends_frames_side_by_side() -> None:
     wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
     options: dict[str, Any] = {"sampling": "footprint", "method": "direct", "threads": 2}
     sim = simulator([wall], long, resolution=512, **options)
-    sent: list[float] = []
-
-    def interrupt() -> None:
-        sent.append(time.process_time())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(1.0, interrupt)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        sim.record(0.0, 1.0, 10.0, progress=False)
-    heard = time.process_time()
-    timer.join()
-    assert heard - sent[0] < 4.0  # of half a minute for each of ten frames
+    # Of half a minute for each of ten frames.
+    assert time_to_hear(lambda: sim.record(0.0, 1.0, 10.0, progress=False), after=1.0) < 4.0
 
 
 @pytest.mark.usefixtures("hears_interrupts")

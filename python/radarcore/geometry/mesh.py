@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
 from radarcore.sealed import sealed
-
-_LONG_BUILD = 1_000_000
-"""Triangles that are built in less than a second."""
 
 
 @sealed
@@ -32,7 +28,7 @@ class Mesh:
     shading : "smooth" or "flat"
         Smooth: hits on such facets get interpolated normals and the distance of the curved surface.
     progress : bool
-        Show a progress bar for a mesh of more than a million triangles when run in a terminal.
+        Show a progress bar in a terminal when the build takes more than a second.
 
     Attributes
     ----------
@@ -72,8 +68,12 @@ class Mesh:
         self.crease_angle_deg = check.non_negative("crease_angle_deg", crease_angle_deg, "degrees")
         rows = _triangles(triangles, len(self.vertices))
         crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
-        with _bar(len(rows), progress) as report:
-            self._core = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=report)
+        with notice.progress_if_long("building", "triangle", len(rows), shown=progress) as report:
+
+            def tell(thousandths: int) -> None:
+                report(thousandths * len(rows) // 1000)
+
+            self._core = _core.Surface(self.vertices, rows, crease_angle=crease_angle, report=tell)
         kept = self._core.kept()
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
@@ -114,20 +114,6 @@ class Mesh:
     def __repr__(self) -> str:
         dropped = f", {self.num_dropped} dropped" if self.num_dropped else ""
         return f"<Mesh: {len(self.triangles)} triangles{dropped}, {len(self.vertices)} vertices, {self.shading}>"
-
-
-@contextmanager
-def _bar(num_triangles: int, progress: bool) -> Iterator[Callable[[float], None] | None]:
-    """Progress bar of a long build: a function that takes the finished share; None for short builds."""
-    if num_triangles <= _LONG_BUILD or not progress:
-        yield None
-        return
-    with notice.progress(None, "building", "triangle", total=num_triangles) as bar:
-
-        def report(share: float) -> None:
-            bar.update(round(share * num_triangles) - bar.n)
-
-        yield report
 
 
 def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:

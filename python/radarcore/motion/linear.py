@@ -9,6 +9,10 @@ from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.units import SPEED_OF_LIGHT
+
+_FASTEST_TURN = 1e7
+"""No body turns faster [rad/s]: the fastest rotors are a thousand times slower."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +43,11 @@ class Linear:
             raise TypeError(f"pose: expected Pose, got {type(pose).__name__}")
         put = object.__setattr__
         put(self, "pose", pose)
-        put(self, "velocity", check.frozen(check.array("velocity", velocity, (3,))))
-        put(self, "angular_velocity", check.frozen(check.array("angular_velocity", angular_velocity, (3,))))
+        for name, value, most, unit in (
+            ("velocity", velocity, SPEED_OF_LIGHT, "m/s"),
+            ("angular_velocity", angular_velocity, _FASTEST_TURN, "rad/s"),
+        ):
+            put(self, name, check.frozen(_below(name, check.array(name, value, (3,)), most, unit)))
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -56,3 +63,11 @@ class Linear:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         turning = cross_matrix(self.angular_velocity) @ self.at(time).rotation
         return transforms(turning, self.velocity)
+
+
+def _below(name: str, values: Matrix, most: float, unit: str) -> Matrix:
+    """Values that are smaller than the largest that there is."""
+    if (np.abs(values) >= most).any():
+        got = values[np.abs(values).argmax()]
+        raise ValueError(f"{name}: expected less than {most:.0e} {unit}, got {got:g}")
+    return values

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
-from time import monotonic
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,12 +13,6 @@ from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
 from radarcore.simulate.settings import check_max_bounces
 from radarcore.simulate.synthesis import check_threads
-
-if TYPE_CHECKING:
-    from tqdm import tqdm
-
-_LONG = 1.0
-"""Time after which there is a progress bar [s]."""
 
 
 def rcs(
@@ -100,9 +88,14 @@ def rcs(
     bodies, poses = _bodies(target, check.number("time", time, "s"))
     surfaces = [_surface(body, time) for body in bodies]
     sections = []
-    with _bar(count * frequencies.size, progress) as report:
+    total = count * frequencies.size
+    with notice.progress_if_long("cross-sections", "direction", total, shown=progress) as report:
         for number, at in enumerate(np.atleast_1d(frequencies).tolist()):
             at = check.positive("frequency", at, "Hz")
+
+            def tell(num_done: int, before: int = number * count) -> None:
+                report(before + num_done)
+
             sections.append(
                 _core.cross_sections(
                     surfaces,
@@ -113,7 +106,7 @@ def rcs(
                     polarization=fields,
                     max_bounces=check_max_bounces(max_bounces),
                     threads=check_threads(threads),
-                    report=partial(report, number * count),
+                    report=tell,
                 )
             )
     shape = shape if np.prod(shape, dtype=int) == count else (count,)
@@ -166,26 +159,6 @@ def _bodies(target: Mesh | Body | Scene, time: float) -> tuple[tuple[Body, ...],
 def _surface(body: Body, time: float) -> _core.Surface:
     surface = body.mesh._core
     return surface if body.deformation is None else surface.deform(np.ascontiguousarray(body.vertices_at(time)))
-
-
-@contextmanager
-def _bar(total: int, shown: bool) -> Iterator[Callable[[int, int], None]]:
-    """Progress bar that appears after a second: a function of the directions done before and now."""
-    bars: list[tqdm[Any]] = []
-    begin = monotonic()
-
-    def report(before: int, now: int) -> None:
-        if not bars and monotonic() > begin + _LONG:
-            bars.append(notice.progress(None, "cross-sections", "direction", total=total, shown=shown))
-        for bar in bars:
-            bar.update(before + now - bar.n)
-
-    try:
-        yield report
-        report(total, 0)
-    finally:
-        for bar in bars:
-            bar.close()
 
 
 def _units(name: str, value: ArrayLike) -> NDArray[np.float64]:

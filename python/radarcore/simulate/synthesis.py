@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core, check, notice
 from radarcore.radar.waveform import Waveform
 
 Number = TypeVar("Number", np.float64, np.complex128)
+
+_Reals = NDArray[np.float64]
+_Paths = tuple[_Reals, NDArray[np.complex128], _Reals | None, _Reals | None]
+"""Delays, amplitudes, rates and accelerations."""
 
 METHODS = ("auto", "direct", "grid")
 """Ways to form the sum over paths."""
@@ -90,6 +95,7 @@ def beat_signal(
     tolerance: float = 1e-3,
     method: str = "auto",
     threads: int | None = None,
+    progress: bool = True,
 ) -> NDArray[np.complex64] | NDArray[np.complex128]:
     """Samples of an ideal I/Q receiver for a set of paths, docs/theory.md eq. (1).
 
@@ -116,6 +122,8 @@ def beat_signal(
         Grid: the range-velocity grid, however few the paths.
     threads : int, optional
         Threads to use; default: all cores. The result does not depend on it.
+    progress : bool
+        Show a progress bar in a terminal when a direct sum takes more than a second.
 
     Returns
     -------
@@ -132,7 +140,13 @@ def beat_signal(
         For samples that do not fit into memory.
     """
     samples: NDArray[np.complex64] | NDArray[np.complex128]
-    samples, _ = _sum(waveform, tolerance, method, threads, delay, amplitude, delay_rate, delay_acceleration)
+    _check_waveform(waveform)
+    paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
+    total = math.prod(paths[0].shape[-2:-1]) * waveform.num_chirps
+    # Other sums have no steps that are worth counting.
+    shown = progress and method == "direct"
+    with notice.progress_if_long("direct sum", "chirp", total, shown=shown) as report:
+        samples, _ = _sum(waveform, tolerance, method, threads, paths, report=report)
     return samples
 
 
@@ -148,8 +162,9 @@ def plan_beat_signal(
     threads: int | None = None,
 ) -> Plan:
     """Plan of `beat_signal` with these arguments, with its error and its memory; nothing is computed."""
-    paths = (delay, amplitude, delay_rate, delay_acceleration)
-    _, report = _sum(waveform, tolerance, method, threads, *paths, plan_only=True)
+    _check_waveform(waveform)
+    paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
+    _, report = _sum(waveform, tolerance, method, threads, paths, plan_only=True)
     parts = tuple(PlanPart(*part) for part in report.parts())
     return Plan(parts, report.error, report.memory, str(report))
 
@@ -177,19 +192,22 @@ def check_threads(threads: int | None) -> int | None:
     return num_threads
 
 
-def _sum(
-    waveform: Waveform, tolerance: float, method: str, threads: int | None, *paths: Any, plan_only: bool = False
-) -> tuple[Any, _core.Report]:
-    """Samples, None with `plan_only`, and report of the sum over paths."""
+def _check_waveform(waveform: Waveform) -> None:
     if not isinstance(waveform, Waveform):
         raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
+
+
+def _sum(
+    waveform: Waveform, tolerance: float, method: str, threads: int | None, paths: _Paths, **options: Any
+) -> tuple[Any, _core.Report]:
+    """Samples, None with `plan_only`, and report of the sum over paths."""
     return _core.beat_signal(
-        *_paths(*paths),
+        *paths,
         waveform=waveform._core,
         tolerance=check_tolerance(tolerance),
         method=check.choice("method", method, METHODS),
         threads=check_threads(threads),
-        plan_only=plan_only,
+        **options,
     )
 
 
@@ -198,7 +216,7 @@ def _paths(
     amplitude: ArrayLike,
     delay_rate: ArrayLike | None,
     delay_acceleration: ArrayLike | None,
-) -> tuple[Any, Any, Any, Any]:
+) -> _Paths:
     """Delays, amplitudes, rates and accelerations as the core takes them: of one shape, or amplitudes without nodes."""
     delays = _numbers("delay", delay, np.float64)
     amplitudes = _numbers("amplitude", amplitude, np.complex128)

@@ -13,6 +13,7 @@ use std::path::Path;
 use glam::DVec3;
 use tobj::LoadError;
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 
 mod fault;
@@ -54,13 +55,13 @@ pub struct Obj {
     pub material_names: Vec<String>,
 }
 
-/// Read an OBJ file; see [`parse_obj`].
-pub fn read_obj(path: &Path) -> Result<Obj> {
+/// Read an OBJ file until a request to stop; see [`parse_obj`].
+pub fn read_obj(path: &Path, cancel: &Cancel) -> Result<Obj> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io {
         path: path.to_owned(),
         source,
     })?;
-    parse_obj(&bytes, path)
+    parse_obj(&bytes, path, cancel)
 }
 
 /// Triangles of an OBJ file held in memory; `path` only appears in messages.
@@ -68,8 +69,11 @@ pub fn read_obj(path: &Path) -> Result<Obj> {
 /// Text is UTF-8, or UTF-16 with a byte-order mark; it has no NUL. Coordinates are below 1e15. Everything but vertices,
 /// faces and their names is ignored. Faces with more than three corners are cut by [`triangulate`]; a file that gives
 /// no triangle is an error.
-pub fn parse_obj(bytes: &[u8], path: &Path) -> Result<Obj> {
-    read(bytes).map_err(|Fault { line, message }| Error::Format {
+pub fn parse_obj(bytes: &[u8], path: &Path, cancel: &Cancel) -> Result<Obj> {
+    let parsed = read(bytes, cancel);
+    // What ended early has faults.
+    cancel.check()?;
+    parsed.map_err(|Fault { line, message }| Error::Format {
         path: path.to_owned(),
         line,
         message,
@@ -77,11 +81,11 @@ pub fn parse_obj(bytes: &[u8], path: &Path) -> Result<Obj> {
 }
 
 /// Triangles of a file, or its first fault.
-fn read(bytes: &[u8]) -> std::result::Result<Obj, Fault> {
+fn read(bytes: &[u8], cancel: &Cancel) -> std::result::Result<Obj, Fault> {
     let text = decode(bytes)?;
 
     // Names stay with the reader, and so tobj finds one model and asks for no material.
-    let mut reader = Reader::new(statements(&text));
+    let mut reader = Reader::new(statements(&text), cancel);
     let no_materials = |_: &Path| Err(LoadError::OpenFileFailed);
     let mesh = match tobj::load_obj_buf(&mut reader, &tobj::LoadOptions::default(), no_materials) {
         Ok((mut models, _)) => models.swap_remove(0).mesh,
@@ -114,6 +118,9 @@ fn read(bytes: &[u8]) -> std::result::Result<Obj, Fault> {
     let names = [reader.objects, reader.groups, reader.materials];
     let mut corners = corners.as_slice();
     for face in 0..names[0].of_face.len() {
+        if cancel.is_asked() {
+            return Err(fault::at_end("", "the rest of the file"));
+        }
         // tobj gives no numbers of corners where all are 3.
         let num_corners = mesh.face_arities.get(face).map_or(3, |&number| number as usize);
         let (polygon, rest) = corners.split_at(num_corners);

@@ -13,6 +13,8 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::io::{BufRead, Read};
 
+use crate::cancel::Cancel;
+
 /// One statement of a file.
 pub(super) struct Statement<'a> {
     /// Number of its first line, counted from 1.
@@ -57,7 +59,7 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
 /// Reader of the vertices and faces of a text, one statement a line.
 ///
 /// A last face names all vertices in file order: its corners say which number tobj has given to each of them.
-pub(super) struct Reader<S> {
+pub(super) struct Reader<'c, S> {
     statements: S,
     /// Statement that is being read, and number of bytes already read.
     buffer: String,
@@ -69,10 +71,11 @@ pub(super) struct Reader<S> {
     pub groups: Names,
     pub materials: Names,
     is_closed: bool,
+    cancel: &'c Cancel,
 }
 
-impl<'a, S: Iterator<Item = Statement<'a>>> Reader<S> {
-    pub fn new(statements: S) -> Self {
+impl<'a, 'c, S: Iterator<Item = Statement<'a>>> Reader<'c, S> {
+    pub fn new(statements: S, cancel: &'c Cancel) -> Self {
         Self {
             statements,
             buffer: String::new(),
@@ -83,6 +86,7 @@ impl<'a, S: Iterator<Item = Statement<'a>>> Reader<S> {
             groups: Names::default(),
             materials: Names::default(),
             is_closed: false,
+            cancel,
         }
     }
 
@@ -126,7 +130,7 @@ impl<'a, S: Iterator<Item = Statement<'a>>> Reader<S> {
     }
 }
 
-impl<'a, S: Iterator<Item = Statement<'a>>> Read for Reader<S> {
+impl<'a, S: Iterator<Item = Statement<'a>>> Read for Reader<'_, S> {
     fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
         let num_read = self.fill_buf()?.read(bytes)?;
         self.consume(num_read);
@@ -134,8 +138,10 @@ impl<'a, S: Iterator<Item = Statement<'a>>> Read for Reader<S> {
     }
 }
 
-impl<'a, S: Iterator<Item = Statement<'a>>> BufRead for Reader<S> {
+impl<'a, S: Iterator<Item = Statement<'a>>> BufRead for Reader<'_, S> {
     fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        // An error, so that tobj does not go on with half of the file.
+        self.cancel.check().map_err(std::io::Error::other)?;
         if self.num_read == self.buffer.len() {
             self.advance();
         }

@@ -24,7 +24,7 @@ const SIDES: [[usize; 4]; 6] = [
 ];
 
 fn parse(bytes: &[u8]) -> Result<Obj> {
-    parse_obj(bytes, Path::new("part.obj"))
+    parse_obj(bytes, Path::new("part.obj"), &Cancel::default())
 }
 
 fn read(text: &str) -> Obj {
@@ -97,4 +97,14 @@ fn tilted_file(points: &[[f64; 2]]) -> (String, DVec3) {
     let (u, v) = (DVec3::new(2.0, 2.0, -1.0) / 3.0, DVec3::new(-1.0, 2.0, 2.0) / 3.0);
     let at = |&[x, y]: &[f64; 2]| (DVec3::new(3.0, -2.0, 5.0) + u * x + v * y).to_array();
     (polygon_file(&points.iter().map(at).collect::<Vec<_>>()), u.cross(v))
+}
+
+#[test]
+fn a_request_to_stop_ends_the_reading() {
+    let cancel = Cancel::default();
+    cancel.ask();
+    for text in [FACE, "f 1 2 3\n", ""] {
+        let got = parse_obj(text.as_bytes(), Path::new("part.obj"), &cancel);
+        assert!(matches!(got, Err(Error::Interrupted)), "{got:?}");
+    }
 }

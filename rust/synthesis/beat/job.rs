@@ -2,6 +2,7 @@
 
 use num_complex::{Complex32, Complex64};
 
+use crate::cancel::Cancel;
 use crate::error::Error;
 use crate::numeric::simd::{Level, Real};
 use crate::synthesis::chirp::Waveform;
@@ -12,7 +13,7 @@ use crate::synthesis::statistics::PathStatistics;
 
 /// Options of a sum over paths.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct Options<'a> {
     /// Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel).
     pub tolerance: f64,
     /// Allowed steps.
@@ -25,9 +26,11 @@ pub struct Options {
     pub split_still: bool,
     /// Skip velocity rows that no path touches.
     pub skip_rows: bool,
+    /// Request to stop the sum.
+    pub cancel: Option<&'a Cancel>,
 }
 
-impl Default for Options {
+impl Default for Options<'_> {
     fn default() -> Self {
         Self {
             tolerance: 1e-4,
@@ -36,6 +39,7 @@ impl Default for Options {
             is_parallel: true,
             split_still: true,
             skip_rows: true,
+            cancel: None,
         }
     }
 }
@@ -67,7 +71,7 @@ pub struct Report {
 pub(super) struct Job<'a> {
     pub(super) waveform: &'a Waveform,
     pub(super) series: &'a PathSeries<'a>,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a Options<'a>,
     /// True if still paths are summed apart from moving paths.
     pub(super) is_split: bool,
     pub(super) statistics: PathStatistics,

@@ -2,7 +2,7 @@
 
 use num_complex::{Complex, Complex32, Complex64};
 
-use super::job::{Job, Samples};
+use super::job::{Job, Options, Samples};
 use crate::numeric::parallel;
 use crate::numeric::simd::Real;
 use crate::synthesis::block::{CHUNK, Selection};
@@ -89,8 +89,14 @@ impl Job<'_> {
     fn part<T: Widths>(&self, part: &Part, selection: Selection, out: &mut [Complex<T>]) -> Outcome {
         match &part.step {
             Step::Direct => {
-                let (level, is_parallel) = (self.options.level, self.options.is_parallel);
-                let samples = direct::beat_signal(self.waveform, self.series, selection.class, level, is_parallel);
+                let &Options {
+                    level,
+                    is_parallel,
+                    cancel,
+                    ..
+                } = self.options;
+                let samples =
+                    direct::beat_signal(self.waveform, self.series, selection.class, level, is_parallel, cancel);
                 for (sum, sample) in out.iter_mut().zip(samples) {
                     *sum = *sum + Complex::new(T::of(sample.re * self.scale), T::of(sample.im * self.scale));
                 }
@@ -133,6 +139,7 @@ impl Job<'_> {
                 paths: 0..self.series.num_paths,
                 chirps: first..(first + GROUP).min(num_chirps),
                 scale: self.scale,
+                cancel: self.options.cancel,
             };
             add(&job, samples);
         });
@@ -184,6 +191,7 @@ impl Job<'_> {
                 num_parts,
                 is_parallel: self.options.is_parallel,
                 keep_empty_rows: !self.options.skip_rows,
+                cancel: self.options.cancel,
             };
             let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
             let share = block_plan.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;

@@ -4,6 +4,7 @@ use num_complex::Complex64;
 
 use super::job::{Job, Options, Report, Samples, gain, scale, too_large};
 use super::lanes::LaneSum;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result, fits_memory};
 use crate::synthesis::block::{Block, Class, Selection};
 use crate::synthesis::chirp::Waveform;
@@ -49,6 +50,7 @@ pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) 
         let plan = job.plan(known_gain)?;
         fits_memory("grids", &[plan.memory()], 1)?;
         let (samples, outcome) = job.run(&plan, is_single);
+        options.cancel.map_or(Ok(()), Cancel::check)?;
         runs += 1;
         let gain = gain(&samples, &job.statistics.power, waveform);
         if !gain.is_finite() {
@@ -104,7 +106,7 @@ const RESERVE: f64 = 2.0;
 const LEAST_RESERVED: f64 = 2e-6;
 
 impl<'a> Job<'a> {
-    fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options) -> Result<Self> {
+    fn new(waveform: &'a Waveform, series: &'a PathSeries<'a>, options: &'a Options<'a>) -> Result<Self> {
         // The direct sum needs no statistics, whatever the motion.
         let is_direct = options.method == Method::Direct || !series.can_be_planned(waveform);
         let statistics = if is_direct {
@@ -407,7 +409,7 @@ mod tests {
                     num_channels: 1,
                     num_paths: n,
                 };
-                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), false);
+                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), false, None);
                 for tolerance in [1e-2, 1e-4, 1e-6, 1e-9, 1e-11] {
                     for level in Level::available() {
                         let options = Options {
@@ -461,7 +463,7 @@ mod tests {
         };
         let (samples, report) = beat_signal(&wf, &series, &Options::default()).unwrap();
         assert_eq!(report.runs, 1, "{}", report.plan);
-        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true, None);
         let error = error(&samples, &exact, &amplitude);
         assert!(error <= 1e-4, "{error:e} {}", report.plan);
     }
@@ -505,7 +507,7 @@ mod tests {
             num_channels,
             num_paths,
         };
-        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+        let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true, None);
         for (tolerance, is_parallel) in [(1e-4, false), (1e-4, true), (1e-9, false)] {
             let options = Options {
                 tolerance,

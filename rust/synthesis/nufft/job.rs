@@ -1,5 +1,6 @@
 //! Job of the NUFFT: the paths of one channel in one block of chirps.
 
+use crate::cancel::Cancel;
 use crate::numeric::simd::Level;
 use crate::synthesis::block::Selection;
 use crate::synthesis::chirp::Waveform;
@@ -33,6 +34,8 @@ pub struct Job<'a> {
     pub is_parallel: bool,
     /// Transform velocity rows that no path touches as well, for tests.
     pub keep_empty_rows: bool,
+    /// Request to stop: what is left of the paths is left out.
+    pub cancel: Option<&'a Cancel>,
 }
 
 /// Largest number of channels whose spectra are held at the same time.

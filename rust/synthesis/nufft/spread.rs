@@ -6,6 +6,7 @@ use super::coordinates::{Coordinates, Map, Points, Tracks};
 use super::job::Job;
 use super::layout::Layout;
 use super::scalar::Scalar;
+use crate::cancel::Cancel;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
 use crate::numeric::wide;
 use crate::synthesis::block::{CHUNK, Rows};
@@ -48,6 +49,9 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
     let mut scratch = Scratch::new(batch * CHUNK, job.width);
     let mut checked = Checked::default();
     for first in chunks.clone().step_by(batch) {
+        if job.cancel.is_some_and(Cancel::is_asked) {
+            break;
+        }
         points.len = 0;
         for index in first..chunks.end.min(first + batch) {
             let sum = T::place(job, &map, index * CHUNK, &mut rows, &mut tracks, &mut points);

@@ -8,6 +8,7 @@
 
 use std::ops::Range;
 
+use crate::cancel::Cancel;
 use crate::numeric::simd::{Isa, Precision, Vector};
 use crate::numeric::trig;
 use crate::numeric::wide::{self, add, mul, mul_add, neg_mul_add};
@@ -32,6 +33,8 @@ pub struct Job<'a> {
     pub chirps: Range<usize>,
     /// Power of two that amplitudes are multiplied by, which keeps f32 from underflow.
     pub scale: f64,
+    /// Request to stop: what is left of the paths is left out.
+    pub cancel: Option<&'a Cancel>,
 }
 
 impl Job<'_> {
@@ -440,6 +443,7 @@ pub(crate) mod tests {
                 crate::synthesis::block::Class::All,
                 Level::best(),
                 false,
+                None,
             );
             let scale = f64::from(1 << 20);
             let mut out = vec![Complex::<T>::default(); truth.len()];
@@ -459,6 +463,7 @@ pub(crate) mod tests {
                             paths: part,
                             chirps: chirps.clone(),
                             scale,
+                            cancel: None,
                         },
                         out,
                     );

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex;
 
 use super::chirp_phases::{Amplitudes, Group, Job, MAX_LANES, Phases, TERMS, Wide, complex_mul, cos_sin, splat};
+use crate::cancel::Cancel;
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::wide::{mul, mul_add};
 use crate::synthesis::block::{CHUNK, Chunk};
@@ -55,6 +56,9 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
             let group = Group::new(waveform, series, chirps.clone());
             sums.total.fill(T::zero());
             for first in self.job.paths.clone().step_by(CHUNK) {
+                if self.job.cancel.is_some_and(Cancel::is_asked) {
+                    break;
+                }
                 chunk.load::<I>(series, channel, first, &group.block, selection);
                 let phases = Phases::new(waveform, &group, &chunk, 0.1 * tolerance::<T>());
                 let amplitudes = Amplitudes::new(&group, &chunk, self.job.scale, num_samples, 0.1 * tolerance::<T>());

@@ -91,7 +91,7 @@ fn message_names_file_and_line_and_stays_short() {
 
 #[test]
 fn missing_file_is_an_io_error_that_names_it() {
-    let error = read_obj(Path::new("/nowhere/part.obj")).unwrap_err();
+    let error = read_obj(Path::new("/nowhere/part.obj"), &Cancel::default()).unwrap_err();
     assert!(matches!(error, Error::Io { .. }));
     assert!(error.to_string().starts_with("/nowhere/part.obj: "));
 }
@@ -100,7 +100,7 @@ fn missing_file_is_an_io_error_that_names_it() {
 fn file_on_disk_reads_as_the_same_text_in_memory() {
     let path = std::env::temp_dir().join(format!("radarcore-cube-{}.obj", std::process::id()));
     std::fs::write(&path, cube()).unwrap();
-    let obj = read_obj(&path);
+    let obj = read_obj(&path, &Cancel::default());
     std::fs::remove_file(&path).unwrap();
     assert_eq!(obj.unwrap(), read(&cube()));
 }

@@ -98,7 +98,7 @@ impl Paths {
     }
 
     fn exact(&self, waveform: &Waveform) -> Vec<Complex64> {
-        self.with_series(|series| direct::beat_signal(waveform, series, Class::All, Level::best(), true))
+        self.with_series(|series| direct::beat_signal(waveform, series, Class::All, Level::best(), true, None))
     }
 
     fn sum(&self, waveform: &Waveform, options: Options) -> (Vec<Complex32>, Report) {
@@ -130,7 +130,7 @@ impl Paths {
     }
 }
 
-fn options(tolerance: f64, level: Level) -> Options {
+fn options(tolerance: f64, level: Level) -> Options<'static> {
     Options {
         tolerance,
         method: Method::Lanes,

@@ -1,0 +1,95 @@
+"""Exact surfaces of docs/accuracy.md: quadratures against closed forms, and frames of meshes against both."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from proof import embree, real_meshes
+from proof.closed_forms import cylinder_echo, sphere_echo
+from proof.dense import facets
+from proof.exact import Arc, Ellipsoid, Line, ellipsoid_nodes, exact_echo, is_occluded, revolution_nodes
+from proof.measure import FULL, SPEED_OF_LIGHT, conductor, frequencies
+from proof.real_meshes import DEFAULT, RADAR, WAVEFORM, View, profile_errors, sampled
+from proof.surfaces import FINE, SPAN, Dense, Target, targets
+
+AHEAD, UPRIGHT = np.array([1.0, 0.0, 0.0]), np.eye(3)
+
+
+def difference(got: NDArray[np.complex128], expected: NDArray[np.complex128]) -> float:
+    return float(np.linalg.norm(got - expected) / np.linalg.norm(expected))
+
+
+# Distances are counted in cells of 10 um, over which a phase turns by 0.028: a share of its square.
+COUNTED = 4e-4
+
+
+def test_quadratures_are_the_closed_forms_of_a_sphere_and_a_tube() -> None:
+    expected = sphere_echo(0.1, 1.0, 2.0 * np.pi * frequencies(WAVEFORM) / SPEED_OF_LIGHT)
+    ball = ellipsoid_nodes([Ellipsoid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))], AHEAD, UPRIGHT, 200)
+    assert difference(exact_echo(ball, WAVEFORM), expected) < COUNTED
+    # Two half-spheres, whose lit parts end between nodes.
+    halves = [Arc((0.0, 0.0), 0.1, -0.5 * np.pi, 0.0), Arc((0.0, 0.0), 0.1, 0.0, 0.5 * np.pi)]
+    turned = revolution_nodes(halves, AHEAD, UPRIGHT, 300)
+    assert difference(exact_echo([turned], WAVEFORM), expected) < COUNTED
+    side = revolution_nodes([Line((0.05, -0.15), (0.05, 0.15))], AHEAD, UPRIGHT, 300)
+    # Of 64 frequencies.
+    assert difference(exact_echo([side], WAVEFORM)[::8], cylinder_echo(0.05, 0.3, 1.0)) < COUNTED
+
+
+def test_what_an_ellipsoid_hides_does_not_count() -> None:
+    front, behind = Ellipsoid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)), Ellipsoid((0.5, 0.0, 0.0), (0.1, 0.1, 0.1))
+    both, alone = (
+        exact_echo(ellipsoid_nodes(some, AHEAD, UPRIGHT, 100), WAVEFORM) for some in ([front, behind], [front])
+    )
+    np.testing.assert_array_equal(both, alone)
+    # Seen from behind, the other way round: neither is on the line to the radar of points beside it.
+    matrix = 0.1 * UPRIGHT
+    points = np.array([[2.0, 0.0, 0.0], [2.0, 0.3, 0.0], [0.5, 0.0, 0.0], [2.0, 0.19, 0.0]])
+    assert is_occluded(points, [(AHEAD, matrix)]).tolist() == [True, False, False, True]
+
+
+def chosen() -> list[Target]:
+    """A capsule and a tube that are tilted by 20 degrees, and the person from the front."""
+    return [
+        target
+        for target in targets(FULL)
+        if target.name.endswith((" 20°", " 0°")) and "capsule, tilted 0" not in target.name
+    ]
+
+
+@pytest.mark.parametrize("target", chosen(), ids=lambda target: target.name)
+def test_default_frame_of_a_mesh_has_the_echo_of_the_surface(target: Target) -> None:
+    small = replace(target, num_nodes=300)
+    expected = small.echo()
+    view, reference = View("", "", target.scene(1), RADAR, rc.Pose()), Dense((expected, expected), 0, *SPAN)
+    errors = [sampled(view, way, reference).errors for way in (DEFAULT, FINE)]
+    assert abs(errors[0].strongest) <= 0.5
+    assert errors[0].relative <= 0.06
+    assert abs(errors[1].strongest) <= 0.3
+    assert errors[1].relative < errors[0].relative
+
+
+def test_a_coarse_mesh_is_off_where_its_facets_are_flat() -> None:
+    target = next(targets(FULL))
+    expected = target.echo(0.5)
+    view = View("", "", target.scene(0), RADAR, rc.Pose())
+    flat = [
+        rc.Body(rc.Mesh(b.mesh.vertices, b.mesh.triangles, shading="flat"), material=b.material, motion=b.motion)
+        for b in view.scene.bodies
+    ]
+    reference = Dense((expected, expected), 0, *SPAN)
+    smooth, faceted = (sampled(v, FINE, reference).errors for v in (view, replace(view, scene=rc.Scene(flat))))
+    assert smooth.relative < 0.05 < 0.2 < faceted.relative
+
+
+@pytest.mark.skipif(not embree.is_available(), reason=embree.INSTALL_HINT)
+def test_distances_of_embree_give_the_same_profile_of_facets() -> None:
+    bodies = [conductor(rc.shapes.capsule(0.06, 0.4), 1.2), conductor(rc.shapes.sphere(0.1), 1.5)]
+    view = View("", "", rc.Scene(bodies), RADAR, rc.Pose())
+    ours, theirs = (real_meshes.integrated(view, 2e-3, 4, tracer) for tracer in (facets, embree.embree_facets))
+    assert profile_errors(theirs.transfer_function, ours.transfer_function, *SPAN).relative < 2e-3

@@ -1,0 +1,165 @@
+"""Ctrl-C is heard soon in every long call of the core, and progress is told; frames are in simulate/test_running.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from interrupts import hears_interrupts, time_of, time_to_hear
+from radarcore import _core, notice
+
+__all__ = ["hears_interrupts"]
+
+pytestmark = pytest.mark.usefixtures("hears_interrupts")
+
+
+def beat(method: str, num_paths: int, num_chirps: int, num_samples: int, tolerance: float) -> object:
+    """Sum over moving paths in random order."""
+    waveform = rc.Waveform(
+        start_frequency=60e9,
+        slope=1e9 * 2e6 / num_samples,
+        sample_rate=2e6,
+        num_samples=num_samples,
+        num_chirps=num_chirps,
+        chirp_interval=3e-3,
+    )
+    rng = np.random.default_rng(1)
+    delay, rate = 1e-8 * rng.random((2, num_paths))
+    amplitude = np.ones(num_paths, complex)
+    return partial(
+        _core.beat_signal,
+        delay,
+        amplitude,
+        1e-2 * rate,
+        waveform=waveform._core,
+        tolerance=tolerance,
+        method=method,
+        threads=2,
+    )
+
+
+@pytest.mark.parametrize(
+    ("method", "shape", "tolerance"),
+    [
+        # One chirp is the work of one thread.
+        ("direct", (1, 4096), 1e-9),
+        ("direct", (64, 64), 1e-9),
+        ("recurrence", (16, 1024), 1e-6),
+        ("grid", (4, 64), 1e-9),
+    ],
+    ids=["direct-one-chirp", "direct", "recurrence", "grid"],
+)
+def test_interrupt_ends_a_long_sum_soon(method: str, shape: tuple[int, int], tolerance: float) -> None:
+    num_paths = {"direct": 400_000, "recurrence": 2_000_000, "grid": 6_000_000}[method]
+    tenth: Callable[[], object] = beat(method, num_paths // 10, *shape, tolerance)
+    whole: Callable[[], object] = beat(method, num_paths, *shape, tolerance)
+    assert time_to_hear(whole, after=0.2) < 3.0 * time_of(tenth)
+
+
+def bumpy(num_squares: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sheet of twice as many triangles as there are squares."""
+    side = int(np.sqrt(num_squares))
+    y, z = np.meshgrid(*[np.linspace(-1.0, 1.0, side + 1)] * 2, indexing="ij")
+    vertices = np.stack([0.1 * np.sin(7.0 * y) * np.cos(5.0 * z), y, z], axis=-1).reshape(-1, 3)
+    first = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    corners = [[0, side + 1, 1], [1, side + 1, side + 2]]
+    return vertices, np.concatenate([first[:, None] + corner for corner in corners])
+
+
+def test_interrupt_ends_a_build_soon() -> None:
+    tenth, whole = bumpy(100_000), bumpy(1_000_000)
+    # Arrays are checked in Python before.
+    assert time_to_hear(lambda: rc.Mesh(*whole, progress=False), after=0.4) < 5.0 * time_of(lambda: rc.Mesh(*tenth))
+
+
+def test_interrupt_ends_the_reading_of_a_mesh_soon(tmp_path: Path) -> None:
+    head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    for name, number in (("tenth.obj", 200_000), ("whole.obj", 2_000_000)):
+        (tmp_path / name).write_text(head + "f 1 2 3\n" * number, encoding="utf-8")
+    tenth = time_of(lambda: _core.load_obj(str(tmp_path / "tenth.obj")))
+    assert time_to_hear(lambda: rc.load_mesh(tmp_path / "whole.obj"), after=0.2) < 4.0 * tenth
+
+
+def test_interrupt_ends_an_image_soon() -> None:
+    # Rays meet the boxes of most triangles.
+    rng = np.random.default_rng(2)
+    vertices = rng.normal(size=(30_000, 3)) * [1e-3, 1.0, 1.0] + [2.0, 0.0, 0.0]
+    scene = rc.Scene([rc.Body(rc.Mesh(vertices, np.arange(30_000).reshape(-1, 3), shading="flat"))])
+    waveform = rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=16)
+
+    def image(side: int) -> Callable[[], object]:
+        sim = rc.Simulator(scene, rc.Radar(waveform), resolution=side, field_of_view_deg=(40.0, 40.0), threads=2)
+        return sim.depth_image
+
+    assert time_to_hear(image(1200), after=0.2) < 3.0 * time_of(image(200))
+
+
+def test_interrupt_ends_cross_sections_soon() -> None:
+    corner, azimuth_deg = rc.shapes.trihedral(1.0), np.linspace(150.0, 210.0, 4000)
+    hundredth = time_of(lambda: rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::100], max_bounces=3))
+    all_of_them = partial(rc.rcs, corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
+    assert time_to_hear(all_of_them, after=0.5) < 10.0 * hundredth
+
+
+def told(work: Callable[[Callable[[int], object]], object]) -> list[int]:
+    """Numbers that a long call has reported."""
+    numbers: list[int] = []
+    work(numbers.append)
+    return numbers
+
+
+def test_direct_sums_and_builds_tell_how_far_they_are() -> None:
+    direct: Callable[..., object] = beat("direct", 60_000, 64, 64, 1e-9)
+    vertices, triangles = bumpy(500_000)
+    rows = triangles.astype(np.uint32)
+    for numbers, total in (
+        (told(lambda report: direct(report=report)), 64),
+        (told(lambda report: _core.Surface(vertices, rows, crease_angle=0.7, report=report)), 1000),
+    ):
+        assert numbers == sorted(numbers)
+        assert 0 <= numbers[0] <= numbers[-1] <= total
+        assert len(set(numbers)) >= 3
+
+
+def test_a_report_that_fails_ends_the_call() -> None:
+    direct: Callable[..., object] = beat("direct", 200_000, 64, 64, 1e-9)
+
+    def fails(num_done: int) -> None:
+        raise RuntimeError(f"after {num_done} chirps")
+
+    with pytest.raises(RuntimeError, match=r"after \d+ chirps"):
+        direct(report=fails)
+
+
+def test_a_bar_appears_after_a_second_alone_and_ends_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[list[int]] = []
+
+    class Bar:
+        def __init__(self) -> None:
+            self.n = 0
+            shown.append([])
+
+        def update(self, more: int) -> None:
+            self.n += more
+            shown[-1].append(self.n)
+
+        def close(self) -> None:
+            shown[-1].append(-1)
+
+    now = [0.0]
+    monkeypatch.setattr(notice, "progress", lambda *steps, **options: Bar())
+    monkeypatch.setattr(notice, "monotonic", lambda: now[0])
+    with notice.progress_if_long("sum", "chirp", 10) as report:
+        report(3)
+    assert shown == []
+    with notice.progress_if_long("sum", "chirp", 10) as report:
+        now[0] = 1.1
+        report(3)
+        report(7)
+    assert shown == [[3, 7, 10, -1]]
