@@ -106,8 +106,8 @@ setting hold: the page is not written otherwise. Where another is not held:
 
 {unheld}
 
-"edge terms" is adaptive sampling with `end_points=True`, within a `ray_budget`, which also counts the base cells in
-empty directions, where no rays are cast.
+"edge terms" is adaptive sampling with `end_points=True`, within a `ray_budget`, to which rays of cells that were tried
+before the error had grown do not count.
 
 ## Specular targets
 

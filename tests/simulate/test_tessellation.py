@@ -133,7 +133,7 @@ def test_coarse_turned_part_echoes_as_a_fine_one(
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_noise_on_vertices_changes_each_peak_little_more_than_on_flat_facets(sampling: str) -> None:
-    options = SAMPLINGS[sampling] | ({} if sampling == "footprint" else {"rcs_floor": 1e-3})
+    options = SAMPLINGS[sampling] | ({} if sampling == "footprint" else {"rcs_floor": 1e-4})
     change = {}
     for shading in ("smooth", "flat"):
         clean = peaks_db(tube(32, 8, shading=shading), **options)
@@ -152,7 +152,7 @@ def test_coarse_sphere_is_a_sphere_however_it_is_turned(
     # 320 and 1280 facets, up to 1.8 and 0.46 mm inside the sphere of 10 cm: 4.6 and 1.2 rad there and back. With
     # area-weighted normals, which lean off the radius, some turns are off by more.
     mesh, expected = rc.shapes.sphere(0.1, subdivisions=subdivisions), [sphere(0.1, 1.0, f) for f in BAND]
-    options = SAMPLINGS[sampling] | ({"resolution": 256} if sampling == "footprint" else {"rcs_floor": 1e-4})
+    options = SAMPLINGS[sampling] | ({"resolution": 256} if sampling == "footprint" else {})
     for rotation in Rotation.random(24, rng=np.random.default_rng(0)).as_matrix():
         ball = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))
         sim = rc.Simulator(rc.Scene([ball]), rc.Radar(WAVEFORM), field_of_view_deg=(14.0, 14.0), **options)

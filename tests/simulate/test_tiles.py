@@ -14,7 +14,7 @@ import radarcore as rc
 C = 299_792_458.0
 BAND = np.linspace(57e9, 64e9, 15)
 
-EDGE_TERMS: dict[str, Any] = {"end_points": True, "ray_budget": np.inf, "resolution": 64, "tolerance": 1e-9}
+EDGE_TERMS: dict[str, Any] = {"end_points": True, "ray_budget": np.inf, "tolerance": 1e-9}
 
 both_ways = pytest.mark.parametrize("way", [{}, EDGE_TERMS], ids=["tapers", "edge terms"])
 
@@ -178,7 +178,7 @@ def test_budget_is_kept_where_thin_bars_alone_would_exceed_it() -> None:
 
 @both_ways
 def test_results_depend_neither_on_threads_nor_on_what_is_known(way: dict[str, Any]) -> None:
-    floor = {"rcs_floor": 1e-4} if way else {}
+    floor = {"rcs_floor": 1e-3} if way else {}
 
     def moving(**options: Any) -> rc.Simulator:
         rough = rc.Material.lambertian(0.3)

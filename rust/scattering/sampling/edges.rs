@@ -11,18 +11,21 @@ use num_complex::Complex64;
 
 use super::cells::Cells;
 use super::level::Level;
-use super::pairs::{KeptCells, Patch};
+use super::pairs::{CellEcho, KeptCells};
 use super::place::CellPlace;
 use super::points::{Channels, TilePoints, patch_of};
 use super::residual::block;
 use super::tile::{Scenery, Tile};
 use crate::rays::camera::TILE;
-use crate::rays::packet::{PACKET, TileRays};
+use crate::rays::packet::{MOST_RAYS, PACKET, TileRays};
 use crate::scattering::physical_optics::{Sampling, Weigh};
 use crate::scattering::tile_point::TilePoint;
 
 /// Least rate of the phase at the end of a cell, relative to the rate in the centre.
 const LEAST_TURN: f64 = 0.5;
+
+/// Lower and upper side of a cell along an axis.
+const SIDES: [i8; 2] = [-1, 1];
 
 /// Cells of all levels that were not split.
 #[derive(Clone, Copy)]
@@ -56,49 +59,61 @@ enum Partner {
 impl<'a> Leaves<'a> {
     /// Material points of the cells of a tile that were not split.
     pub(super) fn points(&self, level: usize, number: usize) -> Found {
-        let (tile, split) = (&self.levels[level].tiles[number], self.levels[level].split[number]);
+        let (tile, split) = (&*self.levels[level].tiles[number], self.levels[level].split[number]);
         let mut found = Found::default();
         let Some(kept) = &tile.kept else { return found };
         let first = CellPlace::first(&tile.place);
-        for row in 0..TILE {
-            for column in 0..TILE {
-                let cell = TileRays::ray(row, column);
-                if kept.cells.hit >> cell & 1 == 0 || split >> block(row, column) & 1 == 1 {
-                    continue;
-                }
-                let at = CellPlace {
-                    row: first.row + row,
-                    column: first.column + column,
-                    ..first
-                };
-                let before = found.points.points.len();
-                self.add(at, kept, cell, &mut found);
-                found.num_hit += 1;
-                found.num_lit += usize::from(found.points.points.len() > before);
+        for cell in (0..MOST_RAYS).filter(|cell| kept.cells.hit >> cell & 1 == 1) {
+            let (row, column) = TileRays::place(cell);
+            if split >> block(row, column) & 1 == 1 {
+                continue;
             }
+            let at = CellPlace {
+                row: first.row + row,
+                column: first.column + column,
+                ..first
+            };
+            let before = found.points.points.len();
+            self.add(at, (tile, split, kept), cell, &mut found);
+            found.num_hit += 1;
+            found.num_lit += usize::from(found.points.points.len() > before);
         }
         found
     }
 
-    /// Append the points of a cell: its centre, or those ends or corners that nothing cancels.
-    fn add(&self, at: CellPlace, kept: &KeptCells, cell: usize, found: &mut Found) {
+    /// Append the points of a cell of a tile: its centre, or those ends or corners that nothing cancels.
+    fn add(&self, at: CellPlace, (tile, split, kept): (&Tile, u16, &KeptCells), cell: usize, found: &mut Found) {
         let scenery = &self.sceneries[at.sector];
         let plane = &scenery.planes[at.level];
         let width = [plane.du, plane.dv];
-        let steep = kept.steep(cell);
-        let has_partner = |axis, side| self.partner(at, axis, side) != Partner::None;
+        let partner = |axis: usize, side: usize| {
+            // Most are beside a cell of the same tile.
+            let beside = at.beside(axis, side).filter(|beside| beside.tile() == tile.place);
+            let beside = beside.filter(|beside| tile.casts(beside.ray(), plane) && split >> beside.block() & 1 == 0);
+            match beside {
+                Some(beside) => {
+                    let first = if side == 0 { at } else { beside };
+                    if kept.pair(first.row % TILE, first.column % TILE, axis).is_alike {
+                        Partner::Cell(beside)
+                    } else {
+                        Partner::None
+                    }
+                }
+                None => self.partner(at, axis, side),
+            }
+        };
         let mut add = |sides: [i8; 2]| {
             found.farthest = found.farthest.max(kept.cells.distance[cell]);
             let (points, wavenumber) = (&mut found.points, scenery.wavenumber);
             points.add_edge_term(&kept.cells, cell, width, sides, wavenumber, &scenery.channels);
         };
-        match steep {
+        match kept.steep(cell) {
             [false, false] => found.points.add_center(&kept.cells, cell, width, &scenery.channels),
             [true, true] => {
                 // A corner is shared with cells along both axes: those along u come first.
-                for u in (0..2).filter(|u| !has_partner(0, *u)) {
+                for u in (0..2).filter(|u| partner(0, *u) == Partner::None) {
                     for v in 0..2 {
-                        let is_cancelled = match self.partner(at, 1, v) {
+                        let is_cancelled = match partner(1, v) {
                             Partner::None => false,
                             Partner::Border => true,
                             Partner::Cell(other) => self
@@ -106,19 +121,17 @@ impl<'a> Leaves<'a> {
                                 .is_none_or(|other| self.partner(other, 0, u) == Partner::None),
                         };
                         if !is_cancelled {
-                            add([[-1, 1][u], [-1, 1][v]]);
+                            add([SIDES[u], SIDES[v]]);
                         }
                     }
                 }
             }
             [is_along_u, _] => {
                 let axis = usize::from(!is_along_u);
-                for side in 0..2 {
-                    if !has_partner(axis, side) {
-                        let mut sides = [0; 2];
-                        sides[axis] = [-1, 1][side];
-                        add(sides);
-                    }
+                for side in (0..2).filter(|side| partner(axis, *side) == Partner::None) {
+                    let mut sides = [0; 2];
+                    sides[axis] = SIDES[side];
+                    add(sides);
                 }
             }
         }
@@ -126,7 +139,9 @@ impl<'a> Leaves<'a> {
 
     /// What cancels the edge term of a cell on one side: the lower, 0, or the upper, 1, end of an axis.
     fn partner(&self, at: CellPlace, axis: usize, side: usize) -> Partner {
-        let Some(beside) = self.beside(at, axis, side) else {
+        let plane = &self.sceneries[at.sector].planes[at.level];
+        let beside = at.beside(axis, side);
+        let Some(beside) = beside.filter(|beside| beside.row < plane.rows && beside.column < plane.columns) else {
             return Partner::Border;
         };
         // The cell of the same level, or the finest one round that.
@@ -137,10 +152,10 @@ impl<'a> Leaves<'a> {
                 return Partner::Border;
             }
             let is_shared = if coarser == 0 {
-                self.patch(here)
+                self.echo(here)
                     .is_some_and(|here| self.are_alike(there, &here, axis, 1 - side))
             } else {
-                self.patch(there)
+                self.echo(there)
                     .is_some_and(|there| self.are_alike(here, &there, axis, side))
             };
             return if is_shared { Partner::Cell(there) } else { Partner::None };
@@ -149,7 +164,7 @@ impl<'a> Leaves<'a> {
     }
 
     /// True if a cell, and all that it was split into along a side, show one smooth surface with another there.
-    fn are_alike(&self, at: CellPlace, other: &Patch, axis: usize, side: usize) -> bool {
+    fn are_alike(&self, at: CellPlace, other: &CellEcho, axis: usize, side: usize) -> bool {
         let Some((tile, split)) = self.tile(at) else {
             return true;
         };
@@ -158,9 +173,9 @@ impl<'a> Leaves<'a> {
         }
         let wavenumber = self.sceneries[at.sector].wavenumber;
         let is_alike = self
-            .patch(at)
-            .is_some_and(|patch| patch.compare(other, axis, wavenumber).is_alike);
-        let is_split = split >> block(at.row % TILE, at.column % TILE) & 1 == 1;
+            .echo(at)
+            .is_some_and(|echo| echo.compare(other, axis, wavenumber).is_alike);
+        let is_split = split >> at.block() & 1 == 1;
         is_alike
             && (!is_split
                 || at
@@ -185,21 +200,7 @@ impl<'a> Leaves<'a> {
     }
 
     fn is_split(&self, at: CellPlace) -> bool {
-        self.tile(at)
-            .is_some_and(|(_, split)| split >> block(at.row % TILE, at.column % TILE) & 1 == 1)
-    }
-
-    /// Place of the same level beside one; none beyond the image plane.
-    fn beside(&self, at: CellPlace, axis: usize, side: usize) -> Option<CellPlace> {
-        let plane = &self.sceneries[at.sector].planes[at.level];
-        // u and v grow to the left and upwards.
-        let step = if side == 0 { 1 } else { -1 };
-        let beside = if axis == 0 {
-            at.about(0, step)
-        } else {
-            at.about(step, 0)
-        }?;
-        (beside.row < plane.rows && beside.column < plane.columns).then_some(beside)
+        self.tile(at).is_some_and(|(_, split)| split >> at.block() & 1 == 1)
     }
 
     /// Tile of a cell whose ray is of those that are wanted, and its split blocks.
@@ -207,15 +208,14 @@ impl<'a> Leaves<'a> {
         let level = self.levels.get(at.level)?;
         let number = level.find(&at.tile())?;
         let tile = &level.tiles[number];
-        let packet = TileRays::ray(at.row % TILE, at.column % TILE) / PACKET;
+        let packet = at.ray() / PACKET;
         (tile.packets >> packet & 1 == 1).then_some((tile, level.split[number]))
     }
 
     /// Cell as others compare it; none without a hit in its tile.
-    fn patch(&self, at: CellPlace) -> Option<Patch> {
+    fn echo(&self, at: CellPlace) -> Option<CellEcho> {
         let kept = self.tile(at)?.0.kept.as_ref()?;
-        let cell = TileRays::ray(at.row % TILE, at.column % TILE);
-        Some(kept.patch(cell, &self.sceneries[at.sector].planes[at.level]))
+        Some(kept.echo(at.ray(), &self.sceneries[at.sector].planes[at.level]))
     }
 }
 

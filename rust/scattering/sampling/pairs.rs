@@ -3,11 +3,10 @@
 use glam::DVec3;
 
 use super::cells::Cells;
-use super::place::CellPlace;
 use super::points::{Channels, patch_of};
 use super::residual::{BLOCKS, block};
 use crate::rays::camera::{ImagePlane, TILE};
-use crate::rays::packet::MOST_RAYS;
+use crate::rays::packet::{MOST_RAYS, TileRays};
 use crate::rays::scene::NO_BODY;
 
 /// Half of what the phase turns over a cell from which on edge terms stand for it [rad].
@@ -19,17 +18,23 @@ const PLANE: f64 = 0.02;
 /// Phase that is not explained up to which two cells show one smooth surface [rad].
 const SMOOTH: f64 = 0.5;
 
+/// Share of a cell's field that is left open where one of two adjacent cells hits alone: the edge of the surface lies
+/// anywhere between both.
+const SILHOUETTE: f32 = 1.0;
+
 /// Cells of an evaluated tile that are kept for comparison with others.
 #[derive(Clone, Debug)]
 pub(super) struct KeptCells {
     pub(super) cells: Cells,
     /// A bit per cell over which the phase of every channel turns fast, with one sign; along u and along v.
     steep: [u64; 2],
+    /// Pairs of every cell and the one beside it in the tile, on the lower side along u and along v; row by row.
+    pairs: [[PairError; MOST_RAYS]; 2],
 }
 
 /// Cell as another one compares it.
 #[derive(Clone, Copy)]
-pub(super) struct Patch {
+pub(super) struct CellEcho {
     /// Centre and size.
     center: [f64; 2],
     width: [f64; 2],
@@ -46,15 +51,15 @@ pub(super) struct Patch {
 }
 
 /// Difference between two adjacent cells.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct PairError {
     /// Field per solid angle and times distance squared, of which the rest are shares [m^2].
-    field: f64,
+    field: f32,
     /// Share that may be other than one smooth surface.
-    jump: f64,
+    jump: f32,
     /// Share that is left open; and the same if both leave out the edge term between them.
-    apart: f64,
-    together: f64,
+    apart: f32,
+    together: f32,
     /// True if both are on one surface, where the edge term between them is equal for both.
     pub(super) is_alike: bool,
 }
@@ -81,10 +86,30 @@ impl KeptCells {
                 steep[axis] |= u64::from(least[axis] > STEEP) << cell;
             }
         }
-        Self {
+        let mut kept = Self {
             cells: cells.clone(),
             steep,
+            pairs: [[PairError::NOTHING; MOST_RAYS]; 2],
+        };
+        let mut echoes = [CellEcho::nothing(plane); MOST_RAYS];
+        for row in 0..TILE {
+            for column in 0..TILE {
+                echoes[TILE * row + column] = kept.echo(TileRays::ray(row, column), plane);
+            }
         }
+        for (axis, step) in [1, TILE].into_iter().enumerate() {
+            for cell in 0..MOST_RAYS - step {
+                if axis == 1 || cell % TILE + 1 < TILE {
+                    kept.pairs[axis][cell] = echoes[cell].compare(&echoes[cell + step], axis, wavenumber);
+                }
+            }
+        }
+        kept
+    }
+
+    /// Pair of the cell of a row and a column with that beside it in the tile, on the lower side of an axis.
+    pub(super) fn pair(&self, row: usize, column: usize, axis: usize) -> &PairError {
+        &self.pairs[axis][TILE * row + column]
     }
 
     /// Axes along which a cell has edge terms.
@@ -93,12 +118,12 @@ impl KeptCells {
     }
 
     /// Cell as others compare it.
-    pub(super) fn patch(&self, cell: usize, plane: &ImagePlane) -> Patch {
+    pub(super) fn echo(&self, cell: usize, plane: &ImagePlane) -> CellEcho {
         let cells = &self.cells;
         if cells.hit >> cell & 1 == 0 {
-            return Patch::nothing(plane);
+            return CellEcho::nothing(plane);
         }
-        Patch {
+        CellEcho {
             center: [cells.u[cell], cells.v[cell]],
             width: [plane.du, plane.dv],
             distance: cells.distance[cell],
@@ -113,7 +138,18 @@ impl KeptCells {
     }
 }
 
-impl Patch {
+impl PairError {
+    /// Between cells of which neither hit a body.
+    const NOTHING: Self = Self {
+        field: 0.0,
+        jump: 0.0,
+        apart: 0.0,
+        together: 0.0,
+        is_alike: false,
+    };
+}
+
+impl CellEcho {
     /// Cell of a plane that hit nothing.
     pub(super) fn nothing(plane: &ImagePlane) -> Self {
         Self {
@@ -132,6 +168,9 @@ impl Patch {
 
     /// Compare with a cell beside along an axis, which is as large or larger; `wavenumber` [rad/m].
     pub(super) fn compare(&self, other: &Self, axis: usize, wavenumber: f64) -> PairError {
+        if self.body == NO_BODY && other.body == NO_BODY {
+            return PairError::NOTHING;
+        }
         // Slopes of the other over a cell of this size.
         let slopes = [
             self.slope,
@@ -148,10 +187,10 @@ impl Patch {
         let field = (self.field / damping[0]).max(other.field / damping[1]);
         if self.body == NO_BODY || other.body == NO_BODY {
             return PairError {
-                field,
-                jump: 1.0,
-                apart: 1.0,
-                together: 1.0,
+                field: field as f32,
+                jump: SILHOUETTE,
+                apart: SILHOUETTE,
+                together: SILHOUETTE,
                 is_alike: false,
             };
         }
@@ -192,71 +231,85 @@ impl Patch {
         } else {
             (jump, 0.25 * from_planes / square)
         };
+        let together = jump + if is_plane { 0.0 } else { 0.25 * bend(axis) };
+        let apart = explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step;
         PairError {
-            field,
-            jump,
-            apart: explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step,
-            together: jump + if is_plane { 0.0 } else { 0.25 * bend(axis) },
+            field: field as f32,
+            jump: jump as f32,
+            apart: apart as f32,
+            together: together as f32,
             is_alike,
         }
     }
 }
 
-/// Residual field of every block of a tile, per solid angle and times distance squared [m^2], from its cells and those
-/// beside it: by place on the level, none where no ray was cast, or only one of larger cells.
-pub(super) fn residual(first: CellPlace, wavenumber: f64, patch: impl Fn(CellPlace) -> Option<Patch>) -> [f32; BLOCKS] {
-    const AROUND: usize = TILE + 2;
-    // Cells of the tile with one row or column of every side around.
-    let mut patches = [[None; AROUND]; AROUND];
-    for row in 0..AROUND {
-        for column in 0..AROUND {
-            let is_corner = (row % (TILE + 1), column % (TILE + 1)) == (0, 0);
-            let beside = first.about(row as isize - 1, column as isize - 1);
-            patches[row][column] = beside.filter(|_| !is_corner).and_then(&patch);
-        }
-    }
+/// Residual field of every block of a tile, per solid angle and times distance squared [m^2]. `beyond`: cell of a row
+/// and a column beside the tile, on the side of an axis, lower or upper; none where no ray was cast, or only one of larger
+/// cells.
+pub(super) fn residual(
+    kept: Option<&KeptCells>,
+    plane: &ImagePlane,
+    is_cast: impl Fn(usize) -> bool,
+    wavenumber: f64,
+    beyond: impl Fn(usize, usize, [usize; 2]) -> Option<CellEcho>,
+) -> [f32; BLOCKS] {
+    const LAST: usize = TILE - 1;
     let mut residual = [0.0; BLOCKS];
     for row in 0..TILE {
         for column in 0..TILE {
-            let Some(here) = patches[row + 1][column + 1] else {
+            let cell = TileRays::ray(row, column);
+            if !is_cast(cell) {
                 continue;
+            }
+            let beside = |axis: usize, side: usize| {
+                let (along, last) = if axis == 0 { (column, LAST) } else { (row, LAST) };
+                if along == if side == 0 { last } else { 0 } {
+                    let here = kept.map_or(CellEcho::nothing(plane), |kept| kept.echo(cell, plane));
+                    return beyond(row, column, [axis, side]).map(|there| here.compare(&there, axis, wavenumber));
+                }
+                // u and v fall to the right and downwards.
+                let (above, left) = match (axis, side) {
+                    (_, 0) => (row, column),
+                    (0, _) => (row, column - 1),
+                    _ => (row - 1, column),
+                };
+                let (below, right) = if axis == 0 {
+                    (above, left + 1)
+                } else {
+                    (above + 1, left)
+                };
+                let other = if side == 0 { (below, right) } else { (above, left) };
+                let kept = kept.filter(|_| is_cast(TileRays::ray(other.0, other.1)));
+                kept.map(|kept| *kept.pair(above, left, axis))
             };
-            let beside = [
-                [patches[row + 1][column + 2], patches[row + 1][column]],
-                [patches[row + 2][column + 1], patches[row][column + 1]],
-            ];
+            let steep = kept.map_or([false; 2], |kept| kept.steep(cell));
+            let is_hit = kept.is_some_and(|kept| kept.cells.hit >> cell & 1 == 1);
+            let pairs = [[beside(0, 0), beside(0, 1)], [beside(1, 0), beside(1, 1)]];
             let residual = &mut residual[block(row, column)];
-            *residual = here.residual(&beside, wavenumber).max(*residual);
+            *residual = open(&pairs, is_hit, steep).max(*residual);
         }
     }
     residual
 }
 
-impl Patch {
-    /// Residual field, with the cells beside: lower and upper, along u and along v.
-    fn residual(&self, beside: &[[Option<Self>; 2]; 2], wavenumber: f64) -> f32 {
-        let mut pairs = [[None; 2]; 2];
-        let mut is_cancelled = [self.body != NO_BODY; 2];
-        for axis in 0..2 {
-            for side in 0..2 {
-                let pair = beside[axis][side].map(|other| self.compare(&other, axis, wavenumber));
-                // Surfaces go on where nothing is cast, and larger cells were compared before.
-                is_cancelled[axis] &= pair.map_or(self.steep[axis], |pair| pair.is_alike);
-                pairs[axis][side] = pair;
-            }
+/// Residual field of a cell, from its pairs along u and v, lower and upper.
+fn open(pairs: &[[Option<PairError>; 2]; 2], is_hit: bool, steep: [bool; 2]) -> f32 {
+    // Nothing of a cell is left where others cancel both of its edge terms. Surfaces go on where nothing is cast, and
+    // larger cells were compared before.
+    let is_cancelled = [0, 1].map(|axis| {
+        let mut sides = pairs[axis].iter();
+        is_hit && sides.all(|pair| pair.map_or(steep[axis], |pair| pair.is_alike))
+    });
+    let mut most: f32 = 0.0;
+    for axis in 0..2 {
+        for pair in pairs[axis].iter().flatten() {
+            let share = match (pair.is_alike, is_cancelled[1 - axis]) {
+                (true, _) => pair.together,
+                (false, true) => pair.jump,
+                (false, false) => pair.apart,
+            };
+            most = most.max(pair.field * share.min(1.0));
         }
-        // Nothing of a cell is left where others cancel both of its edge terms.
-        let mut most: f64 = 0.0;
-        for axis in 0..2 {
-            for pair in pairs[axis].iter().flatten() {
-                let share = match (pair.is_alike, is_cancelled[1 - axis]) {
-                    (true, _) => pair.together,
-                    (false, true) => pair.jump,
-                    (false, false) => pair.apart,
-                };
-                most = most.max(pair.field * share.min(1.0));
-            }
-        }
-        most as f32
     }
+    most
 }

@@ -1,6 +1,8 @@
 //! Places of tiles on the image planes of all levels.
 
+use super::residual::block;
 use crate::rays::camera::{ImagePlane, TILE, Tile};
+use crate::rays::packet::TileRays;
 use crate::scattering::refinement::MAX_LEVEL;
 
 /// Image planes of all levels.
@@ -40,6 +42,12 @@ impl Place {
             row: 2 * self.row + number / 2,
             column: 2 * self.column + number % 2,
         }
+    }
+
+    /// Tile of the same size beside it, on the lower, 0, or upper, 1, side of an axis, u or v.
+    pub(super) fn beside(&self, axis: usize, side: usize) -> Option<Self> {
+        let (row, column) = step(self.row, self.column, axis, side)?;
+        Some(Self { row, column, ..*self })
     }
 
     /// Number that tells the places of a level apart.
@@ -102,13 +110,20 @@ impl CellPlace {
         }
     }
 
-    /// Cell some rows and columns further; none beyond the first ones.
-    pub(super) fn about(&self, rows: isize, columns: isize) -> Option<Self> {
-        Some(Self {
-            row: self.row.checked_add_signed(rows)?,
-            column: self.column.checked_add_signed(columns)?,
-            ..*self
-        })
+    /// Number of its ray in the tile.
+    pub(super) fn ray(&self) -> usize {
+        TileRays::ray(self.row % TILE, self.column % TILE)
+    }
+
+    /// Number of its block in the tile.
+    pub(super) fn block(&self) -> usize {
+        block(self.row % TILE, self.column % TILE)
+    }
+
+    /// Cell of the same size beside it, on the lower, 0, or upper, 1, side of an axis, u or v.
+    pub(super) fn beside(&self, axis: usize, side: usize) -> Option<Self> {
+        let (row, column) = step(self.row, self.column, axis, side)?;
+        Some(Self { row, column, ..*self })
     }
 
     /// Cell some levels coarser that the cell is a part of.
@@ -134,5 +149,15 @@ impl CellPlace {
                 ..*self
             }
         })
+    }
+}
+
+/// Row and column beside others; none beyond the first ones. u and v grow to the left and upwards.
+fn step(row: usize, column: usize, axis: usize, side: usize) -> Option<(usize, usize)> {
+    let step = if side == 0 { 1 } else { -1 };
+    if axis == 0 {
+        Some((row, column.checked_add_signed(step)?))
+    } else {
+        Some((row.checked_add_signed(step)?, column))
     }
 }

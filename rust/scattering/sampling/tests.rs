@@ -261,17 +261,14 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
 }
 
 fn same(a: &Tiles, b: &Tiles) -> bool {
-    let key = |tiles: &Tiles| -> Vec<([u64; 3], (u32, u8), [u64; 2])> {
+    let key = |tiles: &Tiles| -> Vec<([u64; 5], [u32; 2])> {
         let all = tiles.points();
         let points = all.points.iter().zip(&all.weights);
         points
             .map(|(point, weight)| {
-                let position = point.position.to_array().map(f64::to_bits);
-                (
-                    position,
-                    (point.triangle, point.order),
-                    [weight.re.to_bits(), weight.im.to_bits()],
-                )
+                let [x, y, z] = point.position.to_array();
+                let numbers = [x, y, z, weight.re, weight.im].map(f64::to_bits);
+                (numbers, [point.triangle, u32::from(point.order)])
             })
             .collect()
     };

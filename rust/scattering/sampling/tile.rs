@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::border::Border;
 use super::cells::Cells;
 use super::join::Join;
-use super::pairs::{self, KeptCells, Patch};
-use super::place::{CellPlace, Place};
+use super::pairs::{self, CellEcho, KeptCells};
+use super::place::Place;
 use super::points::{Channels, TilePoints};
 use super::residual::{BLOCKS, Blocks, Echoes};
 use crate::antennas::array::Array;
@@ -270,51 +270,45 @@ impl Tile {
         number.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[number]
     }
 
-    /// Residual field of every block with edge terms, with the cells of adjacent tiles of the same level.
+    /// Residual field of every block with edge terms, with the cells of adjacent tiles of the same level; `plane`: that of
+    /// the level.
     pub(super) fn residual_of_edge_terms<'a>(
-        &'a self,
+        &self,
         plane: &ImagePlane,
         wavenumber: f64,
         adjacent: impl Fn(Place) -> Option<&'a Self>,
     ) -> [f32; BLOCKS] {
-        let Place { row, column, .. } = self.place;
-        let beside = |row: Option<usize>, column: Option<usize>| {
-            let place = Place {
-                row: row?,
-                column: column?,
-                ..self.place
-            };
-            adjacent(place).map(|tile| (place, tile))
-        };
-        let tiles = [
-            Some((self.place, self)),
-            beside(Some(row), column.checked_sub(1)),
-            beside(Some(row), Some(column + 1)),
-            beside(row.checked_sub(1), Some(column)),
-            beside(Some(row + 1), Some(column)),
-        ];
-        let tiles = || tiles.iter().flatten();
-        if tiles().all(|(_, tile)| tile.kept.is_none()) {
+        let beside = |axis, side| self.place.beside(axis, side).and_then(&adjacent);
+        let adjacent = [[beside(0, 0), beside(0, 1)], [beside(1, 0), beside(1, 1)]];
+        let kept = self.kept.as_deref();
+        if kept.is_none() && adjacent.as_flattened().iter().flatten().all(|tile| tile.kept.is_none()) {
             return [0.0; BLOCKS];
         }
-        let patch = |at: CellPlace| {
-            let place = at.tile();
-            let (_, tile) = tiles().find(|(other, _)| *other == place)?;
-            tile.patch(&at, plane)
-        };
-        pairs::residual(CellPlace::first(&self.place), wavenumber, patch)
+        pairs::residual(
+            kept,
+            plane,
+            |cell| self.casts(cell, plane),
+            wavenumber,
+            |row, column, [axis, side]| {
+                // Opposite sides meet.
+                let across = if side == 0 { 0 } else { TILE - 1 };
+                let cell = if axis == 0 {
+                    TileRays::ray(row, across)
+                } else {
+                    TileRays::ray(across, column)
+                };
+                let tile = adjacent[axis][side].filter(|tile| tile.casts(cell, plane))?;
+                let kept = tile.kept.as_ref();
+                Some(kept.map_or(CellEcho::nothing(plane), |kept| kept.echo(cell, plane)))
+            },
+        )
     }
 
-    /// Cell as others compare it; none if no ray was cast. `plane`: that of the level.
-    fn patch(&self, at: &CellPlace, plane: &ImagePlane) -> Option<Patch> {
-        let cell = TileRays::ray(at.row % TILE, at.column % TILE);
-        let is_cast = self.is_seen && self.packets >> (cell / PACKET) & 1 == 1;
-        let is_inside = at.row < plane.rows && at.column < plane.columns;
-        let patch = || {
-            let kept = self.kept.as_ref();
-            kept.map_or(Patch::nothing(plane), |kept| kept.patch(cell, plane))
-        };
-        (is_cast && is_inside).then(patch)
+    /// True if the ray of a cell was cast; `plane`: that of the level.
+    pub(super) fn casts(&self, cell: usize, plane: &ImagePlane) -> bool {
+        let (row, column) = TileRays::place(cell);
+        let is_inside = TILE * self.place.row + row < plane.rows && TILE * self.place.column + column < plane.columns;
+        self.is_seen && self.packets >> (cell / PACKET) & 1 == 1 && is_inside
     }
 
     /// Residual field of every block, with the cells of adjacent tiles of the same level.
@@ -324,27 +318,11 @@ impl Tile {
         wavenumber: f64,
         adjacent: impl Fn(Place) -> Option<&'a Self>,
     ) -> [f32; BLOCKS] {
-        let Place {
-            sector,
-            level: depth,
-            row,
-            column,
-        } = self.place;
-        let beside = |row: Option<usize>, column: Option<usize>| {
-            let other = adjacent(Place {
-                sector,
-                level: depth,
-                row: row?,
-                column: column?,
-            });
+        let beside = |axis, side| {
+            let other = self.place.beside(axis, side).and_then(&adjacent);
             other.filter(|other| !(self.nearest.is_empty() && other.nearest.is_empty()))
         };
-        let beyond = [
-            beside(Some(row), column.checked_sub(1)),
-            beside(Some(row), Some(column + 1)),
-            beside(row.checked_sub(1), Some(column)),
-            beside(Some(row + 1), Some(column)),
-        ];
+        let beyond = [beside(0, 1), beside(0, 0), beside(1, 1), beside(1, 0)];
         let beyond = beyond.map(|tile| tile.map(|tile| &tile.border));
         let mut residual = self.blocks.residual;
         self.border.raise(level, beyond, wavenumber, &mut residual);
