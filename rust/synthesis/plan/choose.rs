@@ -102,7 +102,8 @@ impl Goal<'_> {
             let gain = self.request.gain;
             let is_enough =
                 |(rounding, equal): (f64, f64)| gain * rounding.hypot(gain * gain * equal) <= MARGIN * self.tolerance;
-            if is_enough(single) {
+            // In single precision on request alone: sums in lanes and the grid are faster.
+            if method == Method::Recurrence && is_enough(single) {
                 let step = Step::Recurrence { is_single: true };
                 offer(Some(self.simple(step, single, 0.1 * self.detail())));
             } else if is_enough(double) {
