@@ -162,6 +162,9 @@ impl<'a> Selection<'a> {
     pub fn place(&self, series: &PathSeries, channel: usize, chunk: usize, rank: usize) -> usize {
         let len = CHUNK.min(series.num_paths - chunk * CHUNK);
         let mut bits = self.wanted(channel, chunk, len);
+        if bits == first_bits(len) {
+            return rank;
+        }
         for _ in 0..rank {
             bits &= bits - 1;
         }
@@ -261,6 +264,28 @@ impl Rows {
                 pick_parts(row, &places[..self.len], &mut self.re, &mut self.im, j);
             }
         }
+    }
+
+    /// Mean over the rows of the squared magnitudes of the amplitudes, summed over paths [W].
+    #[inline(always)]
+    pub fn power(&self) -> f64 {
+        // Lanes after the last path have no amplitude, or that of rows before if there are no paths.
+        if self.len == 0 {
+            return 0.0;
+        }
+        let mut sums = [0.0; 16];
+        for lanes in [&self.re, &self.im] {
+            for j in 0..lanes.len() {
+                for at in (0..CHUNK).step_by(16) {
+                    for i in 0..16 {
+                        let first = if j == 0 { 0.0 } else { lanes[0][at + i] };
+                        let value = first + lanes[j][at + i];
+                        sums[i] += value * value;
+                    }
+                }
+            }
+        }
+        sums.iter().sum::<f64>() / self.re.len() as f64
     }
 
     /// Bit mask of the paths that change.

@@ -1,16 +1,18 @@
 //! Sums of amplitudes over cells of range and velocity: bound of what paths can add up to, whatever their phases.
 //!
-//! A spreading kernel leaves aliases: samples of other times, a period of the grid away, times a small factor. Paths whose
-//! phases are unrelated within the frame may add up there, as the echo of a plate does that faces the radar a frame later.
-//! Paths of different cells cannot keep in phase for long: over any interval as long as the frame, the energy of a sum is
-//! about that of its cells, each with the sum of its amplitudes (large sieve).
+//! A spreading kernel leaves aliases: samples of other times, a period of the grid away, times a small factor. Paths
+//! whose phases are unrelated within the frame may add up there, as the echo of a plate does that faces the radar a
+//! frame later. Paths of different cells cannot keep in phase for long: over any interval as long as the frame, the
+//! energy of a sum is about that of its cells, each with the sum of its amplitudes (large sieve).
+
+use crate::numeric::simd::Real;
 
 /// Most cells along velocity and along range: what is finer is merged, which the bound allows.
 const MOST_ROWS: usize = 64;
 const MOST_COLUMNS: usize = 128;
 
-/// Largest integer that is not greater than a number of magnitude below 2^31, without a call where the instruction set has
-/// none for it.
+/// Largest integer that is not greater than a number of magnitude below 2^31, without a call where the instruction set
+/// has none for it.
 #[inline(always)] // within loops over paths
 fn floor(x: f64) -> i64 {
     const ABOVE: f64 = 2_147_483_648.0; // 2^31
@@ -60,6 +62,43 @@ impl Coherence {
         self.squares += amplitude * amplitude;
     }
 
+    /// Cells of a grid, (row, column): at most one per turn along each axis.
+    pub fn of_grid(rows: usize, columns: usize) -> Self {
+        Self {
+            rows,
+            columns,
+            ..Self::default()
+        }
+    }
+
+    /// Add the amplitudes of paths to the cells of some indices, and the sum of their squares.
+    #[inline(always)] // within loops over paths
+    pub fn add_to<T: Real>(&mut self, cells: &[u32], amplitudes: &[T], squares: f64) {
+        if self.cells.is_empty() {
+            self.cells.resize(self.rows * self.columns, 0.0);
+        }
+        self.squares += squares;
+        // Neighbouring paths are often in one cell: sums in registers, two at once, need not wait for memory.
+        let store = &mut self.cells[..];
+        let half = cells.len() / 2;
+        let (mut last, mut sums) = ([0_u32; 2], [T::zero(); 2]);
+        for i in 0..half {
+            for (side, path) in [i, half + i].into_iter().enumerate() {
+                if cells[path] != last[side] {
+                    store[last[side] as usize] += sums[side].wide() as f32;
+                    (last[side], sums[side]) = (cells[path], T::zero());
+                }
+                sums[side] = sums[side] + amplitudes[path];
+            }
+        }
+        for side in 0..2 {
+            store[last[side] as usize] += sums[side].wide() as f32;
+        }
+        for path in 2 * half..cells.len() {
+            store[cells[path] as usize] += amplitudes[path].wide() as f32;
+        }
+    }
+
     /// Add the paths of another one of the same frame.
     pub fn join(&mut self, other: &Self) {
         if self.cells.is_empty() {
@@ -72,19 +111,32 @@ impl Coherence {
         self.squares += other.squares;
     }
 
-    /// Root of the ratio of the largest energy of the sum to that of independent phases, for parts of the frame that are
-    /// `count` times as short; at least 1.
-    pub fn gain(&self, count: usize) -> f64 {
+    /// Largest energy of the sum for parts of the frame that are `count` times as short, and that of independent
+    /// phases.
+    pub fn energy(&self, count: usize) -> [f64; 2] {
         if self.cells.is_empty() {
-            return 1.0;
+            return [0.0; 2];
         }
         // Over a shorter time neighbouring velocities keep in phase.
         let merged = count.next_power_of_two().min(self.rows);
-        let sums = self.cells.chunks(merged * self.columns).flat_map(|rows| {
-            (0..self.columns).map(|column| rows.iter().skip(column).step_by(self.columns).sum::<f32>())
-        });
-        let energy: f64 = sums.map(|sum| f64::from(sum) * f64::from(sum)).sum();
-        let ratio = energy / self.squares;
+        let mut sums = vec![0.0; self.columns];
+        let mut energy = 0.0;
+        for rows in self.cells.chunks(merged * self.columns) {
+            sums.fill(0.0);
+            for row in rows.chunks_exact(self.columns) {
+                for (sum, cell) in sums.iter_mut().zip(row) {
+                    *sum += f64::from(*cell);
+                }
+            }
+            energy += sums.iter().map(|sum| sum * sum).sum::<f64>();
+        }
+        [energy, self.squares]
+    }
+
+    /// Root of the ratio of the two [energies](Self::energy), at least 1.
+    pub fn gain(&self, count: usize) -> f64 {
+        let [energy, squares] = self.energy(count);
+        let ratio = energy / squares;
         if ratio.is_finite() { ratio.max(1.0).sqrt() } else { 1.0 }
     }
 }

@@ -1,5 +1,6 @@
-//! Statistics of the paths that a plan is made from: number of paths, ranges of delays and power of amplitudes, by
-//! class.
+//! Statistics of the paths that a plan is made from: ranges of delays of all paths, and samples of them for all else.
+//!
+//! What samples only suggest, the run measures, see [`crate::synthesis::nufft`].
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -8,7 +9,7 @@ use crate::numeric::parallel;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::numeric::wide;
-use crate::synthesis::block::{Block, CHUNK, Lane, Rows, Selection, coefficient};
+use crate::synthesis::block::{Block, CHUNK, Class, Lane, Rows, Selection, coefficient};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::coherence::Coherence;
 use crate::synthesis::delay::PathSeries;
@@ -16,168 +17,192 @@ use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::residual_phase::Sample;
 
 /// Statistics of the paths of one class.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Group {
     /// Number of paths, over all channels.
     pub num_paths: usize,
     /// Range of the coefficients of the delay over the frame [s], by degree.
     pub delay: Vec<Interval>,
-    /// Power of the coefficients of the amplitude over the frame, (degree, channel).
+    /// Power of the coefficients of the amplitude over the frame, (degree, channel), of the sampled paths times their
+    /// share [W].
     pub power: Vec<Vec<f64>>,
-    /// Sums of amplitudes over cells of range and velocity, per channel.
-    pub coherence: Vec<Coherence>,
-}
-
-impl Group {
-    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
-    pub fn own_power(&self) -> Vec<f64> {
-        let mut own = self.power[0].clone();
-        for change in &self.power[1..] {
-            for (own, change) in own.iter_mut().zip(change) {
-                *own += 0.5 * change;
-            }
-        }
-        own
-    }
-
-    /// Largest [`Coherence::gain`] of all channels.
-    pub fn coherence(&self, count: usize) -> f64 {
-        let gains = self.coherence.iter().map(|cells| cells.gain(count));
-        gains.fold(1.0, f64::max)
-    }
-
-    /// Add the paths of another group.
-    fn join(&mut self, other: &Self) {
-        self.num_paths += other.num_paths;
-        for (a, b) in self.delay.iter_mut().zip(&other.delay) {
-            *a = a.join(*b);
-        }
-        for (a, b) in self.power.iter_mut().flatten().zip(other.power.iter().flatten()) {
-            *a += b;
-        }
-        for (a, b) in self.coherence.iter_mut().zip(&other.coherence) {
-            a.join(b);
-        }
-    }
-}
-
-/// Statistics of all paths of a series.
-#[derive(Clone, Debug)]
-pub struct PathStatistics {
-    /// Paths whose delay and amplitude never change.
-    pub still: Group,
-    /// All other paths.
-    pub moving: Group,
-    /// Mean over the nodes of the squared l2 norm of the amplitudes [W], per channel.
-    pub power: Vec<f64>,
-    /// Largest real or imaginary part of the first row of the amplitudes, and of the differences of the other rows from
-    /// it.
+    /// Sampled paths, which residuals are interpolated for, with amplitudes times the weight of their channel.
+    pub samples: Vec<Sample>,
+    /// Weight of every channel: errors are relative to its own amplitudes.
+    pub weights: Vec<f64>,
+    /// Largest real or imaginary part of the first amplitudes of the sampled paths.
     pub largest: f64,
-    /// True if all numbers are certainly finite.
-    pub is_finite: bool,
-    /// Bit masks of the moving paths, (channel, chunk).
-    pub masks: Vec<u128>,
-    /// Largest bounds of the change of residuals, of every part of the work, in decreasing order.
-    pub bounds: Vec<Bound>,
+    /// Number of sampled paths, and of those whose delay and amplitude never change.
+    pub num_sampled: usize,
+    /// See [`Self::num_sampled`].
+    pub num_still: usize,
+    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel, of the samples or measured [W].
+    pub own: Vec<f64>,
+    /// Gain of the paths in phase that was measured, largest in any of some number of blocks.
+    pub measured: Option<(usize, f64)>,
+    /// Sums of amplitudes of the sampled paths over cells of range and velocity, and pairs of all paths of a channel
+    /// per pair of them.
+    cells: Vec<Coherence>,
+    pairs: f64,
 }
 
-/// Upper bound of the change of residuals in a group of neighbouring paths, and the path that attains it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Bound {
-    /// Estimate of the squared change of the residual over the frame [W].
-    pub change: f64,
-    /// Number of the path in its channel.
-    pub path: usize,
-    /// Number of the channel.
-    pub channel: usize,
-}
+/// Paths that are sampled, evenly spread over all.
+const NUM_SAMPLED: usize = 512;
+/// One in so many of them is a sample for the interpolation of residuals.
+const ONE_IN: usize = 2;
+/// And of the others those that change most.
+const NUM_CHANGING: usize = 32;
 
-/// Largest number of bounds that are kept.
-const NUM_BOUNDS: usize = 12;
-/// Paths that share one bound.
-const NEIGHBOURS: usize = 32;
-
-/// Fewest chunks per part of the work, and most parts per channel, each with cells of its own; constants: sums do not
-/// depend on the number of threads.
+/// Fewest chunks per part of the work, and most parts per channel; constants: results do not depend on the number of
+/// threads.
 const PART: usize = 64;
 const MOST_PARTS: usize = 64;
 
-impl PathStatistics {
-    /// Statistics of all paths over a frame, as one block, for phases at a carrier [Hz].
-    pub fn new(
-        waveform: &Waveform,
-        series: &PathSeries,
-        frame: &Block,
-        carrier: f64,
-        level: Level,
-        is_parallel: bool,
-    ) -> Self {
-        let of_part = |(channel, chunks): (usize, Range<usize>)| {
-            level.run(PartStatistics {
-                waveform,
-                series,
-                frame,
-                carrier,
-                channel,
-                chunks,
-            })
+impl Group {
+    /// Statistics of the selected paths over the frame; of all of them instead of samples if they `take_all`.
+    pub fn new(waveform: &Waveform, series: &PathSeries, selection: Selection, take_all: bool) -> Self {
+        let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
+        let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
+        let (num_paths, mut sampled) = sampled(series, selection, if take_all { usize::MAX } else { NUM_SAMPLED });
+        let share = num_paths as f64 / sampled.len().max(1) as f64;
+        let largest = sampled.iter().map(|(_, sample)| sample.largest()).fold(0.0, f64::max);
+        let mut group = Self {
+            num_paths,
+            power: vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()],
+            num_sampled: sampled.len(),
+            largest,
+            own: vec![0.0; series.num_channels],
+            cells: vec![Coherence::new(waveform.chirp_times.len(), waveform.num_samples); series.num_channels],
+            // Of each channel n of N paths are sampled.
+            pairs: if sampled.len() > series.num_channels {
+                (num_paths - series.num_channels) as f64 / (sampled.len() - series.num_channels) as f64
+            } else {
+                1.0
+            },
+            ..Self::default()
         };
-        let partial: Vec<Self> = parallel::map(is_parallel, parts(series), of_part);
-        let mut all = Self::empty(series);
-        for part in &partial {
-            all.join(part);
+        let turns = [waveform.slope / waveform.sample_rate, 2.0 * carrier];
+        let (mut changes, mut powers) = (Vec::with_capacity(sampled.len()), Vec::new());
+        for (channel, sample) in &sampled {
+            powers.clear();
+            powers.extend(sample.powers(&frame));
+            group.num_still += usize::from(sample.is_still());
+            for (degree, power) in powers.iter().copied().enumerate() {
+                group.power[degree][*channel] += share * power;
+                // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
+                group.own[*channel] += share * if degree == 0 { power } else { 0.5 * power };
+            }
+            let mut delay = sample.delay(&frame).zip(turns).map(|(c, turns)| c * turns);
+            let (range, velocity) = (delay.next().unwrap_or(0.0), delay.next().unwrap_or(0.0));
+            let mean = powers[0];
+            if mean > 0.0 {
+                // In the range of single precision.
+                group.cells[*channel].add(range, velocity, mean.sqrt() / largest);
+            }
+            let bends: f64 = sample.delay(&frame).skip(2).map(|c| (TAU * carrier * c).powi(2)).sum();
+            changes.push(bends * mean + powers[1..].iter().sum::<f64>());
         }
-        sort(&mut all.bounds);
-        all
+        if sampled.len() > NUM_SAMPLED / ONE_IN + NUM_CHANGING && !take_all {
+            let mut order: Vec<usize> = (0..sampled.len()).collect();
+            let is_other = |index: usize| !index.is_multiple_of(ONE_IN);
+            order.sort_by(|a, b| {
+                let first = is_other(*a).cmp(&is_other(*b));
+                first.then(changes[*b].total_cmp(&changes[*a]))
+            });
+            order.truncate(sampled.len().div_ceil(ONE_IN) + NUM_CHANGING);
+            order.sort_unstable();
+            let mut keep = order.into_iter().peekable();
+            let mut index = 0;
+            sampled.retain(|_| {
+                index += 1;
+                keep.next_if_eq(&(index - 1)).is_some()
+            });
+        }
+        let mean = group.own.iter().sum::<f64>() / series.num_channels.max(1) as f64;
+        let weight = |own: &f64| if *own > 0.0 { (mean / own).sqrt() } else { 1.0 };
+        group.weights = group.own.iter().map(weight).collect();
+        group.add(sampled);
+        group
     }
 
-    /// Count all paths as moving.
-    pub fn merge(&mut self) {
-        let still = std::mem::replace(&mut self.still, self.moving.clone());
-        self.moving.join(&still);
-        self.still.num_paths = 0;
+    /// Add samples with their channels.
+    pub fn add(&mut self, samples: impl IntoIterator<Item = (usize, Sample)>) {
+        for (channel, mut sample) in samples {
+            sample.weigh(self.weights[channel]);
+            self.samples.push(sample);
+        }
     }
 
-    /// Statistics of the number of paths alone.
+    /// Count of the paths alone, for direct sums.
     pub fn count(series: &PathSeries) -> Self {
-        let mut statistics = Self::empty(series);
-        statistics.moving.num_paths = series.num_channels * series.num_paths;
-        statistics
-    }
-
-    fn empty(series: &PathSeries) -> Self {
-        let group = Group {
-            num_paths: 0,
+        Self {
+            num_paths: series.num_channels * series.num_paths,
             delay: vec![Interval::EMPTY; series.num_delay_terms()],
             power: vec![vec![0.0; series.num_channels]; series.num_amplitude_terms()],
-            coherence: vec![Coherence::default(); series.num_channels],
-        };
-        Self {
-            still: group.clone(),
-            moving: group,
-            power: vec![0.0; series.num_channels],
-            largest: 0.0,
-            is_finite: true,
-            masks: Vec::new(),
-            bounds: Vec::new(),
+            own: vec![0.0; series.num_channels],
+            ..Self::default()
         }
     }
 
-    fn join(&mut self, other: &Self) {
-        self.still.join(&other.still);
-        self.moving.join(&other.moving);
-        for (a, b) in self.power.iter_mut().zip(&other.power) {
-            *a += b;
+    /// Estimate of the largest [`Coherence::gain`] in `count` blocks of the frame.
+    pub fn coherence(&self, count: usize) -> f64 {
+        if let Some((known, gain)) = self.measured {
+            // The square of a sum is at most that of its parts, times their number.
+            return gain * (count as f64 / known as f64).max(1.0).sqrt();
         }
-        self.largest = self.largest.max(other.largest);
-        self.is_finite &= other.is_finite;
-        self.masks.extend(&other.masks);
-        self.bounds.extend(&other.bounds);
+        let [energy, squares] = self
+            .cells
+            .iter()
+            .map(|cells| cells.energy(count))
+            .fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+        let beyond = if squares > 0.0 {
+            (energy / squares - 1.0).max(0.0)
+        } else {
+            0.0
+        };
+        (1.0 + self.pairs * beyond).sqrt()
     }
 }
 
-/// Sample of at most `most` of the selected paths, spread evenly over them.
-pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sample> {
+/// Estimate of the percentage of paths that stand still.
+pub fn still_percent(series: &PathSeries) -> usize {
+    const MOST: usize = 100;
+    if series.num_terms() == 1 {
+        return 100;
+    }
+    let (_, some) = sampled(series, Selection::ALL, MOST);
+    100 * some.iter().filter(|(_, sample)| sample.is_still()).count() / some.len().max(1)
+}
+
+/// Bit masks of the moving paths, (channel, chunk).
+pub fn moving(series: &PathSeries, level: Level, is_parallel: bool) -> Vec<u128> {
+    let of_part = |(channel, chunks): (usize, Range<usize>)| {
+        level.run(Masks {
+            series,
+            channel,
+            chunks,
+        })
+    };
+    parallel::map(is_parallel, parts(series), of_part).concat()
+}
+
+/// Mean over the nodes of the squared l2 norm of the amplitudes of the selected paths [W], per channel.
+pub fn power(series: &PathSeries, selection: Selection) -> Vec<f64> {
+    let num_chunks = series.num_paths.div_ceil(CHUNK);
+    let of_channel = |channel: usize| {
+        let mut rows = Rows::new(series);
+        let mut sum = 0.0;
+        for chunk in 0..num_chunks {
+            rows.gather(series, channel, chunk * CHUNK, selection);
+            sum += rows.power();
+        }
+        sum
+    };
+    (0..series.num_channels).map(of_channel).collect()
+}
+
+/// Number of the selected paths, and a sample of at most `most` of them, spread evenly, with their channels.
+fn sampled(series: &PathSeries, selection: Selection, most: usize) -> (usize, Vec<(usize, Sample)>) {
     let num_chunks = series.num_paths.div_ceil(CHUNK);
     let all = (0..series.num_channels).flat_map(|channel| (0..num_chunks).map(move |chunk| (channel, chunk)));
     let count = |(channel, chunk)| selection.count(series, channel, chunk);
@@ -185,20 +210,21 @@ pub fn samples(series: &PathSeries, selection: Selection, most: usize) -> Vec<Sa
     let num_samples = most.min(total);
     // One path in every `total / num_samples` of them, at a pseudo-random rank.
     let mut ranks = (0..num_samples).map(|i| {
-        let (low, high) = (i * total / num_samples, (i + 1) * total / num_samples);
+        let bound = |i: usize| (i as u128 * total as u128 / num_samples as u128) as usize;
+        let (low, high) = (bound(i), bound(i + 1));
         low + (mix(i as u64) % (high - low).max(1) as u64) as usize
     });
-    let mut samples = Vec::new();
+    let mut samples = Vec::with_capacity(num_samples);
     let (mut before, mut next) = (0, ranks.next());
     for (channel, chunk) in all {
         let after = before + count((channel, chunk));
         while let Some(rank) = next.filter(|rank| *rank < after) {
-            samples.push(sample(series, selection, (channel, chunk), rank - before));
+            samples.push((channel, sample(series, selection, (channel, chunk), rank - before)));
             next = ranks.next();
         }
         before = after;
     }
-    samples
+    (total, samples)
 }
 
 /// All selected paths of a chunk.
@@ -209,61 +235,18 @@ pub fn samples_of(series: &PathSeries, selection: Selection, channel: usize, chu
         .collect()
 }
 
-/// Paths that attain the largest bounds, at most one of each group of neighbours over all channels.
-pub fn bounding_paths(series: &PathSeries, statistics: &PathStatistics) -> Vec<Sample> {
-    let mut chosen: Vec<&Bound> = Vec::new();
-    for bound in &statistics.bounds {
-        if chosen.len() == NUM_BOUNDS {
-            break;
-        }
-        if chosen
-            .iter()
-            .all(|other| other.path / NEIGHBOURS != bound.path / NEIGHBOURS)
-        {
-            chosen.push(bound);
-        }
-    }
-    chosen
-        .iter()
-        .map(|bound| Sample::new(series, bound.channel * series.num_paths + bound.path))
-        .collect()
-}
-
-/// Sort bounds, the largest change first.
-fn sort(bounds: &mut [Bound]) {
-    bounds.sort_by(|a, b| b.change.total_cmp(&a.change));
-}
-
-/// All selected paths whose first amplitude has more than a share of the power of their channel.
-pub fn strongest(series: &PathSeries, selection: Selection, power: &[f64], share: f64) -> Vec<Sample> {
-    let first = series.amplitude[0];
-    let is_strong = |channel: usize, path: usize| {
-        power[channel] > 0.0 && first[channel * series.num_paths + path].norm_sqr() > share * power[channel]
-    };
-    let mut samples = Vec::new();
-    for channel in 0..series.num_channels {
-        for chunk in 0..series.num_paths.div_ceil(CHUNK) {
-            let paths = chunk * CHUNK..series.num_paths.min((chunk + 1) * CHUNK);
-            if !paths.clone().any(|path| is_strong(channel, path)) {
-                continue;
-            }
-            for rank in 0..selection.count(series, channel, chunk) {
-                let path = chunk * CHUNK + selection.place(series, channel, chunk, rank);
-                if is_strong(channel, path) {
-                    samples.push(Sample::new(series, channel * series.num_paths + path));
-                }
-            }
-        }
-    }
-    samples
-}
-
 fn sample(series: &PathSeries, selection: Selection, (channel, chunk): (usize, usize), rank: usize) -> Sample {
     let place = selection.place(series, channel, chunk, rank);
     Sample::new(series, channel * series.num_paths + chunk * CHUNK + place)
 }
 
-/// Ranges of the coefficients of the delays of the selected paths in some blocks [s], (block, degree).
+const NOT_A_NUMBER: Interval = Interval {
+    low: f64::NAN,
+    high: f64::NAN,
+};
+
+/// Ranges of the coefficients of the delays of the selected paths in some blocks [s], (block, degree); of still paths
+/// of their first coefficient. NaN where a number is not finite.
 pub fn ranges(
     series: &PathSeries,
     selection: Selection,
@@ -283,8 +266,15 @@ pub fn ranges(
     let partial: Vec<Vec<Vec<Interval>>> = parallel::map(is_parallel, parts(series), of_part);
     let mut all = vec![vec![Interval::EMPTY; series.num_delay_terms()]; blocks.len()];
     for part in partial {
-        for (all, ranges) in all.iter_mut().flatten().zip(part.into_iter().flatten()) {
-            *all = all.join(ranges);
+        for (all, range) in all.iter_mut().flatten().zip(part.into_iter().flatten()) {
+            // Minimum and maximum drop what is no number.
+            let is_number = !all.low.is_nan() && !range.low.is_nan();
+            *all = if is_number { all.join(range) } else { NOT_A_NUMBER };
+        }
+    }
+    if selection.class == Class::Still {
+        for ranges in &mut all {
+            ranges[1..].fill(Interval::ZERO);
         }
     }
     all
@@ -300,6 +290,27 @@ fn parts(series: &PathSeries) -> Vec<(usize, Range<usize>)> {
             .map(move |first| (channel, first..num_chunks.min(first + part)))
     };
     (0..series.num_channels).flat_map(of_channel).collect()
+}
+
+struct Masks<'a> {
+    series: &'a PathSeries<'a>,
+    channel: usize,
+    chunks: Range<usize>,
+}
+
+impl Kernel for Masks<'_> {
+    type Output = Vec<u128>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<u128> {
+        let mut rows = Rows::new(self.series);
+        let mut masks = Vec::new();
+        for index in self.chunks {
+            rows.gather(self.series, self.channel, index * CHUNK, Selection::ALL);
+            masks.push(rows.moving());
+        }
+        masks
+    }
 }
 
 struct BlockRanges<'a> {
@@ -325,7 +336,7 @@ impl Kernel for BlockRanges<'_> {
             }
             for i in 0..ranges.len() {
                 let (block, k) = (&self.blocks[i / num_delays], i % num_delays);
-                ranges[i].take_in::<I>(block, &rows, k, None, None);
+                ranges[i].take_in::<I>(block, &rows, k);
             }
         }
         let mut intervals = Vec::new();
@@ -336,144 +347,16 @@ impl Kernel for BlockRanges<'_> {
     }
 }
 
-struct PartStatistics<'a> {
-    waveform: &'a Waveform,
-    series: &'a PathSeries<'a>,
-    frame: &'a Block,
-    carrier: f64,
-    channel: usize,
-    chunks: Range<usize>,
-}
-
-impl Kernel for PartStatistics<'_> {
-    type Output = PathStatistics;
-
-    #[inline(always)]
-    fn run<I: Isa>(self) -> PathStatistics {
-        let (series, channel, frame) = (self.series, self.channel, self.frame);
-        let mut statistics = PathStatistics::empty(series);
-        let mut rows = Rows::new(series);
-        let zero = wide::splat::<I, AT_ONCE>(0.0);
-        let (mut nothing, mut largest) = (zero, zero);
-        let ends = vec![Ends::<I::F64>::empty(); series.num_delay_terms()];
-        let mut ranges = [ends.clone(), ends];
-        let sums = vec![zero; series.num_amplitude_terms()];
-        let mut powers = [sums.clone(), sums];
-        let mut counts = [0, 0];
-        let phase = (TAU * self.carrier).powi(2);
-        let cells = Coherence::new(frame.chirps.len(), self.waveform.num_samples);
-        let mut coherence = [cells.clone(), cells];
-        let turns = [self.waveform.slope / self.waveform.sample_rate, 2.0 * self.carrier];
-        for index in self.chunks {
-            rows.gather(series, channel, index * CHUNK, Selection::ALL);
-            let mask = rows.moving();
-            statistics.masks.push(mask);
-            nothing = wide::add(nothing, times_zero::<I>(frame, &rows));
-            for j in 0..rows.re.len() {
-                largest = magnitude::<I>(&rows.re[j], magnitude::<I>(&rows.im[j], largest));
-            }
-            let num_moving = mask.count_ones() as usize;
-            let numbers = [rows.len - num_moving, num_moving];
-            let is_mixed = numbers[0] > 0 && numbers[1] > 0;
-            let places = places::<I>(frame, &rows, turns);
-            for i in 0..rows.len {
-                let class = (mask >> i & 1) as usize;
-                coherence[class].add(places[0][i], places[1][i], places[2][i]);
-            }
-            let (mut bends, mut changes) = ([0.0; CHUNK], [0.0; CHUNK]);
-            for (class, bits) in [!mask, mask].into_iter().enumerate() {
-                if numbers[class] == 0 {
-                    continue;
-                }
-                counts[class] += numbers[class];
-                let members = is_mixed.then(|| lanes_of(bits, [0.0, 1.0]));
-                let far = is_mixed.then(|| lanes_of(bits, [FAR, 0.0]));
-                // Still paths have one coefficient.
-                let most = if class == 0 { 1 } else { usize::MAX };
-                for k in 0..ranges[class].len().min(most) {
-                    let squares = (k >= 2).then_some(&mut bends);
-                    ranges[class][k].take_in::<I>(frame, &rows, k, far.as_ref(), squares);
-                }
-                for k in 0..powers[class].len().min(most) {
-                    let squares = (k >= 1).then_some(&mut changes);
-                    powers[class][k] = add_power::<I>(frame, &rows, k, members.as_ref(), powers[class][k], squares);
-                }
-            }
-            for first in (0..rows.len).step_by(NEIGHBOURS) {
-                let mut most = Bound::default();
-                for place in first..rows.len.min(first + NEIGHBOURS) {
-                    let (re, im) = (rows.re[0][place], rows.im[0][place]);
-                    let change = phase * bends[place] * (re * re + im * im) + changes[place];
-                    if change > most.change {
-                        most = Bound {
-                            change,
-                            path: index * CHUNK + place,
-                            channel,
-                        };
-                    }
-                }
-                if most.change > 0.0 {
-                    statistics.bounds.push(most);
-                }
-            }
-        }
-        let [still, moving] = coherence;
-        statistics.still.coherence[channel] = still;
-        statistics.moving.coherence[channel] = moving;
-        sort(&mut statistics.bounds);
-        statistics.bounds.truncate(NUM_BOUNDS);
-        statistics.is_finite = sum_of::<I>(nothing) == 0.0;
-        statistics.largest = -least_of::<I>(wide::sub(zero, largest));
-        for (class, group) in [&mut statistics.still, &mut statistics.moving].into_iter().enumerate() {
-            group.num_paths = counts[class];
-            if counts[class] == 0 {
-                continue;
-            }
-            group.delay = Ends::intervals::<I>(&ranges[class]);
-            if class == 0 {
-                group.delay[1..].fill(Interval::ZERO);
-            }
-            for (degree, sums) in powers[class].iter().enumerate() {
-                let power = sum_of::<I>(*sums);
-                group.power[degree][channel] = power;
-                // Mean over Chebyshev nodes, by the orthogonality of the polynomials there.
-                statistics.power[channel] += if degree == 0 { 1.0 } else { 0.5 } * power;
-            }
-        }
-        statistics
-    }
-}
-
-/// Lane of `numbers[bit]`, by the bits of a mask.
-#[inline(always)]
-fn lanes_of(bits: u128, numbers: [f64; 2]) -> Lane {
-    let halves = [bits as u64, (bits >> 64) as u64];
-    let mut lanes = [0.0; CHUNK];
-    for i in 0..CHUNK {
-        let is_set = halves[i / 64] >> (i % 64) & 1 == 1;
-        lanes[i] = if is_set { numbers[1] } else { numbers[0] };
-    }
-    lanes
-}
-
 /// Vectors at once, which share the cost of a loop over rows.
 const AT_ONCE: usize = 4;
 type Wide<I> = wide::Wide<I, AT_ONCE>;
 
-/// Sum of all numbers.
+/// Numbers of some vectors.
 #[inline(always)]
-fn sum_of<I: Isa>(vectors: Wide<I>) -> f64 {
+fn numbers<I: Isa>(vectors: Wide<I>) -> [f64; 8 * AT_ONCE] {
     let mut numbers = [0.0; 8 * AT_ONCE];
     wide::store(vectors, &mut numbers);
-    numbers.iter().sum()
-}
-
-/// Least of all numbers.
-#[inline(always)]
-fn least_of<I: Isa>(vectors: Wide<I>) -> f64 {
-    let mut numbers = [0.0; 8 * AT_ONCE];
-    wide::store(vectors, &mut numbers);
-    numbers.iter().copied().fold(f64::INFINITY, f64::min)
+    numbers
 }
 
 /// Coefficient k of the paths from `at` on.
@@ -486,97 +369,13 @@ fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wid
     value
 }
 
-/// Turns of phase of paths from sample to sample and over the frame, for factors of the first two coefficients of the
-/// delay, and the magnitudes of their mean amplitudes.
-#[inline(always)]
-fn places<I: Isa>(frame: &Block, rows: &Rows, turns: [f64; 2]) -> [Lane; 3] {
-    let mut places = [[0.0; CHUNK]; 3];
-    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-        for k in 0..rows.delay.len().min(2) {
-            let value = whole::<I>(&frame.delay, &rows.delay, k, at);
-            let factor = wide::splat::<I, AT_ONCE>(turns[k]);
-            wide::store(wide::mul(value, factor), &mut places[k][at..]);
-        }
-        let re = whole::<I>(&frame.amplitude, &rows.re, 0, at);
-        let im = whole::<I>(&frame.amplitude, &rows.im, 0, at);
-        let square = wide::mul_add(re, re, wide::mul(im, im));
-        for i in 0..AT_ONCE {
-            square[i].sqrt().store(&mut places[2][at + 8 * i..]);
-        }
-    }
-    places
-}
-
-/// Zero if the means over the frame of all series are finite; NaN if any number or any mean is not.
-#[inline(always)]
-fn times_zero<I: Isa>(frame: &Block, rows: &Rows) -> Wide<I> {
-    let zero = wide::splat::<I, AT_ONCE>(0.0);
-    let mut sum = zero;
-    for (matrix, lanes) in [
-        (&frame.delay, &rows.delay),
-        (&frame.amplitude, &rows.re),
-        (&frame.amplitude, &rows.im),
-    ] {
-        for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-            // Zero times infinity or NaN is NaN.
-            sum = wide::mul_add(whole::<I>(matrix, lanes, 0, at), zero, sum);
-        }
-    }
-    sum
-}
-
-/// Running maximum of absolute values.
-#[inline(always)]
-fn magnitude<I: Isa>(lane: &Lane, mut largest: Wide<I>) -> Wide<I> {
-    let zero = wide::splat::<I, AT_ONCE>(0.0);
-    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-        let value = wide::load::<I, AT_ONCE>(&lane[at..]);
-        largest = wide::max(wide::max(value, wide::sub(zero, value)), largest);
-    }
-    largest
-}
-
-/// Add the squared magnitudes of coefficient k of the amplitude, of all paths or of the members, to `power` and, path
-/// by path, to `squares`. Lanes after the last path have no amplitude.
-#[inline(always)]
-fn add_power<I: Isa>(
-    block: &Block,
-    rows: &Rows,
-    k: usize,
-    members: Option<&Lane>,
-    mut power: Wide<I>,
-    mut squares: Option<&mut Lane>,
-) -> Wide<I> {
-    for at in (0..CHUNK).step_by(8 * AT_ONCE) {
-        for lanes in [&rows.re, &rows.im] {
-            let mut value = whole::<I>(&block.amplitude, lanes, k, at);
-            if let Some(members) = members {
-                value = wide::mul(value, wide::load::<I, AT_ONCE>(&members[at..]));
-            }
-            power = wide::mul_add(value, value, power);
-            if let Some(squares) = &mut squares {
-                add_squares::<I>(value, squares, at);
-            }
-        }
-    }
-    power
-}
-
-/// Add squares of values to the numbers from `at` on.
-#[inline(always)]
-fn add_squares<I: Isa>(value: Wide<I>, squares: &mut Lane, at: usize) {
-    let sum = wide::load::<I, AT_ONCE>(&squares[at..]);
-    wide::store(wide::mul_add(value, value, sum), &mut squares[at..]);
-}
-
-/// Number beyond every delay [s].
-const FAR: f64 = 1e300;
-
-/// Running lower and upper ends of ranges, one per number of the vectors.
+/// Running lower and upper ends of ranges, one per number of the vectors, and zeros, or NaN once a number was not
+/// finite.
 #[derive(Clone, Copy)]
 struct Ends<V> {
     low: [V; AT_ONCE],
     high: [V; AT_ONCE],
+    zero: [V; AT_ONCE],
 }
 
 impl<V: Vector<Scalar = f64>> Ends<V> {
@@ -586,44 +385,41 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
         Self {
             low: [V::splat(f64::INFINITY); AT_ONCE],
             high: [V::splat(f64::NEG_INFINITY); AT_ONCE],
+            zero: [V::splat(0.0); AT_ONCE],
         }
     }
 
-    /// Widen the range by coefficient k of the delay of all paths, or of those that are not `far`, and add its square
-    /// to `squares`, path by path. Lanes after the last path of a chunk are copies of that path.
+    /// Widen the range by coefficient k of the delay of all paths. Lanes after the last path of a chunk are copies of
+    /// that path.
     #[inline(always)]
-    fn take_in<I: Isa<F64 = V>>(
-        &mut self,
-        block: &Block,
-        rows: &Rows,
-        k: usize,
-        far: Option<&Lane>,
-        mut squares: Option<&mut Lane>,
-    ) {
-        let Self { mut low, mut high } = *self;
+    fn take_in<I: Isa<F64 = V>>(&mut self, block: &Block, rows: &Rows, k: usize) {
+        let Self {
+            mut low,
+            mut high,
+            mut zero,
+        } = *self;
+        let nothing = wide::splat::<I, AT_ONCE>(0.0);
         for at in (0..CHUNK).step_by(8 * AT_ONCE) {
             let value = whole::<I>(&block.delay, &rows.delay, k, at);
-            if let Some(squares) = &mut squares {
-                add_squares::<I>(value, squares, at);
-            }
-            let mut ends = [value; 2];
-            if let Some(far) = far {
-                let far = wide::load::<I, AT_ONCE>(&far[at..]);
-                ends = [wide::add(value, far), wide::sub(value, far)];
-            }
-            (low, high) = (wide::min(ends[0], low), wide::max(ends[1], high));
+            (low, high) = (wide::min(value, low), wide::max(value, high));
+            // Zero times infinity or NaN is NaN.
+            zero = wide::mul_add(value, nothing, zero);
         }
-        *self = Self { low, high };
+        *self = Self { low, high, zero };
     }
 
     #[inline(always)]
     fn intervals<I: Isa<F64 = V>>(ranges: &[Self]) -> Vec<Interval> {
         let mut intervals = Vec::new();
-        for i in 0..ranges.len() {
-            let opposite = wide::sub(wide::splat::<I, AT_ONCE>(0.0), ranges[i].high);
+        for range in ranges {
+            let zero: f64 = numbers::<I>(range.zero).iter().sum();
             intervals.push(Interval {
-                low: least_of::<I>(ranges[i].low),
-                high: -least_of::<I>(opposite),
+                low: zero + numbers::<I>(range.low).iter().copied().fold(f64::INFINITY, f64::min),
+                high: zero
+                    + numbers::<I>(range.high)
+                        .iter()
+                        .copied()
+                        .fold(f64::NEG_INFINITY, f64::max),
             });
         }
         intervals

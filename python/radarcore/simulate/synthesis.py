@@ -70,8 +70,8 @@ class Plan:
     ----------
     parts : tuple of PlanPart
     error : float
-        Predicted rms error relative to l2(amplitudes), for samples of up to twice the rms of independent phases. Where
-        paths add up in phase to more, `beat_signal` finds out and runs a finer plan.
+        Predicted rms error relative to l2(amplitudes), by some hundred paths, for samples of up to 1.2 times the rms of
+        independent phases. Where paths have more or add up in phase, `beat_signal` finds out and runs a finer plan.
     memory : int
         Beside input and result [bytes].
     """

@@ -5,11 +5,11 @@ use num_complex::{Complex32, Complex64};
 use crate::cancel::Cancel;
 use crate::error::Error;
 use crate::numeric::simd::{Level, Real};
+use crate::synthesis::block::{Class, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
-use crate::synthesis::low_rank::residual_phase::Sample;
 use crate::synthesis::plan::{Method, Plan};
-use crate::synthesis::statistics::PathStatistics;
+use crate::synthesis::statistics::Group;
 
 /// Options of a sum over paths.
 #[derive(Clone, Copy, Debug)]
@@ -67,18 +67,15 @@ pub struct Report {
     pub gain: f64,
 }
 
-/// Job of a sum over paths, with the statistics of the paths.
+/// Job of a sum over paths, with their statistics.
 pub(super) struct Job<'a> {
     pub(super) waveform: &'a Waveform,
     pub(super) series: &'a PathSeries<'a>,
     pub(super) options: &'a Options<'a>,
-    /// True if still paths are summed apart from moving paths.
-    pub(super) is_split: bool,
-    pub(super) statistics: PathStatistics,
-    /// Sampled paths, which represent all moving paths.
-    pub(super) samples: Vec<Sample>,
-    /// Chunks of paths `(channel, chunk)` that the samples failed to represent.
-    pub(super) extra: Vec<(usize, usize)>,
+    /// Bit masks of the moving paths, (channel, chunk); none if all paths are of one class.
+    pub(super) masks: Vec<u128>,
+    /// Paths by class.
+    pub(super) groups: Vec<(Class, Group)>,
     /// Safety factor of the error that the samples may have, as in `Request`.
     pub(super) safety_factor: f64,
     /// True if grids may be in single precision, as in `Request`.
@@ -87,6 +84,16 @@ pub(super) struct Job<'a> {
     pub(super) is_lost: bool,
     /// Power of two that amplitudes are multiplied by, which keeps numbers in the range of single precision.
     pub(super) scale: f64,
+}
+
+impl Job<'_> {
+    /// Selection of the paths of a class.
+    pub(super) fn selection(&self, class: Class) -> Selection<'_> {
+        if self.masks.is_empty() {
+            return Selection::ALL;
+        }
+        Selection::new(class, &self.masks, self.series.num_channels)
+    }
 }
 
 /// Power of two near the inverse of the largest amplitude.

@@ -14,6 +14,7 @@ use crate::synthesis::coherence::Coherence;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::lanes::{self, Batch, Builder, Coefficients, Errors, Layer, Steps, Tables};
 use crate::synthesis::plan::{Method, Part, Plan, SINGLE_EQUAL_SUM, Step, in_phase};
+use crate::synthesis::statistics;
 
 /// Smallest tolerance that sums in lanes may reach: single precision, kernels of seven cells.
 const LEAST_TOLERANCE: f64 = 1e-5;
@@ -27,6 +28,10 @@ const RESERVE: f64 = 2.0;
 /// Chunks of paths of one task, a constant: sums of errors do not depend on the number of threads.
 const PART: usize = 8;
 
+/// Number of tasks that are tried before all, and share of the tolerance that what series leave out may fill in them.
+const NUM_TRIED: usize = 4;
+const LIKELY: f64 = 0.8;
+
 /// Shares of the batches of a channel whose cells are filled side by side, a constant.
 const SHARES: usize = 4;
 
@@ -39,17 +44,17 @@ const EXPONENT: f64 = 60.0;
 /// Most turns of a delay, of which double precision keeps enough digits.
 const MOST_TURNS: f64 = 1e9;
 
-/// Times of sums in lanes on one thread, by `benches/beat.rs`, group `beat/take_over` [s]: of tables, of a moving path in a
-/// group of 16 chirps, of a cell of a group, and of the record of a path.
+/// Times of sums in lanes on one thread, by `benches/beat.rs`, group `beat/take_over` [s]: of tables, of a moving path
+/// in a group of 16 chirps, of a cell of a group, and of the record of a path.
 const TABLES_TIME: f64 = 0.03e-3;
-const PATH_TIME: f64 = 42e-9;
+const PATH_TIME: f64 = 24e-9;
 const CELL_TIME: f64 = 25e-9;
-const RECORD_TIME: f64 = 55e-9;
+const RECORD_TIME: f64 = 50e-9;
 
-/// Times of the range-velocity grid on one thread, by the same bench [s]: of planning, of a chirp, and of a path; for
-/// paths at constant rates, and for others.
-const STEADY_GRID: [f64; 3] = [0.3e-3, 3e-6, 40e-9];
-const GRID: [f64; 3] = [3e-3, 35e-6, 150e-9];
+/// Times of the range-velocity grid on one thread, by the same bench and `beat/paths` [s]: of planning, of a chirp, of
+/// a path, and of a path per chirp and row of its series; for paths at constant rates, and for others.
+const STEADY_GRID: [f64; 4] = [0.2e-3, 3e-6, 15e-9, 0.0];
+const GRID: [f64; 4] = [0.8e-3, 10e-6, 15e-9, 0.33e-9];
 
 /// Times of recurrences on one thread, by the same bench [s]: of planning, of a path, and of a path in a sample.
 const RECURRENCE: [f64; 3] = [0.03e-3, 110e-9, 0.2e-9];
@@ -61,7 +66,7 @@ pub struct Work {
     pub channels: usize,
     /// Number of paths per channel.
     pub paths: usize,
-    /// Number of those that stand still for certain.
+    /// Number of those that stand still, as far as is known.
     pub still: usize,
     /// Number of rows of the series.
     pub terms: usize,
@@ -77,8 +82,9 @@ impl Work {
         let moving = channels * (self.paths - self.still.min(self.paths)) as f64;
         let cells = channels * Tables::num_cells(num_samples) as f64;
         let lanes = TABLES_TIME + groups * (moving * PATH_TIME + cells * CELL_TIME) + paths * RECORD_TIME;
-        let [planning, per_chirp, per_path] = if self.terms <= 2 { STEADY_GRID } else { GRID };
-        let grid = planning + num_chirps * per_chirp + paths * per_path;
+        let [planning, per_chirp, per_path, per_row] = if self.terms <= 2 { STEADY_GRID } else { GRID };
+        let rows = self.terms as f64 * num_chirps;
+        let grid = planning + num_chirps * per_chirp + paths * (per_path + per_row * rows);
         let per_path = RECURRENCE[1] + RECURRENCE[2] * num_chirps * num_samples as f64;
         let recurrence = RECURRENCE[0] + paths * per_path;
         lanes < grid && lanes < recurrence
@@ -121,7 +127,7 @@ impl LaneSum {
         let work = Work {
             channels: series.num_channels,
             paths: series.num_paths,
-            still: if series.num_terms() == 1 { series.num_paths } else { 0 },
+            still: series.num_paths * statistics::still_percent(series) / 100,
             terms: series.num_terms(),
         };
         if !fits || !Self::is_wanted(waveform, work, options) {
@@ -149,7 +155,18 @@ impl LaneSum {
             };
             batch(&builder, &frame, paths, options)
         };
-        let mut built = parallel::map(options.is_parallel, tasks.collect(), build);
+        let tasks: Vec<_> = tasks.collect();
+        if options.method == Method::Auto && tasks.len() > 4 * NUM_TRIED {
+            // Some paths show in a fraction of the time where a tolerance is out of reach.
+            let mut errors = Errors::default();
+            for task in tasks.iter().step_by(tasks.len() / NUM_TRIED) {
+                errors.add(&build(task.clone()).errors);
+            }
+            if errors.rest(&tables, true) > LIKELY * options.tolerance {
+                return None;
+            }
+        }
+        let mut built = parallel::map(options.is_parallel, tasks, build);
         let num_parts = num_chunks.div_ceil(PART);
         let batches = (0..series.num_channels).map(|_| built.drain(..num_parts).collect());
         let layer = LaneLayer {
@@ -196,7 +213,8 @@ impl LaneSum {
         batches.iter().map(of_channel).collect()
     }
 
-    /// Samples `(channel, chirp, sample)` and their report, for [`Self::errors`]; none if the tolerance cannot be reached.
+    /// Samples `(channel, chirp, sample)` and their report, for [`Self::errors`]; none if the tolerance cannot be
+    /// reached.
     pub fn samples(
         &self,
         errors: &[Errors],
@@ -267,8 +285,6 @@ impl LaneSum {
         };
         for (class, num_paths) in [(Class::Still, still), (Class::Moving, moving)] {
             if num_paths > 0 {
-                // Errors of classes add up in squares.
-                let share = (num_paths as f64 / (still + moving) as f64).sqrt();
                 plan.parts.push(Part {
                     class,
                     num_paths,
@@ -276,10 +292,12 @@ impl LaneSum {
                         width: steps.width,
                         has_second: steps.has_second,
                     },
-                    kernel: share * kernel,
+                    // Errors of classes add up in squares.
+                    share: (num_paths as f64 / (still + moving) as f64).sqrt(),
+                    kernel,
                     rounding: 0.0,
-                    equal: share * SINGLE_EQUAL_SUM,
-                    series: share * rest,
+                    equal: SINGLE_EQUAL_SUM,
+                    series: rest,
                     cost: 0.0,
                     memory: num_records * size_of::<lanes::Record>(),
                 });
@@ -410,7 +428,7 @@ impl Kernel for Build<'_> {
 }
 
 /// Largest real or imaginary part of the amplitudes at a time of the frame; at all times if they are zero there.
-fn largest(series: &PathSeries) -> f64 {
+pub(super) fn largest(series: &PathSeries) -> f64 {
     let of_row = |row: &&[num_complex::Complex64]| {
         row.iter()
             .fold(0.0_f64, |most, a| most.max(a.re.wide().abs()).max(a.im.wide().abs()))

@@ -11,14 +11,19 @@ use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::nufft::{self, Widths};
 use crate::synthesis::plan::{Part, Plan, Step};
 use crate::synthesis::recurrence;
+use crate::synthesis::statistics;
 
-/// Outcome of a run: rows and measured errors.
+/// Outcome of a part of a plan: rows, and what was measured of the paths.
 #[derive(Default)]
 pub(super) struct Outcome {
     /// Number of velocity rows that were transformed.
     pub rows: usize,
     /// Number of velocity rows that were skipped, as no path touched them.
     pub rows_skipped: usize,
+    /// Mean over the nodes of the squared l2 norm of the amplitudes, per channel; none of direct sums [W].
+    pub power: Vec<f64>,
+    /// Largest gain that the paths of a channel may have in phase, in any block; 0 for steps without a kernel.
+    pub coherence: f64,
     /// Mean square error over the frame of the interpolation of residuals, summed over paths, per channel [W].
     pub rest: Vec<f64>,
     /// Chunks `(channel, chunk)` with the largest shares of that error.
@@ -26,31 +31,36 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
+    fn of(num_channels: usize) -> Self {
+        Self {
+            power: vec![0.0; num_channels],
+            rest: vec![0.0; num_channels],
+            ..Self::default()
+        }
+    }
+
     fn join(&mut self, other: Self) {
         self.rows += other.rows;
         self.rows_skipped += other.rows_skipped;
-        self.rest.resize(self.rest.len().max(other.rest.len()), 0.0);
+        self.coherence = self.coherence.max(other.coherence);
+        for (sum, power) in self.power.iter_mut().zip(other.power) {
+            *sum += power;
+        }
         for (sum, rest) in self.rest.iter_mut().zip(other.rest) {
             *sum += rest;
         }
         self.worst.extend(other.worst);
     }
-
-    /// Error of the interpolation relative to l2(amplitudes), the largest of all channels.
-    pub fn interpolation(&self, power: &[f64]) -> f64 {
-        let ratios = self.rest.iter().zip(power).filter(|(_, power)| **power > 0.0);
-        ratios.map(|(rest, power)| (rest / power).sqrt()).fold(0.0, f64::max)
-    }
 }
 
 impl Job<'_> {
-    /// Run all parts of a plan.
-    pub(super) fn run(&self, plan: &Plan, is_single: bool) -> (Samples, Outcome) {
+    /// Run all parts of a plan: samples, and the outcome of every part.
+    pub(super) fn run(&self, plan: &Plan, is_single: bool) -> (Samples, Vec<Outcome>) {
         let size = self.series.num_channels * self.waveform.chirp_times.len() * self.waveform.num_samples;
         let selection = |part: &Part| self.selection(part.class);
         let needs_double = |part: &Part| !part.step.is_single();
-        let mut outcome = Outcome::default();
-        let mut add = |part: Outcome| outcome.join(part);
+        let mut outcomes = Vec::new();
+        let mut add = |part: Outcome| outcomes.push(part);
         if plan.parts.iter().any(needs_double) || !is_single {
             let mut sum = vec![Complex64::ZERO; size];
             for part in &plan.parts {
@@ -68,7 +78,7 @@ impl Job<'_> {
             for sample in &mut sum {
                 *sample *= back;
             }
-            (narrow(sum, is_single), outcome)
+            (narrow(sum, is_single), outcomes)
         } else {
             let mut sum = vec![Complex32::ZERO; size];
             for part in &plan.parts {
@@ -81,7 +91,7 @@ impl Job<'_> {
                     *sample = Complex32::new((sample.re.wide() * back) as f32, (sample.im.wide() * back) as f32);
                 }
             }
-            (Samples::Single(sum), outcome)
+            (Samples::Single(sum), outcomes)
         }
     }
 
@@ -106,7 +116,10 @@ impl Job<'_> {
                 self.lanes(selection, out, |job, samples| {
                     recurrence::add_recurrence(self.options.level, job, samples);
                 });
-                Outcome::default()
+                Outcome {
+                    power: statistics::power(self.series, selection),
+                    ..Outcome::default()
+                }
             }
             Step::Lanes { .. } => unreachable!("sums in lanes have no job"),
             Step::Grid { width, block_plans, .. } => self.grid(selection, *width, block_plans, out),
@@ -195,19 +208,19 @@ impl Job<'_> {
             };
             let jobs: Vec<nufft::Job> = (first..first + samples.len()).map(job).collect();
             let share = block_plan.block.chirps.len() as f64 / self.waveform.chirp_times.len() as f64;
-            let mut outcome = Outcome {
-                rest: vec![0.0; self.series.num_channels],
-                ..Outcome::default()
-            };
-            for (job, (used, checked)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
+            let mut outcome = Outcome::of(self.series.num_channels);
+            for (job, (used, measured)) in jobs.iter().zip(nufft::add_channels(&jobs, samples)) {
                 outcome.rows += used;
                 outcome.rows_skipped += block_plan.rows - used;
-                outcome.rest[job.channel] = share * checked.sum;
-                outcome.worst.push((job.channel, checked.worst.0));
+                outcome.power[job.channel] = measured.power;
+                outcome.coherence = outcome.coherence.max(measured.coherence.gain(1));
+                outcome.rest[job.channel] = share * measured.rest;
+                outcome.worst.push((job.channel, measured.worst.0));
             }
             outcome
         });
-        outcomes.into_iter().fold(Outcome::default(), |mut sum, outcome| {
+        let none = Outcome::of(self.series.num_channels);
+        outcomes.into_iter().fold(none, |mut sum, outcome| {
             sum.join(outcome);
             sum
         })

@@ -39,8 +39,6 @@ pub struct CrossApproximation {
     pub references: Vec<(Path, Complex64, Vec<Complex64>)>,
     /// Checks of residuals against their interpolation.
     pub checks: Vec<Check>,
-    /// Mean square of the remainder of the samples over the block, relative to that at the checks.
-    pub check_factor: f64,
     /// rms of the residual phases of the samples, weighted by power [turns].
     pub turns: f64,
 }
@@ -63,8 +61,20 @@ impl CrossApproximation {
             lower: Vec::new(),
             references: Vec::new(),
             checks: Vec::new(),
-            check_factor: 0.0,
             turns: 0.0,
+        }
+    }
+
+    /// Approximation of residuals by the phase of one path, checked at some instants.
+    pub fn of_one_phase(mean: Path, instants: &[Instant]) -> Self {
+        let check = |instant: &Instant| Check {
+            instant: *instant,
+            weights: Vec::new(),
+        };
+        Self {
+            mean,
+            checks: instants.iter().map(check).collect(),
+            ..Self::none()
         }
     }
 
@@ -98,29 +108,22 @@ const MANY_FAST: usize = 5;
 const MOST_CHIRPS: usize = 2 * MAX_TERMS;
 /// Further instants between those of the terms, for checks.
 const NUM_OTHERS: usize = 8;
-/// Number of checks: for samples that represent all paths, for small budgets, and otherwise.
-const NUM_CHECKS: usize = 2;
-const MANY_CHECKS: usize = 4;
-const MOST_CHECKS: usize = 12;
+/// Number of checks.
+const NUM_CHECKS: usize = 4;
 /// Squares that differ by less than this factor count as equal, so that rounding does not choose the pivot.
 const TIE: f64 = 1.0 + 1e-9;
 /// Share of the allowed error for the samples, which the terms fit; other paths may have more.
-const SHARE: f64 = 0.85;
+pub const SHARE: f64 = 0.85;
 
 /// Cross approximation of some paths and its rms error relative to the l2 norm of the amplitudes, at most `budget`.
 /// None if it takes too many terms.
 ///
-/// Samples that do not represent all paths (`are_alike` false) get many checks. No pivot is below the `rounding` of
-/// strengths, relative to the rms of residuals.
-///
-/// Every second of the first `num_apart` paths is held out, to measure the error of paths that are no samples; if that
-/// is too large, none is held out.
+/// No pivot is below the `rounding` of strengths, relative to the rms of residuals.
 pub fn find(
     waveform: &Waveform,
     block: &Block,
     frame: &Frame,
-    (paths, num_apart): (&[Path], usize),
-    are_alike: bool,
+    paths: &[Path],
     (budget, rounding): (f64, f64),
     level: Level,
 ) -> Option<(CrossApproximation, f64)> {
@@ -169,25 +172,16 @@ pub fn find(
         ));
     }
     let max_terms = if is_complete { num_trained } else { num_trained * 2 / 5 };
-    let search = |num_apart| {
-        level.run(Search {
-            frame,
-            paths,
-            num_apart,
-            are_alike,
-            instants: &instants,
-            weights: &weights,
-            num_trained,
-            max_terms: max_terms.min(MAX_TERMS),
-            budget: SHARE * budget,
-            rounding,
-        })
-    };
-    let found = search(num_apart);
-    if found.is_some() || num_apart == 0 {
-        return found;
-    }
-    search(0)
+    level.run(Search {
+        frame,
+        paths,
+        instants: &instants,
+        weights: &weights,
+        num_trained,
+        max_terms: max_terms.min(MAX_TERMS),
+        budget: SHARE * budget,
+        rounding,
+    })
 }
 
 /// Up to `most` numbers below `count`, ends included and denser towards them, each with the number of integers it
@@ -218,10 +212,6 @@ fn spread(count: usize, most: usize) -> Vec<(usize, f64)> {
 struct Search<'a> {
     frame: &'a Frame,
     paths: &'a [Path],
-    /// Number of first paths of which every second is held out and is no reference.
-    num_apart: usize,
-    /// True if the samples represent all paths.
-    are_alike: bool,
     instants: &'a [Instant],
     /// Weights of the trained instants; the others have weight one.
     weights: &'a [f64],
@@ -240,6 +230,7 @@ struct Times {
 }
 
 /// Residuals of all samples, (path, instant), in whole vectors; the last instant is repeated.
+#[derive(Clone)]
 struct Matrix {
     stride: usize,
     re: Vec<f64>,
@@ -263,15 +254,16 @@ impl Kernel for Search<'_> {
         let counts = self.weights(&matrix);
         let zero = vec![0.0; matrix.stride];
         let none = vec![0.0; paths.len()];
-        let all = self.reduce::<I, false>(&mut matrix, &counts, [&zero, &zero], [&none, &none]);
-        let power: f64 = all.sums.iter().sum();
+        let all = Self::reduce::<I, false>(&mut matrix, &counts, [&zero, &zero], [&none, &none]);
+        let power = all.sum;
         if !power.is_finite() {
             return None;
         }
         if power == 0.0 {
             // Samples without amplitude say nothing of the other paths.
             let mut approximation = CrossApproximation::none();
-            self.add_checks(&matrix, &[], &all, &mut approximation);
+            let (checks, _) = self.checks(&matrix, &approximation.instants);
+            self.add_checks(&checks, &[], &mut approximation);
             return Some((approximation, 0.0));
         }
         let bound = self.budget * self.budget;
@@ -279,18 +271,22 @@ impl Kernel for Search<'_> {
         // No terms: the mean amplitudes with one phase.
         let mut approximation = CrossApproximation {
             turns,
-            mean: mean(paths),
-            ..CrossApproximation::none()
+            ..CrossApproximation::of_one_phase(mean(paths), &[])
         };
         let [common_re, common_im] = self.phasors::<I>(&approximation.mean, matrix.stride);
         let mean_re: Vec<f64> = paths.iter().map(|path| path.re()[0]).collect();
         let mean_im: Vec<f64> = paths.iter().map(|path| -path.im()[0]).collect();
         let (row, multiples) = ([&common_re[..], &common_im], [&mean_re[..], &mean_im]);
-        let flat = self.reduce::<I, false>(&mut matrix, &counts, row, multiples);
-        if flat.relative(&all) <= bound / (SHARE * SHARE) {
-            self.reduce::<I, true>(&mut matrix, &counts, row, multiples);
-            self.add_checks(&matrix, &[], &flat, &mut approximation);
-            return Some((approximation, flat.relative(&all).sqrt()));
+        let flat = Self::reduce::<I, false>(&mut matrix, &counts, row, multiples);
+        if flat.relative(&all) <= bound {
+            let mut matrix = matrix.clone();
+            Self::reduce::<I, true>(&mut matrix, &counts, row, multiples);
+            let (checks, seen) = self.checks(&matrix, &[]);
+            let error = flat.relative(&all).max(seen / all.sum);
+            if error <= bound {
+                self.add_checks(&checks, &[], &mut approximation);
+                return Some((approximation, error.sqrt()));
+            }
         }
 
         // Cross approximation with full pivoting.
@@ -298,15 +294,23 @@ impl Kernel for Search<'_> {
         // Coefficients of all paths, (term, path).
         let mut coefficients: Vec<[Vec<f64>; 2]> = Vec::new();
         let mut left = all;
-        while left.relative(&all) > bound {
+        loop {
+            if left.relative(&all) <= bound {
+                // The run sees what is left at the checks.
+                let (checks, seen) = self.checks(&matrix, &approximation.instants);
+                let error = left.relative(&all).max(seen / all.sum);
+                if error <= bound {
+                    self.add_checks(&checks, &rows, &mut approximation);
+                    return Some((approximation, error.sqrt()));
+                }
+            }
             if approximation.instants.len() == self.max_terms {
                 return None;
             }
             let path = left.row;
             let column = self.largest_in(&matrix, path);
             let pivot = matrix.at(path, column);
-            // The remainder is in paths that are held out; a pivot of rounding errors would magnify those of its
-            // evaluation.
+            // A pivot of rounding errors would magnify those of its evaluation.
             let mean = power / (num_instants * paths.len()) as f64;
             if pivot.norm_sqr() <= mean * (0.01 * bound).max(self.rounding.powi(2)) {
                 return None;
@@ -328,7 +332,7 @@ impl Kernel for Search<'_> {
                 let rows = part.chunks_exact(matrix.stride);
                 rows.map(|row| row[column]).collect()
             });
-            left = self.reduce::<I, true>(
+            left = Self::reduce::<I, true>(
                 &mut matrix,
                 &counts,
                 [&row_parts[0], &row_parts[1]],
@@ -337,8 +341,6 @@ impl Kernel for Search<'_> {
             coefficients.push(taken);
             rows.push(row);
         }
-        self.add_checks(&matrix, &rows, &left, &mut approximation);
-        Some((approximation, left.relative(&all).sqrt()))
     }
 }
 
@@ -454,10 +456,9 @@ impl Search<'_> {
         [counted, trained]
     }
 
-    /// Add the checks: half of them at the instants of the largest remainder, the others far from the instants of the
-    /// terms, for paths unlike the samples.
-    fn add_checks(&self, rest: &Matrix, rows: &[Vec<Complex64>], left: &Left, approximation: &mut CrossApproximation) {
-        let left = left.sums.iter().sum::<f64>() / self.instants.len() as f64;
+    /// Instants of the checks of a remainder, and the sum of its squares at all instants by those at the checks. Half
+    /// of them are where most is left, the others far from the instants of the terms, for paths unlike the samples.
+    fn checks(&self, rest: &Matrix, instants: &[Instant]) -> (Vec<usize>, f64) {
         let mut all = vec![0.0; self.instants.len()];
         for (re, im) in rest.re.chunks_exact(rest.stride).zip(rest.im.chunks_exact(rest.stride)) {
             for ((sum, re), im) in all.iter_mut().zip(re).zip(im) {
@@ -470,19 +471,11 @@ impl Search<'_> {
             .iter()
             .map(|path| path.re()[0].powi(2) + path.im()[0].powi(2))
             .sum();
-        let is_exact = left <= 1e-24 * power;
-        let count = match (self.are_alike, self.budget < FINE) {
-            (false, _) => MOST_CHECKS,
-            (true, true) => MANY_CHECKS,
-            (true, false) => NUM_CHECKS,
-        };
+        let is_exact = all.iter().sum::<f64>() <= 1e-24 * power * all.len() as f64;
         let mut chosen: Vec<usize> = Vec::new();
-        for number in 0..count {
+        for number in 0..NUM_CHECKS {
             let distance = |x: usize| {
-                let taken = approximation
-                    .instants
-                    .iter()
-                    .chain(chosen.iter().map(|x| &self.instants[*x]));
+                let taken = instants.iter().chain(chosen.iter().map(|x| &self.instants[*x]));
                 // Residuals are near to even functions of time: what vanishes at x may do so at -x.
                 let distances = taken.map(|other| (other.x.abs() - self.instants[x].x.abs()).abs());
                 distances.fold(2.0, f64::min)
@@ -499,16 +492,16 @@ impl Search<'_> {
             };
             chosen.extend(best);
         }
-        let sums: Vec<(f64, usize)> = chosen.iter().map(|x| (all[*x], *x)).collect();
-        let at_checks = sums.iter().map(|(sum, _)| sum).sum::<f64>() / sums.len() as f64;
-        approximation.check_factor = if at_checks > 0.0 && self.are_alike {
-            (left / at_checks).clamp(0.2, 1.0)
-        } else {
-            1.0
-        };
-        for (_, x) in sums {
+        let seen: f64 = chosen.iter().map(|x| all[*x]).sum();
+        let ratio = all.len() as f64 / chosen.len() as f64;
+        (chosen, seen * ratio)
+    }
+
+    /// Add the checks at some instants, with the weights of the terms there.
+    fn add_checks(&self, checks: &[usize], rows: &[Vec<Complex64>], approximation: &mut CrossApproximation) {
+        for x in checks {
             // Weights w of g(x_i) in sum_i c_i q_i(x): L^T w = q(x), with the lower triangle L of q_j(x_i).
-            let mut weights: Vec<Complex64> = rows.iter().map(|row| row[x]).collect();
+            let mut weights: Vec<Complex64> = rows.iter().map(|row| row[*x]).collect();
             for i in (0..weights.len()).rev() {
                 let weight = weights[i];
                 for (j, value) in approximation.lower[i].iter().enumerate() {
@@ -516,7 +509,7 @@ impl Search<'_> {
                 }
             }
             approximation.checks.push(Check {
-                instant: self.instants[x],
+                instant: self.instants[*x],
                 weights,
             });
         }
@@ -524,7 +517,7 @@ impl Search<'_> {
 }
 
 /// Path of the mean residual phase: means of `rate^2`, `offset rate` and the bends, weighted by power.
-fn mean(paths: &[Path]) -> Path {
+pub fn mean(paths: &[Path]) -> Path {
     let power = |path: &Path| path.re()[0].powi(2) + path.im()[0].powi(2);
     let total: f64 = paths.iter().map(power).sum();
     let mean = |value: &dyn Fn(&Path) -> f64| {
@@ -545,23 +538,16 @@ fn mean(paths: &[Path]) -> Path {
 /// Remainder of a matrix after some terms.
 #[derive(Clone, Copy)]
 struct Left {
-    /// Sums of the squares at all instants, of the candidates for references and of the paths held out.
-    sums: [f64; 2],
+    /// Sum of the squares at all instants.
+    sum: f64,
     /// Path with the largest element at the trained instants.
     row: usize,
 }
 
 impl Left {
-    /// Larger one of the two sums relative to those of `all`.
+    /// Sum relative to that of `all`.
     fn relative(&self, all: &Self) -> f64 {
-        let ratio = |i: usize| {
-            if all.sums[i] > 0.0 {
-                self.sums[i] / all.sums[i]
-            } else {
-                0.0
-            }
-        };
-        ratio(0).max(ratio(1))
+        if all.sum > 0.0 { self.sum / all.sum } else { 0.0 }
     }
 }
 
@@ -570,17 +556,15 @@ impl Search<'_> {
     /// [`Self::weights`]; complex numbers are in two parts.
     #[inline(always)]
     fn reduce<I: Isa, const STORES: bool>(
-        &self,
         matrix: &mut Matrix,
         [counted, trained]: &[Vec<f64>; 2],
         [row_re, row_im]: [&[f64]; 2],
         [multiple_re, multiple_im]: [&[f64]; 2],
     ) -> Left {
         let splat = <I::F64 as Vector>::splat;
-        let mut sums = [splat(0.0); 2];
+        let mut total = splat(0.0);
         let (mut largest, mut row) = (0.0, 0);
         for path in 0..multiple_re.len() {
-            let is_apart = path < self.num_apart && path % 2 == 1;
             let (a, b) = (splat(multiple_re[path]), splat(multiple_im[path]));
             let (mut sum, mut most) = (splat(0.0), splat(0.0));
             for at in (0..matrix.stride).step_by(8) {
@@ -596,11 +580,7 @@ impl Search<'_> {
                 sum = square.mul_add(I::F64::load(&counted[at..]), sum);
                 most = square.mul(I::F64::load(&trained[at..])).max(most);
             }
-            let half = usize::from(is_apart);
-            sums[half] = sums[half].add(sum);
-            if is_apart {
-                continue;
-            }
+            total = total.add(sum);
             let mut lanes = [0.0_f64; 8];
             most.store(&mut lanes);
             for half in [4, 2, 1] {
@@ -612,11 +592,10 @@ impl Search<'_> {
                 (largest, row) = (lanes[0], path);
             }
         }
-        let mut lanes = [[0.0; 8]; 2];
-        sums[0].store(&mut lanes[0]);
-        sums[1].store(&mut lanes[1]);
+        let mut lanes = [0.0; 8];
+        total.store(&mut lanes);
         Left {
-            sums: lanes.map(|lanes| lanes.iter().sum()),
+            sum: lanes.iter().sum(),
             row,
         }
     }

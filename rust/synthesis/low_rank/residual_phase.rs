@@ -163,6 +163,28 @@ impl Sample {
         series(&block.delay, &self.numbers[..self.num_delays])
     }
 
+    /// Largest real or imaginary part of the first amplitude, and of the differences of the others from it.
+    pub fn largest(&self) -> f64 {
+        self.numbers[self.num_delays..]
+            .iter()
+            .fold(0.0, |largest, x| largest.max(x.abs()))
+    }
+
+    /// Multiply the amplitudes by a factor.
+    pub fn weigh(&mut self, factor: f64) {
+        for amplitude in &mut self.numbers[self.num_delays..] {
+            *amplitude *= factor;
+        }
+    }
+
+    /// True if delay and amplitude never change.
+    pub fn is_still(&self) -> bool {
+        let (delays, amplitudes) = self.numbers.split_at(self.num_delays);
+        let is_constant = |rows: &[f64]| rows.iter().skip(1).all(|change| *change == 0.0);
+        let (re, im) = amplitudes.split_at(amplitudes.len() / 2);
+        is_constant(delays) && is_constant(re) && is_constant(im)
+    }
+
     /// Real and imaginary parts of the coefficients of the amplitude in a block.
     fn amplitude<'a>(&'a self, block: &'a Block) -> [impl Iterator<Item = f64> + 'a; 2] {
         let numbers = &self.numbers[self.num_delays..];

@@ -2,6 +2,7 @@
 
 use super::job::Job;
 use super::layout::{Layout, PAD, origin};
+use super::measured::Measured;
 use crate::numeric::simd::{Isa, Kernel, Precision, Vector, interleave};
 use crate::numeric::wide::{self, Wide, add, max, min, mul, mul_add, neg_mul_add, sub};
 use crate::synthesis::block::{CHUNK, Class, Rows, coefficient};
@@ -18,6 +19,8 @@ pub struct Map<T> {
     velocity: [f64; 3],
     last_row: f64,
     stride: f64,
+    /// Columns of the cells of range and velocity.
+    columns: f64,
     is_moving: bool,
     /// Turns of a second of delay, and of a squared second, beside those of the start frequency.
     swept: [f64; 2],
@@ -107,6 +110,7 @@ impl<T: Precision> Map<T> {
             ],
             last_row: layout.rows.saturating_sub(job.width) as f64,
             stride: layout.stride as f64,
+            columns: Measured::columns(job) as f64,
             is_moving: layout.rows > 1,
             swept: [waveform.slope * waveform.middle_time(), 0.5 * waveform.slope],
             bend: T::of(block_plan.frame.bend),
@@ -177,6 +181,9 @@ pub struct Tracks<T> {
     amplitude: [Vec<Lane<T>>; 2],
     /// Strengths of every term, real and imaginary parts.
     strengths: Vec<[Lane<T>; 2]>,
+    /// Cells of range and velocity, and magnitudes of the mean amplitudes.
+    cells: [u32; CHUNK],
+    magnitudes: Lane<T>,
 }
 
 impl<T: Precision> Tracks<T> {
@@ -200,40 +207,54 @@ impl<T: Precision> Tracks<T> {
                 vec![zero; job.block_plan.num_amplitudes],
             ],
             strengths: vec![[zero; 2]; job.block_plan.approximation.num_sets()],
+            cells: [0; CHUNK],
+            magnitudes: zero,
         }
     }
 }
 
-/// Kernel that computes the coordinates and strengths of the chunk of paths from `first` on, `P` vectors of f64 at
-/// once. Returns the squared interpolation error of the residuals, summed over paths, the mean over the checks.
-pub struct Coordinates<'a, T, const P: usize> {
+/// Coordinates and strengths of the chunk of paths from `first` on, and measurements of these paths.
+pub struct Coordinates<'a, T> {
     pub job: &'a Job<'a>,
     pub map: &'a Map<T>,
     pub first: usize,
     pub rows: &'a mut Rows,
     pub tracks: &'a mut Tracks<T>,
     pub points: &'a mut Points<T>,
+    pub measured: &'a mut Measured,
 }
 
-impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
-    type Output = f64;
+/// Kernel that computes them, `P` vectors of f64 at once: one vector of `T`.
+pub struct Placing<'a, T, const P: usize>(pub Coordinates<'a, T>);
+
+impl<T: Precision, const P: usize> Kernel for Placing<'_, T, P> {
+    type Output = ();
 
     #[inline(always)] // see `Kernel`
-    fn run<I: Isa>(self) -> f64 {
-        let Self {
+    fn run<I: Isa>(self) {
+        let Coordinates {
             job,
             map,
             first,
             rows,
             tracks,
             points,
-        } = self;
+            measured,
+        } = self.0;
         rows.gather(job.series, job.channel, first, job.selection);
         let to = points.len;
         for at in (0..rows.len).step_by(8 * P) {
             coordinates::<T, I, P>(job, map, rows, at, tracks, points, to + at);
         }
         expand::<T, I, P>(map, rows.len, tracks);
+        if job.block_plan.block.chirps.start == 0 {
+            measured.power += rows.power();
+        }
+        let squares = magnitudes::<T, I, P>(tracks, rows.len);
+        let len = rows.len.min(CHUNK);
+        measured
+            .coherence
+            .add_to(&tracks.cells[..len], &tracks.magnitudes[..len], squares);
         let is_flat = job.block_plan.approximation.are_flat();
         for term in 0..points.strengths.len() {
             let strengths = &mut points.strengths[term][2 * to..];
@@ -254,8 +275,34 @@ impl<T: Precision, const P: usize> Kernel for Coordinates<'_, T, P> {
             }
         }
         points.len += rows.len;
-        check::<T, I, P>(map, is_flat, tracks, rows.len)
+        measured.add_rest(first / CHUNK, check::<T, I, P>(map, is_flat, tracks, rows.len));
     }
+}
+
+/// Magnitudes of the mean amplitudes; returns the sum of their squares. Lanes after the last path have no amplitude.
+#[inline(always)]
+fn magnitudes<T: Precision, I: Isa, const P: usize>(tracks: &mut Tracks<T>, len: usize) -> f64 {
+    let mut sum = <T::In<I>>::splat(T::zero());
+    for at in (0..len).step_by(8 * P) {
+        let re = <T::In<I>>::load(&tracks.amplitude[0][0][at..]);
+        let im = <T::In<I>>::load(&tracks.amplitude[1][0][at..]);
+        let square = re.mul_add(re, im.mul(im));
+        square.sqrt().store(&mut tracks.magnitudes[at..]);
+        sum = sum.add(square);
+    }
+    total::<T, I, P>(sum)
+}
+
+/// Sum of the numbers of a vector.
+#[inline(always)]
+fn total<T: Precision, I: Isa, const P: usize>(vector: T::In<I>) -> f64 {
+    let mut lanes = [T::zero(); 16];
+    vector.store(&mut lanes);
+    let mut total = 0.0;
+    for i in 0..8 * P {
+        total += lanes[i].wide();
+    }
+    total
 }
 
 /// Coordinates of the paths of the chunk from `at` on, into the points from `to` on; symbols as in `residual_phase`.
@@ -278,7 +325,7 @@ fn coordinates<T: Precision, I: Isa, const P: usize>(
     let shift = coefficient::<I, P>(delay, &rows.delay, 0, at);
     let tau = add(base, shift);
     let mut x = mul(tau, splat(map.turns[0]));
-    let mut start = splat(0.0);
+    let (mut start, mut cell) = (splat(0.0), splat(0.0));
     if map.is_moving {
         let offset = mul(sub(tau, splat(frame.middle_delay)), splat(frame.stretch));
         let rate = coefficient::<I, P>(delay, &rows.delay, 1, at);
@@ -292,6 +339,9 @@ fn coordinates<T: Precision, I: Isa, const P: usize>(
         z.add(z).store(&mut points.zy[to..]);
         store_small::<I, P>(row, &mut points.row[to..]);
         start = mul(row, splat(map.stride));
+        // Two rows are a turn over the block; without ties.
+        let turn = wide::round::<I, P>(mul_add(row, splat(0.5), splat(-0.125)));
+        cell = mul(turn, splat(map.columns));
 
         wide::narrow::<T, I, P>(offset).store(&mut tracks.offset[at..]);
         let carrier = splat(frame.carrier);
@@ -301,7 +351,11 @@ fn coordinates<T: Precision, I: Isa, const P: usize>(
             wide::narrow::<T, I, P>(bend).store(&mut tracks.bends[k][at..]);
         }
     }
-    let x = mul_add(wide::reduce::<I, P>(x), splat(map.cells[0]), splat(map.cells[1]));
+    let x = wide::reduce::<I, P>(x);
+    let column = wide::round::<I, P>(mul_add(x, splat(map.columns), splat(0.5 * map.columns - 0.5)));
+    let column = min(max(column, splat(0.0)), splat(map.columns - 1.0));
+    store_small::<I, P>(add(cell, column), &mut tracks.cells[at..]);
+    let x = mul_add(x, splat(map.cells[0]), splat(map.cells[1]));
     let column = wide::round::<I, P>(x);
     let z = wide::narrow::<T, I, P>(sub(column, x));
     z.add(z).store(&mut points.zx[to..]);
@@ -453,13 +507,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
             sum = re.mul_add(re, im.mul_add(im, sum));
         }
     }
-    let mut lanes = [T::zero(); 16];
-    sum.store(&mut lanes);
-    let mut total = 0.0;
-    for i in 0..8 * P {
-        total += lanes[i].wide();
-    }
-    total / map.checks.len().max(1) as f64
+    total::<T, I, P>(sum) / map.checks.len().max(1) as f64
 }
 
 /// Store whole numbers below 2^32; unlike a conversion this vectorises everywhere.

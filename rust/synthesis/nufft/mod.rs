@@ -8,6 +8,7 @@ mod coordinates;
 mod job;
 pub mod kernel;
 mod layout;
+mod measured;
 mod scalar;
 mod slow_time;
 mod spectra;

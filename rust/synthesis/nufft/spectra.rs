@@ -1,13 +1,13 @@
 //! Spectra of a channel after the range transform.
 
-use super::spread::Checked;
+use super::measured::Measured;
 
 /// Spectra of the paths of a channel, after the range transform.
 pub(super) struct Channel<T> {
     pub(super) spectra: Spectra<T>,
     /// True for rows that were transformed; the others are zero.
     pub(super) is_used: Vec<bool>,
-    pub(super) checked: Checked,
+    pub(super) measured: Measured,
 }
 
 /// Spectra after the range transform, (term, row, sample), samples padded to whole vectors.

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::coordinates::{Coordinates, Map, Points, Tracks};
+use super::coordinates::{Coordinates, Map, Placing, Points, Tracks};
 use super::job::Job;
 use super::layout::Layout;
+use super::measured::Measured;
 use super::scalar::Scalar;
 use crate::cancel::Cancel;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector, add_patch, add_rows};
@@ -12,31 +13,8 @@ use crate::numeric::wide;
 use crate::synthesis::block::{CHUNK, Rows};
 use crate::synthesis::nufft::kernel::{KaiserBessel, degree, tap_table};
 
-/// Interpolation error of the residuals of paths.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Checked {
-    /// Sum over paths of the squared error, the mean over the checks.
-    pub sum: f64,
-    /// Chunk with the largest share of the sum, and that share.
-    pub worst: (usize, f64),
-}
-
-impl Checked {
-    /// Errors of both sets of chunks together.
-    pub fn join(self, other: Self) -> Self {
-        Self {
-            sum: self.sum + other.sum,
-            worst: if other.worst.1 > self.worst.1 {
-                other.worst
-            } else {
-                self.worst
-            },
-        }
-    }
-}
-
-/// Spread the paths of some chunks on the grid and return the interpolation error of their residuals.
-pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Checked {
+/// Spread the paths of some chunks on the grid, and measure them.
+pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>, grid: &mut [T]) -> Measured {
     let is_sorted = is_sorted::<T>(job, layout);
     // Sorting gains from many paths; without it, points stay in the L1 cache.
     let bytes = if is_sorted { 1 << 17 } else { 1 << 14 };
@@ -47,17 +25,21 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
     let map = Map::new(job, layout);
     let tables = Tables::new(job.width);
     let mut scratch = Scratch::new(batch * CHUNK, job.width);
-    let mut checked = Checked::default();
+    let mut measured = Measured::new(job);
     for first in chunks.clone().step_by(batch) {
         if job.cancel.is_some_and(Cancel::is_asked) {
             break;
         }
         points.len = 0;
         for index in first..chunks.end.min(first + batch) {
-            let sum = T::place(job, &map, index * CHUNK, &mut rows, &mut tracks, &mut points);
-            checked = checked.join(Checked {
-                sum,
-                worst: (index, sum),
+            T::place(Coordinates {
+                job,
+                map: &map,
+                first: index * CHUNK,
+                rows: &mut rows,
+                tracks: &mut tracks,
+                points: &mut points,
+                measured: &mut measured,
             });
         }
         scratch.order(&points, layout, is_sorted);
@@ -71,7 +53,7 @@ pub fn spread_chunks<T: Widths>(job: &Job, layout: &Layout, chunks: Range<usize>
             grid,
         });
     }
-    checked
+    measured
 }
 
 /// Grids that stay in the L1 cache [bytes].
@@ -470,44 +452,16 @@ fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
 
 /// Kernel widths that are compiled for a precision.
 pub trait Widths: Scalar {
-    /// Compute the coordinates and strengths of a chunk of paths, see [`Coordinates`].
-    fn place(
-        job: &Job,
-        map: &Map<Self>,
-        first: usize,
-        rows: &mut Rows,
-        tracks: &mut Tracks<Self>,
-        points: &mut Points<Self>,
-    ) -> f64;
+    /// Compute the coordinates and strengths of a chunk of paths.
+    fn place(chunk: Coordinates<Self>);
     /// Spread the points of a chunk of paths.
     fn add_points(chunk: Patches<Self>);
 }
 
-/// Spreading in a precision, with the number of vectors of f64 that fill one vector of it.
-macro_rules! alike {
-    ($vectors:literal) => {
-        fn place(
-            job: &Job,
-            map: &Map<Self>,
-            first: usize,
-            rows: &mut Rows,
-            tracks: &mut Tracks<Self>,
-            points: &mut Points<Self>,
-        ) -> f64 {
-            job.level.run(Coordinates::<Self, $vectors> {
-                job,
-                map,
-                first,
-                rows,
-                tracks,
-                points,
-            })
-        }
-    };
-}
-
 impl Widths for f32 {
-    alike!(2);
+    fn place(chunk: Coordinates<Self>) {
+        chunk.job.level.run(Placing::<_, 2>(chunk));
+    }
 
     fn add_points(chunk: Patches<Self>) {
         match chunk.width {
@@ -522,7 +476,9 @@ impl Widths for f32 {
 }
 
 impl Widths for f64 {
-    alike!(1);
+    fn place(chunk: Coordinates<Self>) {
+        chunk.job.level.run(Placing::<_, 1>(chunk));
+    }
 
     fn add_points(chunk: Patches<Self>) {
         // Wider patches do not fit into the registers that merging needs.

@@ -5,17 +5,18 @@ use rayon::prelude::*;
 
 use super::job::Job;
 use super::layout::{Layout, PAD, origin};
+use super::measured::Measured;
 use super::slow_time;
 use super::spectra::{Channel, Spectra};
-use super::spread::{Checked, Widths, spread_chunks};
+use super::spread::{Widths, spread_chunks};
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Real};
 use crate::synthesis::block::CHUNK;
 use crate::synthesis::nufft::kernel::KaiserBessel;
 
 /// Add the samples `(chirp, sample)` of a block to `out`, for channels that share a block plan. Returns for each the
-/// number of rows that were transformed, and the interpolation error of the residuals.
-pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Checked)> {
+/// number of rows that were transformed, and what was measured.
+pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) -> Vec<(usize, Measured)> {
     let Some(job) = jobs.first() else {
         return Vec::new();
     };
@@ -38,15 +39,15 @@ pub fn add_channels<T: Widths>(jobs: &[Job], mut out: Vec<&mut [Complex<T>]>) ->
     }
     let count = |channel: &Channel<T>| channel.is_used.iter().filter(|is_used| **is_used).count();
     channels
-        .iter()
-        .map(|channel| (count(channel), channel.checked))
+        .into_iter()
+        .map(|channel| (count(&channel), channel.measured))
         .collect()
 }
 
 impl Job<'_> {
     /// Spread the paths and transform the rows that are not zero.
     fn spectra<T: Widths>(&self, layout: &Layout, kernel: &KaiserBessel) -> Channel<T> {
-        let (grid, checked) = self.fill::<T>(layout);
+        let (grid, measured) = self.fill::<T>(layout);
         let is_touched = |row: usize| {
             let mut terms = grid.chunks_exact(layout.size());
             terms.any(|term| is_any(&term[row * layout.stride..][..layout.stride]))
@@ -59,22 +60,22 @@ impl Job<'_> {
         Channel {
             spectra,
             is_used,
-            checked,
+            measured,
         }
     }
 
     /// Spread all paths: (term, row, cell).
-    fn fill<T: Widths>(&self, layout: &Layout) -> (Vec<T>, Checked) {
+    fn fill<T: Widths>(&self, layout: &Layout) -> (Vec<T>, Measured) {
         let num_chunks = self.series.num_paths.div_ceil(CHUNK);
         let part = |i: usize| {
             let bound = |i: usize| i * num_chunks / self.num_parts;
             let mut grid = T::take_zeros(self.block_plan.approximation.num_sets() * layout.size());
-            let checked = spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
-            (grid, checked)
+            let measured = spread_chunks(self, layout, bound(i)..bound(i + 1), &mut grid);
+            (grid, measured)
         };
         let parts = parallel::map(self.is_parallel, (0..self.num_parts).collect(), part);
         let mut parts = parts.into_iter();
-        let Some((mut sum, mut checked)) = parts.next() else {
+        let Some((mut sum, mut measured)) = parts.next() else {
             unreachable!("at least one part")
         };
         for (other, others) in parts {
@@ -82,11 +83,11 @@ impl Job<'_> {
                 *a = *a + *b;
             }
             T::give_back(other);
-            checked = checked.join(others);
+            measured.join(&others);
         }
         // In units of the unscaled power [W].
-        checked.sum *= self.block_plan.approximation.check_factor / self.scale / self.scale;
-        (sum, checked)
+        measured.rest = measured.rest / self.scale / self.scale;
+        (sum, measured)
     }
 
     /// FFT over range of the used rows of every term, divided by the kernel's transform: (term, row, sample).

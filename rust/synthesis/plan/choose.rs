@@ -1,13 +1,13 @@
 //! Choice of the cheapest steps that reach the tolerance.
 
-use std::cell::{OnceCell, RefCell};
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 use super::goal::{Goal, MARGIN, Request, SINGLE_EQUAL_SUM};
 use super::parts::{Method, Part, Plan, Step};
 use crate::synthesis::block::{Block, CHUNK, Class};
 use crate::synthesis::interval::Interval;
-use crate::synthesis::statistics::PathStatistics;
+use crate::synthesis::statistics::Group;
 
 /// Errors of the recurrence sums, relative to l2(amplitudes).
 const SINGLE_RECURRENCE: f64 = 6e-6;
@@ -17,7 +17,11 @@ impl Request<'_> {
     /// Plan of the sum. None if the allowed steps cannot reach the tolerance.
     ///
     /// `delay_ranges` returns the ranges of the coefficients of the delays of moving paths in blocks [s].
-    pub fn plan(&self, frame: &PathStatistics, delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>) -> Option<Plan> {
+    pub fn plan(
+        &self,
+        groups: &[(Class, Group)],
+        delay_ranges: impl Fn(&[Block]) -> Vec<Vec<Interval>>,
+    ) -> Option<Plan> {
         let mut plan = Plan {
             gain: self.gain,
             ..Plan::default()
@@ -27,6 +31,7 @@ impl Request<'_> {
                 class: Class::All,
                 num_paths: self.series.num_channels * self.series.num_paths,
                 step: Step::Direct,
+                share: 1.0,
                 kernel: 0.0,
                 rounding: 0.0,
                 equal: 0.0,
@@ -36,23 +41,20 @@ impl Request<'_> {
             });
             return Some(plan);
         }
-        let classes = [(Class::Still, &frame.still), (Class::Moving, &frame.moving)];
-        let num_classes = classes.iter().filter(|(_, group)| group.num_paths > 0).count();
-        for (class, group) in classes {
-            if group.num_paths == 0 {
-                continue;
-            }
+        let groups = groups.iter().filter(|(_, group)| group.num_paths > 0);
+        let num_classes = groups.clone().count();
+        let total = |channel: usize| groups.clone().map(|(_, group)| group.own[channel]).sum();
+        let power: Vec<f64> = (0..self.series.num_channels).map(total).collect();
+        for (class, group) in groups.clone() {
             // Share of the error of a class: its share of the power.
-            let share = share(&group.own_power(), &frame.power);
+            let share = share(&group.own, &power);
             let tolerance = self.tolerance / (num_classes as f64).sqrt() / share.max(1e-30);
             let goal = Goal {
                 request: self,
-                class,
+                class: *class,
                 group,
-                own: group.own_power(),
                 tolerance: tolerance.max(self.tolerance).min(0.1_f64.max(self.tolerance)),
                 share: share.min(1.0),
-                are_alike: OnceCell::new(),
                 scratch: RefCell::default(),
             };
             plan.parts.push(goal.part(&delay_ranges)?);
@@ -62,7 +64,7 @@ impl Request<'_> {
 }
 
 /// Largest ratio of rms amplitudes over the channels.
-fn share(power: &[f64], total: &[f64]) -> f64 {
+pub fn share(power: &[f64], total: &[f64]) -> f64 {
     power
         .iter()
         .zip(total)
@@ -89,7 +91,9 @@ impl Goal<'_> {
         if allowed(Method::Direct) {
             offer(Some(self.simple(Step::Direct, (0.0, 0.0), 5.0)));
         }
-        if allowed(Method::Recurrence) {
+        // What amplitudes of many terms leave out is known of sampled paths alone.
+        let is_known = self.group.num_sampled == self.group.num_paths || self.group.power.len() <= 3;
+        if allowed(Method::Recurrence) && is_known {
             // Chunks are summed one by one, then added up.
             let equal = SINGLE_EQUAL_SUM / CHUNK as f64;
             let [single_rest, double_rest] = self.recurrence_rest();
@@ -98,7 +102,8 @@ impl Goal<'_> {
             let gain = self.request.gain;
             let is_enough =
                 |(rounding, equal): (f64, f64)| gain * rounding.hypot(gain * gain * equal) <= MARGIN * self.tolerance;
-            if is_enough(single) {
+            // In single precision on request alone: sums in lanes and the grid are faster.
+            if method == Method::Recurrence && is_enough(single) {
                 let step = Step::Recurrence { is_single: true };
                 offer(Some(self.simple(step, single, 0.1 * self.detail())));
             } else if is_enough(double) {
@@ -141,9 +146,10 @@ impl Goal<'_> {
             class: self.class,
             num_paths: self.group.num_paths,
             step,
+            share: self.share,
             kernel: 0.0,
-            rounding: rounding * self.share,
-            equal: equal * self.share,
+            rounding,
+            equal,
             series: 0.0,
             cost: 1e-9 * nanoseconds * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
             memory: 0,
@@ -168,7 +174,9 @@ impl Goal<'_> {
         let top = waveform.start_frequency.abs()
             + waveform.slope.abs() * waveform.sample_time(waveform.num_samples - 1).abs();
         let power = &self.group.power;
-        let third: f64 = (3..power.len()).map(|k| term(k, 3) * share(&power[k], &self.own)).sum();
+        let third: f64 = (3..power.len())
+            .map(|k| term(k, 3) * share(&power[k], &self.group.own))
+            .sum();
         // rms of t^3, t^4 and t^5 over a chirp.
         let sweep = waveform.slope.abs() * waveform.half_sweep();
         let squares = waveform.slope.abs() * (0.5 * order(2).powi(2) + order(1) * order(3));

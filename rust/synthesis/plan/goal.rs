@@ -1,13 +1,13 @@
 //! Request for a plan, and the goals for classes of paths.
 
-use std::cell::{OnceCell, RefCell};
+use std::cell::RefCell;
 
 use super::parts::Method;
 use crate::numeric::simd::Level;
 use crate::synthesis::block::Class;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::PathSeries;
-use crate::synthesis::low_rank::residual_phase::{Path, Sample};
+use crate::synthesis::low_rank::residual_phase::Path;
 use crate::synthesis::statistics::Group;
 
 /// Relative rounding per addend of sums of nearly equal numbers in single precision, one after the other; measured.
@@ -40,10 +40,6 @@ pub struct Request<'a> {
     pub safety_factor: f64,
     /// True if grids may be in single precision.
     pub allows_single: bool,
-    /// Sampled paths, which represent all moving paths.
-    pub samples: &'a [Sample],
-    /// Number of first samples that were drawn from all paths.
-    pub num_random: usize,
     /// Instruction set.
     pub level: Level,
 }
@@ -53,12 +49,8 @@ pub(super) struct Goal<'a> {
     pub(super) request: &'a Request<'a>,
     pub(super) class: Class,
     pub(super) group: &'a Group,
-    /// Power of the class, per channel, which its errors are relative to [W].
-    pub(super) own: Vec<f64>,
     pub(super) tolerance: f64,
     pub(super) share: f64,
-    /// True if the samples represent all paths; set when first needed.
-    pub(super) are_alike: OnceCell<bool>,
     /// Scratch memory for the samples in a block.
     pub(super) scratch: RefCell<Vec<Path>>,
 }

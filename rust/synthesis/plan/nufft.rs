@@ -5,10 +5,11 @@ use std::f64::consts::TAU;
 use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
 use super::parts::{Part, Step, in_phase};
 use crate::synthesis::block::{Block, Class};
+use crate::synthesis::chirp::Waveform;
 use crate::synthesis::interval::Interval;
 use crate::synthesis::low_rank::block_plan::BlockPlan;
 use crate::synthesis::low_rank::cross_approximation::{self, CrossApproximation};
-use crate::synthesis::low_rank::residual_phase::{Frame, Path};
+use crate::synthesis::low_rank::residual_phase::{Frame, Instant, Path};
 use crate::synthesis::nufft::kernel::{DOUBLE_WIDTHS, KaiserBessel, OVERSAMPLING, SINGLE_WIDTHS};
 use crate::synthesis::nufft::{Layout, MAX_CHANNELS, MAX_PARTS};
 
@@ -22,8 +23,6 @@ const SINGLE_SUM: f64 = 6e-8;
 const FEW_CHIRPS: f64 = 1.5;
 /// Rounding of residual phases in single precision [rad per turn].
 const SINGLE_TURN: f64 = 5e-7;
-/// Samples represent all paths whose largest changes are within this factor of theirs.
-const ALIKE: f64 = 1.5;
 /// Memory that stays in the L2 cache [bytes].
 const FAST_MEMORY: f64 = 2e6;
 /// Paths per batch, spread on one grid after the other.
@@ -36,6 +35,20 @@ const LEAST_SHARE: f64 = 0.02;
 const FEW_TERMS: usize = 3;
 /// Largest grid of one block with all terms [numbers].
 const MAX_GRID: usize = 1 << 23;
+
+/// Bound of the error of a kernel of some width in `count` blocks of the frame, relative to the l2 norm of the
+/// amplitudes, for paths of some [coherence](crate::synthesis::coherence), whatever their phases.
+pub fn kernel_error(waveform: &Waveform, class: Class, (width, count): (usize, usize), coherence: f64) -> f64 {
+    let num_samples = waveform.num_samples;
+    // What stands still is spread over range alone.
+    let end = match class {
+        Class::Still => (num_samples / 2) as f64 / (OVERSAMPLING * num_samples) as f64,
+        _ => 0.5 / OVERSAMPLING as f64,
+    };
+    let is_short = waveform.chirp_times.len() / count <= 2;
+    let stress = if is_short { FEW_CHIRPS } else { 1.0 };
+    stress * KaiserBessel::error(width, end, coherence)
+}
 
 impl Goal<'_> {
     /// Part by the NUFFT with the best width and number of blocks, if its estimate is below `limit` [s].
@@ -93,10 +106,11 @@ impl Goal<'_> {
                 width: kernel.width,
                 block_plans,
             },
-            kernel: kernel.bound * self.share,
-            rounding: kernel.rounding * self.share,
-            equal: kernel.equal * self.share,
-            series: interpolation * self.share,
+            share: self.share,
+            kernel: kernel.bound,
+            rounding: kernel.rounding,
+            equal: kernel.equal,
+            series: interpolation,
             cost,
             memory: (grids + 1) * numbers * if kernel.is_single { 4 } else { 8 },
         })
@@ -159,22 +173,16 @@ impl Goal<'_> {
         best
     }
 
-    /// All kernels for `count` blocks, the fastest first; `stress` multiplies the error of the kernel itself.
-    fn all_kernels(&self, count: usize, stress: f64) -> impl Iterator<Item = Kernel> + use<> {
+    /// All kernels for `count` blocks, the fastest first.
+    fn all_kernels(&self, count: usize) -> impl Iterator<Item = Kernel> + use<'_> {
         let (coherence, gain) = (self.group.coherence(count), self.request.gain);
-        // What stands still is spread over range alone.
-        let num_samples = self.request.waveform.num_samples;
-        let end = match self.class {
-            Class::Still => (num_samples / 2) as f64 / (OVERSAMPLING * num_samples) as f64,
-            _ => 0.5 / OVERSAMPLING as f64,
-        };
         let widths = SINGLE_WIDTHS
             .map(|width| (true, width))
             .into_iter()
             .chain(DOUBLE_WIDTHS.map(|width| (false, width)));
         let single = self.single_rounding();
         widths.map(move |(is_single, width)| {
-            let bound = stress * KaiserBessel::error(width, end, coherence);
+            let bound = kernel_error(self.request.waveform, self.class, (width, count), coherence);
             let (rounding, equal) = if is_single {
                 (single, SINGLE_EQUAL_SUM)
             } else {
@@ -203,10 +211,8 @@ impl Goal<'_> {
 
     /// Narrowest kernel that leaves room for other errors in `count` blocks, and the next one of the same precision.
     fn kernels(&self, count: usize, allows_single: bool) -> Vec<Kernel> {
-        let num_chirps = self.request.waveform.chirp_times.len() / count;
-        let stress = if num_chirps <= 2 { FEW_CHIRPS } else { 1.0 };
-        let fitting = self.all_kernels(count, stress);
-        let mut kernels: Vec<Kernel> = fitting
+        let mut kernels: Vec<Kernel> = self
+            .all_kernels(count)
             .filter(|kernel| kernel.error <= 0.8 * self.tolerance && (allows_single || !kernel.is_single))
             .take(2)
             .collect();
@@ -270,7 +276,7 @@ impl Goal<'_> {
             return self.group.delay.clone();
         }
         let mut ranges = vec![Interval::EMPTY; self.group.delay.len()];
-        for sample in self.request.samples {
+        for sample in &self.group.samples {
             for (range, c) in ranges.iter_mut().zip(sample.delay(block)) {
                 *range = range.join(Interval { low: c, high: c });
             }
@@ -283,41 +289,6 @@ impl Goal<'_> {
             };
         }
         ranges
-    }
-
-    /// True if delays and amplitudes of all paths change no more than those of the samples, or negligibly.
-    fn look_alike(&self) -> bool {
-        let (waveform, series) = (self.request.waveform, self.request.series);
-        // Samples that were added after a run are no random draw.
-        let samples = &self.request.samples[..self.request.num_random];
-        if samples.len() >= self.group.num_paths {
-            return true;
-        }
-        let frame = Block::new(waveform, series, 0..waveform.chirp_times.len());
-        let fast = waveform.sample_time(waveform.num_samples - 1).abs();
-        let top = TAU * (waveform.start_frequency.abs() + waveform.slope.abs() * fast);
-        let least = 0.1 * self.tolerance;
-        let mut largest = vec![0.0_f64; self.group.delay.len()];
-        let mut power = vec![0.0; self.group.power.len()];
-        for sample in samples {
-            for (largest, c) in largest.iter_mut().zip(sample.delay(&frame)) {
-                *largest = largest.max(c.abs());
-            }
-            for (power, square) in power.iter_mut().zip(sample.powers(&frame)) {
-                *power += square;
-            }
-        }
-        // The rate counts by the shift of the beat frequency, other degrees by their phase.
-        let weight = |k: usize| if k == 1 { 1e-4 * top } else { top };
-        let delays = (1..largest.len()).all(|k| {
-            let all = self.group.delay[k].magnitude();
-            all <= ALIKE * largest[k] || weight(k) * all <= least
-        });
-        let share = |k: usize| (self.group.power[k].iter().sum::<f64>() / self.own.iter().sum::<f64>()).sqrt();
-        let total: f64 = power.iter().sum();
-        let amplitudes = (1..power.len()).all(|k| share(k) <= ALIKE * (power[k] / total).sqrt() || share(k) <= least);
-        let mean = self.own.iter().sum::<f64>() / self.group.num_paths as f64;
-        delays && amplitudes && ALIKE * ALIKE * total > mean * samples.len() as f64
     }
 
     /// Plan of a block. None if the tolerance cannot be reached.
@@ -350,44 +321,50 @@ impl Goal<'_> {
 
         let budget = self.budget(kernel);
         let mut paths = self.scratch.take();
-        paths.resize_with(self.request.samples.len(), Path::default);
-        for (path, sample) in paths.iter_mut().zip(self.request.samples) {
+        paths.resize_with(self.group.samples.len(), Path::default);
+        for (path, sample) in paths.iter_mut().zip(&self.group.samples) {
             sample.set_in_block(block, &frame, path);
         }
         let fluctuation = fluctuation(waveform);
         let allowed = budget / self.request.safety_factor / fluctuation;
-        let num_apart = if paths.len() < self.group.num_paths {
-            self.request.num_random
+        if let Some((approximation, left)) = self.one_phase(block, &frame, (delay, &paths), (budget, allowed)) {
+            self.scratch.replace(paths);
+            return self.lay(block, delay, frame, kernel, (approximation, left, 1));
+        }
+        let rounding = if kernel.is_single {
+            SINGLE_ROUNDING
         } else {
-            0
+            DOUBLE_ROUNDING
         };
-        let level = self.request.level;
-        let found = cross_approximation::find(
-            waveform,
-            block,
-            &frame,
-            (&paths, num_apart),
-            *self.are_alike.get_or_init(|| self.look_alike()),
-            (
-                allowed,
-                if kernel.is_single {
-                    SINGLE_ROUNDING
-                } else {
-                    DOUBLE_ROUNDING
-                },
-            ),
-            level,
-        );
+        let found = cross_approximation::find(waveform, block, &frame, &paths, (allowed, rounding), self.request.level);
         let num_amplitudes = num_amplitudes(&paths, LEAST_SHARE * budget);
         self.scratch.replace(paths);
         let (approximation, left) = found?;
+        self.lay(
+            block,
+            delay,
+            frame,
+            kernel,
+            (approximation, left * fluctuation, num_amplitudes),
+        )
+    }
+
+    /// Plan of a block by an approximation, its error and the number of terms of the amplitudes.
+    fn lay(
+        &self,
+        block: &Block,
+        delay: &[Interval],
+        frame: Frame,
+        kernel: Kernel,
+        (approximation, left, num_amplitudes): (CrossApproximation, f64, usize),
+    ) -> Option<Laid> {
         let rounding = if kernel.is_single {
             SINGLE_TURN * approximation.turns
         } else {
             0.0
         };
         // The checks see this rounding as well.
-        let interpolation = (left * fluctuation).hypot(rounding);
+        let interpolation = left.hypot(rounding);
         if kernel.error.hypot(in_phase(self.request.gain) * interpolation) > self.tolerance {
             return None;
         }
@@ -406,6 +383,79 @@ impl Goal<'_> {
             interpolation,
         };
         self.fit(laid, delay, kernel)
+    }
+
+    /// Residuals of paths at constant rates and amplitudes over the whole frame as the phase of their mean, and the
+    /// error. None for other paths, or if the error is more than allowed.
+    ///
+    /// Residual phases are `x s u r - bend (x r)^2`, with the sweep `s`, the offset `u` and the rate `r`. Their mean
+    /// square over the frame needs no more than those of `x s` and of `x^2`. Up to the `budget`, the ranges of all
+    /// paths bound it, and no path is checked. Up to what samples are allowed, it is that of the samples, and checks at
+    /// two instants measure it exactly.
+    fn one_phase(
+        &self,
+        block: &Block,
+        frame: &Frame,
+        (delay, paths): (&[Interval], &[Path]),
+        (budget, allowed): (f64, f64),
+    ) -> Option<(CrossApproximation, f64)> {
+        let waveform = self.request.waveform;
+        let is_whole = block.chirps.len() == waveform.chirp_times.len();
+        if !is_whole || delay.len() != 2 || self.request.series.num_amplitude_terms() != 1 {
+            return None;
+        }
+        // Mean squares over the frame, by the moments of slow and of fast time.
+        let slow = |n: i32| {
+            let x = |chirp: usize| (block.offset(waveform, chirp) / block.half).powi(n);
+            (0..block.chirps.len()).map(x).sum::<f64>() / block.chirps.len() as f64
+        };
+        let fast = |n: i32| {
+            let x = |sample: usize| ((waveform.sample_time(sample) - waveform.middle_time()) / block.half).powi(n);
+            (0..waveform.num_samples).map(x).sum::<f64>() / waveform.num_samples as f64
+        };
+        let sweep = (frame.stretch * block.half).powi(2);
+        let swept = sweep * (slow(2) * fast(2) + 2.0 * slow(1) * fast(3) + fast(4));
+        let squared = slow(4) + 4.0 * (slow(3) * fast(1) + slow(1) * fast(3)) + 6.0 * slow(2) * fast(2) + fast(4);
+        let mean = cross_approximation::mean(paths);
+
+        // The path that is farthest from the mean.
+        let rate = delay[1].scaled(frame.carrier);
+        let offset = [delay[0].low, delay[0].high].map(|delay| frame.stretch * (delay - frame.middle_delay));
+        let offset = Interval {
+            low: offset[0].min(offset[1]),
+            high: offset[0].max(offset[1]),
+        };
+        let (skew, most) = (offset.times(rate), rate.magnitude().powi(2));
+        let middle = mean.offset * mean.rate;
+        let far = (skew.high - middle).max(middle - skew.low) * swept.sqrt();
+        let square = mean.rate * mean.rate;
+        let bent = frame.bend * (most - square).max(square) * squared.sqrt();
+        let bound = TAU * far.hypot(bent);
+        if bound <= budget {
+            return Some((CrossApproximation::of_one_phase(mean, &[]), bound));
+        }
+
+        // Sums and differences of both terms: their product drops out of the mean of the squares.
+        let x = squared.powf(0.25);
+        let instants = [1.0, -1.0].map(|sign| Instant {
+            x,
+            sweep: sign * swept.sqrt() / x,
+        });
+        let (mut error, mut power) = (0.0, 0.0);
+        for path in paths {
+            let own = path.re()[0].powi(2) + path.im()[0].powi(2);
+            let left = |instant: &Instant| path.turns(frame, instant) - mean.turns(frame, instant);
+            error += own * instants.iter().map(|instant| left(instant).powi(2)).sum::<f64>() / 2.0;
+            power += own;
+        }
+        let error = TAU * (error / power).sqrt();
+        let is_enough = error <= cross_approximation::SHARE * allowed;
+        is_enough.then(|| {
+            (
+                CrossApproximation::of_one_phase(mean, &instants),
+                error * fluctuation(waveform),
+            )
+        })
     }
 
     /// Fit the velocity axis and the degrees of delays of a plan to ranges of delays [s].

@@ -8,8 +8,8 @@ use crate::synthesis::low_rank::block_plan::BlockPlan;
 /// Largest error of a truncated series in a frame over its rms.
 const PEAK: f64 = 2.0;
 
-/// Factor of errors of truncated series in a sum whose rms is `gain` times that of independent phases: paths may add up in
-/// phase where errors are largest.
+/// Factor of errors of truncated series in a sum whose rms is `gain` times that of independent phases: paths may add up
+/// in phase where errors are largest.
 pub fn in_phase(gain: f64) -> f64 {
     (1.0 + (PEAK * PEAK) * (gain * gain - 1.0).max(0.0)).sqrt()
 }
@@ -80,7 +80,9 @@ pub struct Part {
     pub num_paths: usize,
     /// Step that sums them.
     pub step: Step,
-    /// Bound of the error of a spreading kernel relative to l2(amplitudes), whatever the phases of the paths.
+    /// Ratio of the l2 norm of their amplitudes, which errors are relative to, to that of all.
+    pub share: f64,
+    /// Bound of the error of a spreading kernel, whatever the phases of the paths.
     pub kernel: f64,
     /// Predicted rounding, for paths of independent phases; of recurrences with what they leave out.
     pub rounding: f64,
@@ -127,7 +129,11 @@ impl Plan {
 
     /// Predicted error of truncated series, for paths of independent phases.
     pub fn series(&self) -> f64 {
-        self.parts.iter().map(|part| part.series.powi(2)).sum::<f64>().sqrt()
+        self.parts
+            .iter()
+            .map(|part| (part.share * part.series).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 
     /// Error for a gain, with the measured error of truncated series in place of the estimate if it is larger.
@@ -159,10 +165,10 @@ impl fmt::Display for Plan {
 }
 
 impl Part {
-    /// Predicted error relative to l2(amplitudes), for a gain.
+    /// Predicted error relative to l2(amplitudes) of all paths, for a gain.
     pub fn error(&self, gain: f64) -> f64 {
         let rounding = gain * self.rounding.hypot(gain * gain * self.equal);
-        self.kernel.hypot(rounding).hypot(in_phase(gain) * self.series)
+        self.share * self.kernel.hypot(rounding).hypot(in_phase(gain) * self.series)
     }
 
     /// Text with the error for a gain.

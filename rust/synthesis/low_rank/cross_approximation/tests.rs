@@ -80,8 +80,7 @@ fn every_path_is_interpolated_within_the_budget() {
     let mut last = 0;
     for budget in [1e-2, 1e-4, 1e-8] {
         for level in Level::available() {
-            let (approximation, error) =
-                find(&wf, &block, &frame, (&paths[..200], 200), true, (budget, 1e-14), level).unwrap();
+            let (approximation, error) = find(&wf, &block, &frame, &paths[..200], (budget, 1e-14), level).unwrap();
             assert!(error <= budget);
             assert!(
                 approximation.num_sets() >= last,
@@ -126,11 +125,11 @@ fn paths_at_constant_velocity_need_one_phase() {
         let parts = [path.re()[0], path.im()[0]].map(std::iter::once);
         *path = Path::new([path.offset, path.rate], std::iter::empty(), parts);
     }
-    let (approximation, error) = find(&wf, &block, &frame, (&paths, 0), true, (1e-3, 1e-14), Level::best()).unwrap();
+    let (approximation, error) = find(&wf, &block, &frame, &paths, (1e-3, 1e-14), Level::best()).unwrap();
     assert!(approximation.are_flat() && approximation.num_sets() == 1 && error < 1e-3);
     assert_eq!(approximation.checks.len(), NUM_CHECKS);
     // A rounding error is within no sum of a few.
-    assert!(find(&wf, &block, &frame, (&paths, 0), true, (1e-18, 1e-14), Level::best()).is_none());
+    assert!(find(&wf, &block, &frame, &paths, (1e-18, 1e-14), Level::best()).is_none());
 }
 
 #[test]
