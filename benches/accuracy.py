@@ -123,8 +123,6 @@ Footprint errors shrink with the pixels; the staircase at the edges of plates is
 converge at all. Adaptive sampling puts rays at edges and where the phase is stationary; the remaining error of a
 sphere at the lowest floor is the error of its mesh. A plane wider than the image is an infinite mirror for adaptive
 sampling, since the border of the image is no edge; pixels fine enough to follow the phase see an edge there.
-The square at 100 m does not get better with a lower floor: the few base cells of so narrow an image are quartered so
-many times only, which `resolution=64` mends.
 
 The same bodies with edge terms (`end_points=True`) within a `ray_budget`:
 

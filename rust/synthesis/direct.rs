@@ -19,6 +19,9 @@ use crate::synthesis::delay::{Basis, PathSeries, basis_values};
 /// Samples per block: their phases stay in registers and L1.
 pub const BLOCK: usize = 64;
 
+/// Paths that are added between two looks for a request to stop.
+const CHECKED: usize = 1024;
+
 type Lanes = [f64; BLOCK];
 
 /// Complex beat samples `(channel, chirp, sample)` of the paths of a class, row-major; input as [`PathSeries::check`]
@@ -228,10 +231,10 @@ impl Kernel for AddPaths<'_> {
             re: [0.0; BLOCK],
             im: [0.0; BLOCK],
         };
-        for record in self.records.numbers.chunks_exact(self.records.stride()) {
-            if self.cancel.is_some_and(Cancel::is_asked) {
-                break;
-            }
+        let stride = self.records.stride();
+        let some = self.records.numbers.chunks(CHECKED * stride);
+        let some = some.take_while(|_| !self.cancel.is_some_and(Cancel::is_asked));
+        for record in some.flat_map(|records| records.chunks_exact(stride)) {
             let (tau_0, turns_0) = (record[0], record[1]);
             let (delays, amplitudes) = record[2..].split_at(num_delays - 1);
 
