@@ -568,7 +568,7 @@ mod tests {
                 };
                 let (samples, report) = beat_signal(&wf, &series, &options).unwrap();
                 runs += report.runs;
-                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true);
+                let exact = direct::beat_signal(&wf, &series, Class::All, Level::best(), true, None);
                 let error = error(&samples, &exact, &amplitude);
                 assert!(error <= tolerance, "{error:e} {}", report.plan);
             }
