@@ -84,7 +84,9 @@ impl Work {
         let lanes = TABLES_TIME + groups * (moving * PATH_TIME + cells * CELL_TIME) + paths * RECORD_TIME;
         let [planning, per_chirp, per_path, per_row] = if self.terms <= 2 { STEADY_GRID } else { GRID };
         let rows = self.terms as f64 * num_chirps;
-        let grid = planning + num_chirps * per_chirp + paths * (per_path + per_row * rows);
+        // What stands still has one spectrum for all chirps.
+        let slow_time = if moving > 0.0 { num_chirps * per_chirp } else { 0.0 };
+        let grid = planning + slow_time + paths * (per_path + per_row * rows);
         let per_path = RECURRENCE[1] + RECURRENCE[2] * num_chirps * num_samples as f64;
         let recurrence = RECURRENCE[0] + paths * per_path;
         lanes < grid && lanes < recurrence
