@@ -196,6 +196,11 @@ class ComLibBoard:
             sample_rate = self._sample_rate(wave, rx_mask)
             # The ramp lasts as long as the chirp, which follows from rate and format.
             duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
+            if sample_rate == 0.0 or duration == 0.0:
+                raise ProtocolError(
+                    f"{self._stream.name}: expected a sample rate and a duration of chirps, "
+                    f"got {sample_rate:g} Hz and {duration:g} s"
+                )
             ramp = self._set_ramp(wave, power, duration)
             slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
             shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
