@@ -33,7 +33,7 @@ use crate::scattering::tile_point::TilePoint;
 /// Factor by which the allowed residual error grows where the rays exceed the budget, without and with edge terms, where
 /// nothing is left out of what is split.
 const STEP: f64 = 4.0;
-const STEP_OF_EDGE_TERMS: f64 = 2.0;
+const STEP_OF_EDGE_TERMS: f64 = 1.5;
 
 /// Lowered floor relative to the cross-section of the tile of the base level with the strongest echo: of small bodies
 /// alone in view, the residual error stays that far below their own echo.
