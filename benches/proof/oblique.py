@@ -51,18 +51,9 @@ def ways(run: Run) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
         for side in run.resolutions:
             yield sampling, str(side), side, {"sampling": sampling, "resolution": side}
     for rcs_floor in run.floors:
-        yield (
-            "adaptive",
-            floor_text(rcs_floor),
-            num_cells(60.0),
-            {"rcs_floor": rcs_floor, "ray_budget": math.inf},
-        )
-        yield (
-            "adaptive, edge terms",
-            floor_text(rcs_floor),
-            num_cells(60.0) // 2,
-            {"rcs_floor": rcs_floor, "ray_budget": math.inf, "end_points": True, "resolution": num_cells(60.0) // 2},
-        )
+        for sampling, end_points in (("adaptive", False), ("adaptive, edge terms", True)):
+            options = {"rcs_floor": rcs_floor, "ray_budget": math.inf, "end_points": end_points}
+            yield sampling, floor_text(rcs_floor), num_cells(60.0), options
 
 
 def oblique_results(run: Run) -> Iterator[Quiet]:
