@@ -7,7 +7,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::edges::Leaves;
+use super::edges::{Found, Leaves};
 use super::join::Join;
 use super::level::Level;
 use super::pairs::KeptCells;
@@ -17,6 +17,7 @@ use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
 use super::tile::{ALL, Nearest, Scenery, Tile, Worker};
 use crate::antennas::beam::Beam;
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Result, fits_memory};
 use crate::geometry::pose::Pose;
@@ -171,7 +172,9 @@ impl Tiles {
             refine.most_forced = refine.most_forced.saturating_sub(1);
             (levels, is_whole) = refine.levels(&levels)?;
         }
-        Ok(Self::gather(levels, &refine))
+        let tiles = Self::gather(levels, &refine);
+        refine.check()?;
+        Ok(tiles)
     }
 
     /// Number of rays of all tiles.
@@ -207,7 +210,7 @@ impl Tiles {
         }
         let order: Vec<(u32, u32)> = of_base.into_iter().flatten().collect();
         let gathered = if refine.settings().end_points {
-            Gathered::edge_terms(refine.sceneries, &levels, &order)
+            Gathered::edge_terms(refine, &levels, &order)
         } else {
             Gathered::quarters(&levels, &order)
         };
@@ -266,13 +269,15 @@ impl Gathered {
         all
     }
 
-    /// Points of the cells that were not split, with edge terms.
-    fn edge_terms(sceneries: &[Scenery], levels: &[Level], order: &[(u32, u32)]) -> Self {
+    /// Points of the cells that were not split, with edge terms; none after a request to stop.
+    fn edge_terms(refine: &Refine, levels: &[Level], order: &[(u32, u32)]) -> Self {
+        let sceneries = refine.sceneries;
         let leaves = Leaves { sceneries, levels };
-        let tiles = order.par_iter();
-        let found: Vec<_> = tiles
-            .map(|(level, index)| leaves.points(*level as usize, *index as usize))
-            .collect();
+        let points = |(level, index): &(u32, u32)| match refine.check() {
+            Ok(()) => leaves.points(*level as usize, *index as usize),
+            Err(_) => Found::default(),
+        };
+        let found: Vec<Found> = order.par_iter().map(points).collect();
         let mut all = Self::default();
         for (found, (level, index)) in found.into_iter().zip(order) {
             let sector = levels[*level as usize].tiles[*index as usize].place.sector;
@@ -328,17 +333,24 @@ impl Refine<'_> {
                 return Ok((levels, false));
             }
             let mut level = self.evaluate(&next, tried);
+            self.check()?;
             rays += level.rays();
             if self.floor.is_none() {
                 self.floor = Some(self.chosen_floor(&level));
             }
             next = self.split(&mut level, levels.len());
+            self.check()?;
             levels.push(level);
         }
         Ok((levels, true))
     }
 
-    /// Tiles that are wanted, cast or taken over.
+    /// An error after a request to stop.
+    fn check(&self) -> Result<()> {
+        self.sectors[0].cast.cancel.map_or(Ok(()), Cancel::check)
+    }
+
+    /// Tiles that are wanted, cast or taken over; without rays after a request to stop.
     fn evaluate(&mut self, all: &[Wanted], tried: &[Level]) -> Level {
         let tile = |worker: &mut Worker, wanted: &Wanted| {
             let here = tried
@@ -347,7 +359,11 @@ impl Refine<'_> {
             let known = here.or_else(|| self.known.and_then(|known| known.tile(wanted)));
             let is_new = known.is_none();
             let scenery = &self.sceneries[wanted.place.sector];
-            let tile = known.unwrap_or_else(|| Arc::new(scenery.tile(worker, wanted.place, wanted.packets)));
+            let mut new = || match self.check() {
+                Ok(()) => scenery.tile(worker, wanted.place, wanted.packets),
+                Err(_) => Tile::not_cast(wanted.place, wanted.packets),
+            };
+            let tile = known.unwrap_or_else(|| Arc::new(new()));
             (tile, is_new)
         };
         let tiles: Vec<(Arc<Tile>, bool)> = all.par_iter().map_init(Worker::new, tile).collect();

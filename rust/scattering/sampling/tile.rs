@@ -247,6 +247,11 @@ impl Tile {
         }
     }
 
+    /// Tile without rays.
+    pub(super) fn not_cast(place: Place, packets: u8) -> Self {
+        Self::without_hits(place, packets, Border::OUTSIDE, 0)
+    }
+
     fn without_hits(place: Place, packets: u8, border: Border, rays: usize) -> Self {
         Self {
             place,

