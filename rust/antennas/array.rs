@@ -70,8 +70,11 @@ impl Array {
         (-0.5 * (least(&self.tx_patterns) + least(&self.rx_patterns))).exp()
     }
 
-    /// Refuse other numbers of patterns than of antennas.
+    /// Refuse other numbers of patterns than of antennas, and a frequency without a wavelength.
     pub fn check(&self) -> Result<()> {
+        if !(self.frequency > 0.0 && self.frequency.is_finite()) {
+            return Err(Error::value("frequency", "a positive frequency in Hz", self.frequency));
+        }
         for (name, antennas, patterns) in [
             ("tx_patterns", &self.tx, &self.tx_patterns),
             ("rx_patterns", &self.rx, &self.rx_patterns),

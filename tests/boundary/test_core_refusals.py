@@ -143,6 +143,8 @@ TWICE = np.concatenate([SENSOR, SENSOR])
         (lambda: antennas(tx=np.zeros((3, 1))), r"tx: expected shape \(n, 3\), got \(3, 1\)"),
         (lambda: antennas(rx=np.zeros((1, 6))), r"rx: expected shape \(n, 3\), got \(1, 6\)"),
         (lambda: antennas(tx=np.zeros((2, 3))), "tx_patterns: expected 2, one per antenna, got 1"),
+        (lambda: antennas(frequency=-60e9), "frequency: expected a positive frequency in Hz, got -60000000000"),
+        (lambda: antennas(frequency=np.inf), "frequency: expected a positive frequency in Hz, got inf"),
         (lambda: antennas(rx_patterns=[]), "rx_patterns: expected 2, one per antenna, got 0"),
         (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
         (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
