@@ -3,6 +3,7 @@
 
 pub mod aabb;
 pub mod components;
+pub mod creases;
 pub mod curved_triangle;
 pub mod moving_triangle;
 pub mod obj;

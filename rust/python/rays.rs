@@ -49,6 +49,11 @@ impl Surface {
         self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
     }
 
+    /// Triangles that meet another at 60 to 120 degrees before deformation, in ascending order.
+    fn at_creases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, py.detach(|| self.0.at_creases()))
+    }
+
     /// Surface of the same triangles with moved vertices (n, 3) [m].
     #[pyo3(signature = (vertices, *, threads=None))]
     fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {

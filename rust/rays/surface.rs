@@ -10,6 +10,7 @@ use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::components::Components;
+use crate::geometry::creases::triangles_at_creases;
 use crate::geometry::quality::Quality;
 use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::triangle::{MIN_AREA, area};
@@ -71,6 +72,8 @@ struct Mesh {
     groups: OnceLock<Groups>,
     /// Connected components of the triangles; if asked for.
     parts: OnceLock<Components>,
+    /// Triangles at creases before deformation; if asked for.
+    at_creases: OnceLock<Vec<u32>>,
     content_hash: u64,
 }
 
@@ -143,6 +146,7 @@ impl Surface {
             mode,
             groups: OnceLock::new(),
             parts: OnceLock::new(),
+            at_creases: OnceLock::new(),
             content_hash,
         };
         Self::build(Arc::new(mesh), rest, shading, cancel)
@@ -292,6 +296,13 @@ impl Surface {
             let parts = mesh.parts.get_or_init(|| Components::new(&mesh.rest, &mesh.triangles));
             parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
         })
+    }
+
+    /// Triangles that meet another at 60 to 120 degrees before deformation, in ascending order.
+    pub fn at_creases(&self) -> &[u32] {
+        let mesh = &self.mesh;
+        mesh.at_creases
+            .get_or_init(|| triangles_at_creases(&mesh.rest, &mesh.triangles))
     }
 
     /// Corners of a triangle.

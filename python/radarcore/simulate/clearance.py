@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
 from radarcore.scene.scene import Scene
+from radarcore.simulate.corners import bounds
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0
@@ -31,7 +32,7 @@ def check_antennas(
         if len(vertices) == 0:
             continue
         # Few antennas are near the box around a body, and few triangles near these antennas.
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        low, high = bounds(vertices)
         near = local[((local > low - _CLEARANCE) & (local < high + _CLEARANCE)).all(axis=1)]
         if len(near) == 0:
             continue

@@ -14,7 +14,7 @@ from radarcore.radar.radar import Radar
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
-from radarcore.simulate.corners import corner_points
+from radarcore.simulate.corners import bounds, corner_points
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
 from radarcore.units import SPEED_OF_LIGHT
@@ -75,7 +75,7 @@ class Doubts:
             return
         # Places on the bounding boxes of all bodies, in the sensor frame about the middle of the array.
         if self._boxes is None:
-            low, high = np.array([_bounds(body.mesh.vertices) for body in meshed]).swapaxes(0, 1)
+            low, high = np.array([bounds(body.mesh.vertices) for body in meshed]).swapaxes(0, 1)
             self._boxes = low[:, None] + _PLACES * (high - low)[:, None]
         bodies, mount = poses[:, :-1], poses[:, -1:]
         world = self._boxes @ bodies[..., :3].swapaxes(-1, -2) + bodies[..., None, :, 3]
@@ -119,7 +119,10 @@ class Doubts:
         for mesh, body in enumerate(scene.parts.meshed):
             turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
             local = (sensor[:, 3] - place) @ turn
-            points = corner_points(scene.parts.vertices_at(mesh, time), body.mesh.triangles, local, wavelength)
+            triangles = body.mesh.triangles
+            if body.deformation is None:
+                triangles = triangles[body.mesh._core.at_creases()]
+            points = corner_points(scene.parts.vertices_at(mesh, time), triangles, local, wavelength)
             offsets = points @ turn.T + place - sensor[:, 3]
             seen = offsets @ sensor[:, :3]
             in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
@@ -145,7 +148,7 @@ class Doubts:
         for mesh, number in enumerate(parts.mesh_numbers.tolist()):
             vertices, pose = parts.vertices_at(mesh, time), poses[mesh]
             if len(vertices) > 0:
-                middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+                middle = 0.5 * sum(bounds(vertices))
                 middles[number] = pose[:, :3] @ middle + pose[:, 3]
         seen = {number: (middle - sensor[:, 3]) @ sensor[:, :3] for number, middle in middles.items()}
         if not seen:
@@ -224,10 +227,3 @@ class Doubts:
             return False
         self._told.add(kind)
         return True
-
-
-def _bounds(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Smallest and largest coordinates; not numbers without vertices."""
-    if len(vertices) == 0:
-        return np.full(3, np.nan), np.full(3, np.nan)
-    return vertices.min(axis=0), vertices.max(axis=0)
