@@ -210,7 +210,7 @@ class Waveform(Twinned):
         sweep = self.adc_delay + self.num_samples / self.sample_rate
         return float(self.chirp_times[-1]) + max(self.chirp_interval, sweep)
 
-    @property
+    @cached_property
     def has_uniform_chirps(self) -> bool:
         """True when the chirps follow each other at `chirp_interval`."""
         if self.chirp_times is None:

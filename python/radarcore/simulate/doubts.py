@@ -168,10 +168,10 @@ class Doubts:
         wf = self._radar.waveform
         if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps or len(truth) == 0:
             return
-        speeds = np.nan_to_num(np.abs(truth[:, 1]))
-        if (fastest := float(speeds.max())) > wf.max_velocity and self._is_new("velocity"):
+        speeds = np.abs(truth[:, 1])  # NaN of bodies that no ray hit
+        if (fastest := float(np.fmax.reduce(speeds))) > wf.max_velocity and self._is_new("velocity"):
             notice.warn(
-                f"{names[int(speeds.argmax())]!r} has a radial speed of {fastest:.3g} m/s, beyond max_velocity "
+                f"{names[int(np.nanargmax(speeds))]!r} has a radial speed of {fastest:.3g} m/s, beyond max_velocity "
                 f"{wf.max_velocity:.3g} m/s of the waveform: it appears at wrong velocities"
             )
 
