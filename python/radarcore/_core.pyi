@@ -141,7 +141,7 @@ class Surface:
         """Rows of the triangles that were kept, (m,); None where all were."""
 
     def at_creases(self) -> NDArray[np.uint32]:
-        """Triangles that meet another at an edge at 60 to 120 degrees before deformation, in ascending order."""
+        """Triangles that meet another at an edge at 60 to 120 degrees, in ascending order."""
 
     def deform(self, vertices: NDArray[np.float64], *, threads: int | None = None) -> Surface:
         """Surface of the same triangles between other vertices (n, 3), with the normals and the speckle of this one.

@@ -49,7 +49,7 @@ impl Surface {
         self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
     }
 
-    /// Triangles that meet another at 60 to 120 degrees before deformation, in ascending order.
+    /// Triangles that meet another at an edge at 60 to 120 degrees, in ascending order.
     fn at_creases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, py.detach(|| self.0.at_creases()))
     }

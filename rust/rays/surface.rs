@@ -57,6 +57,8 @@ pub struct Surface {
     middle: DVec3,
     /// Boxes of the connected components; if asked for.
     part_bounds: OnceLock<Vec<Bounds>>,
+    /// Triangles at creases; if asked for.
+    at_creases: OnceLock<Vec<u32>>,
 }
 
 /// Part of a surface that deformation does not change.
@@ -72,8 +74,6 @@ struct Mesh {
     groups: OnceLock<Groups>,
     /// Connected components of the triangles; if asked for.
     parts: OnceLock<Components>,
-    /// Triangles at creases before deformation; if asked for.
-    at_creases: OnceLock<Vec<u32>>,
     content_hash: u64,
 }
 
@@ -146,7 +146,6 @@ impl Surface {
             mode,
             groups: OnceLock::new(),
             parts: OnceLock::new(),
-            at_creases: OnceLock::new(),
             content_hash,
         };
         Self::build(Arc::new(mesh), rest, shading, cancel)
@@ -169,6 +168,7 @@ impl Surface {
             bounds: fitted.bounds.moved(middle),
             middle,
             part_bounds: OnceLock::new(),
+            at_creases: OnceLock::new(),
             vertices,
             mesh,
         })
@@ -224,6 +224,7 @@ impl Surface {
             bounds: fitted.bounds.moved(middle),
             middle,
             part_bounds: OnceLock::new(),
+            at_creases: OnceLock::new(),
             vertices,
             mesh,
         })
@@ -298,11 +299,10 @@ impl Surface {
         })
     }
 
-    /// Triangles that meet another at 60 to 120 degrees before deformation, in ascending order.
+    /// Triangles that meet another at an edge at 60 to 120 degrees, in ascending order.
     pub fn at_creases(&self) -> &[u32] {
-        let mesh = &self.mesh;
-        mesh.at_creases
-            .get_or_init(|| triangles_at_creases(&mesh.rest, &mesh.triangles))
+        self.at_creases
+            .get_or_init(|| triangles_at_creases(&self.vertices, &self.mesh.triangles))
     }
 
     /// Corners of a triangle.

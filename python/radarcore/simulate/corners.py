@@ -17,9 +17,6 @@ _RIGHT_ANGLE = np.sin(np.deg2rad(3.0))
 _SAME_PLACE = 1e-6
 """Distance below which vertices are one [m]."""
 
-_MULTIPLIERS = np.array([-0x61C8864680B583EB, -0x40A7B892E31B1A47, 0x2545F4914F6CDD1D])
-"""Odd numbers of well mixed bits."""
-
 
 def corner_points(vertices: _Floats, triangles: _Triangles, sensor: _Floats, wavelength: float) -> _Floats:
     """Points (n, 3) at which a mesh returns the wave of a sensor by two or three walls at right angles [m].
@@ -42,52 +39,40 @@ def corner_points(vertices: _Floats, triangles: _Triangles, sensor: _Floats, wav
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     normals *= np.where(np.einsum("ij,ij->i", normals, sensor - faces[:, 0]) < 0.0, -1.0, 1.0)[:, None]
 
-    # Edges that two triangles share, by the places of their ends; one number per edge, as sorts of rows are far slower.
-    used, ids = np.unique(triangles[large], return_inverse=True)
-    places, same = _places(vertices[used])
-    ids = same[ids].reshape(-1, 3)
-    ends = np.concatenate([ids[:, [0, 1]], ids[:, [1, 2]], ids[:, [2, 0]]])
-    keys = ends.min(axis=1) * len(places) + ends.max(axis=1)
-    order = np.argsort(keys)
-    first, second = order[:-1], order[1:]
-    shared = keys[first] == keys[second]
-    first, second = first[shared], second[shared]
+    # Edges that two triangles share, by the places of their ends.
+    places, ids = np.unique(np.round(faces.reshape(-1, 3) / _SAME_PLACE), axis=0, return_inverse=True)
+    ids = ids.reshape(-1, 3)
+    ends = np.sort(np.concatenate([ids[:, [0, 1]], ids[:, [1, 2]], ids[:, [2, 0]]]), axis=1)
     owners = np.tile(np.arange(len(faces)), 3)
+    opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    order = np.lexsort(ends.T)
+    first, second = order[:-1], order[1:]
+    shared = (ends[first] == ends[second]).all(axis=1)
+    first, second = first[shared], second[shared]
+
+    start, end = (places[ends[first, side]] * _SAME_PLACE for side in (0, 1))
     one, other = normals[owners[first]], normals[owners[second]]
     is_right = np.abs(np.einsum("ij,ij->i", one, other)) <= _RIGHT_ANGLE
-    first, second, one, other = first[is_right], second[is_right], one[is_right], other[is_right]
-
-    ends = np.sort(ends[first], axis=1)
-    start, end = places[ends[:, 0]], places[ends[:, 1]]
-    opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
     faces_other = np.einsum("ij,ij->i", one, opposite[second] - start) > 0.0
     is_faced = np.einsum("ij,ij->i", other, opposite[first] - start) > 0.0
-    found = faces_other & is_faced
-    start, end, ends = start[found], end[found], ends[found]
+    found = is_right & faces_other & is_faced
+    start, end, ends = start[found], end[found], ends[first[found]]
 
     along = end - start
     share = np.einsum("ij,ij->i", sensor - start, along) / np.einsum("ij,ij->i", along, along)
     met = (share >= 0.0) & (share <= 1.0)
     feet = start[met] + share[met, None] * along[met]
     shared_ends, numbers = np.unique(ends, return_counts=True)
-    return np.concatenate([feet, places[shared_ends[numbers > 1]]])
+    return np.concatenate([feet, places[shared_ends[numbers > 1]] * _SAME_PLACE])
 
 
 def bounds(vertices: _Floats) -> tuple[_Floats, _Floats]:
-    """Smallest and largest coordinates of vertices (n, 3); not numbers without vertices."""
+    """Smallest and largest coordinates of vertices (n, 3) [m]; not numbers without vertices."""
     if len(vertices) == 0:
         return np.full(3, np.nan), np.full(3, np.nan)
     # Axis by axis: numpy takes twenty times longer along the first axis of three columns.
     low, high = (np.array([extreme(axis) for axis in vertices.T]) for extreme in (np.min, np.max))
     return low, high
-
-
-def _places(points: _Floats) -> tuple[_Floats, NDArray[np.intp]]:
-    """Different places (n, 3) of points [m], and the number of the place of every point."""
-    cells = np.clip(np.round(points / _SAME_PLACE), -(2.0**62), 2.0**62).astype(np.int64)
-    # One hash per point, modulo 2^64: of a million points two differ and share theirs once in 40 million meshes.
-    _, first, numbers = np.unique((cells * _MULTIPLIERS).sum(axis=1), return_index=True, return_inverse=True)
-    return points[first], numbers
 
 
 def _double_areas(vertices: _Floats, triangles: _Triangles) -> _Floats:

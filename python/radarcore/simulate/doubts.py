@@ -119,10 +119,10 @@ class Doubts:
         for mesh, body in enumerate(scene.parts.meshed):
             turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
             local = (sensor[:, 3] - place) @ turn
-            triangles = body.mesh.triangles
-            if body.deformation is None:
-                triangles = triangles[body.mesh._core.at_creases()]
-            points = corner_points(scene.parts.vertices_at(mesh, time), triangles, local, wavelength)
+            vertices, surface = scene.parts.vertices_at(mesh, time), body.mesh._core
+            if body.deformation is not None:
+                surface = surface.deform(vertices)
+            points = corner_points(vertices, body.mesh.triangles[surface.at_creases()], local, wavelength)
             offsets = points @ turn.T + place - sensor[:, 3]
             seen = offsets @ sensor[:, :3]
             in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
