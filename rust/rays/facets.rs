@@ -4,6 +4,8 @@
 //! ray has one of its own: corners of eight are gathered lane by lane, and planes and normals computed for all lanes at
 //! once (`cargo bench --bench trace -- 'room|person'`).
 
+use glam::DVec3;
+
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::scene::NO_BODY;
@@ -145,6 +147,23 @@ impl Group<'_> {
         vectors
     }
 
+    /// Planes of the triangles in the frame of the body: normals of twice the areas' length, and heights over `origin` times
+    /// that length. Rounded as [`WatertightTest::intersect`](crate::rays::watertight::WatertightTest::intersect) does.
+    #[inline(always)]
+    pub fn planes<V: Vector<Scalar = f64>>(&self, surface: &Surface, origin: DVec3) -> ([V; 3], V) {
+        if self.several.is_none() {
+            let [a, b, c] = surface.corners(self.triangle);
+            let (a, b, c) = (a - origin, b - origin, c - origin);
+            let normal = (b - a).cross(c - a);
+            return (in_all(normal), V::splat(normal.dot(a)));
+        }
+        let origin = in_all(origin);
+        let [a, b, c] = self.corners::<V>(surface);
+        let (a, b, c) = (difference(a, origin), difference(b, origin), difference(c, origin));
+        let normal = cross(difference(b, a), difference(c, a));
+        (normal, rounded_dot(normal, a))
+    }
+
     /// Normals at the corners of the triangles, corner by corner and axis by axis, and a bit mask of the lanes that have
     /// any.
     #[inline(always)]
@@ -206,6 +225,6 @@ pub fn rounded_dot<V: Vector>(a: [V; 3], b: [V; 3]) -> V {
 
 /// Vector in all lanes.
 #[inline(always)]
-pub fn in_all<V: Vector<Scalar = f64>>(x: glam::DVec3) -> [V; 3] {
+pub fn in_all<V: Vector<Scalar = f64>>(x: DVec3) -> [V; 3] {
     [V::splat(x.x), V::splat(x.y), V::splat(x.z)]
 }

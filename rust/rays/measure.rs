@@ -1,7 +1,7 @@
 //! Distances of the triangles that the rays of a tile hit, in double precision.
 
 use crate::numeric::simd::{Isa, Vector};
-use crate::rays::facets::{Groups, HALF, cross, difference, in_all, rounded_dot};
+use crate::rays::facets::{Groups, HALF, rounded_dot};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::packet_hits::PacketHits;
 use crate::rays::scene::PosedScene;
@@ -11,18 +11,14 @@ impl PosedScene {
     #[inline(always)]
     pub(crate) fn measure<I: Isa>(&self, rays: &TileRays, hits: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
-        // The operations of `WatertightTest::intersect`. Heights of planes over the sensor, along normals that are not of
-        // unit length, and components of directions along them.
+        // Heights of planes over the sensor, along normals that are not of unit length, and components of directions along
+        // them.
         let mut height = [f64::INFINITY; MOST_RAYS];
         let mut slope = [1.0; MOST_RAYS];
         let mut groups = Groups::new::<I>(&rays.valid, &hits.body, &hits.triangle);
         while let Some(mut group) = groups.take::<I>() {
             let view = &self.views[group.body as usize];
-            let [a, b, c] = group.corners::<I::F64>(self.surface(group.body));
-            let origin = in_all(view.origin);
-            let (a, b, c) = (difference(a, origin), difference(b, origin), difference(c, origin));
-            let normal = cross(difference(b, a), difference(c, a));
-            let above = rounded_dot(normal, a);
+            let (normal, above) = group.planes::<I::F64>(self.surface(group.body), view.origin);
             while let Some((half, bits)) = group.take_half() {
                 let first = half * HALF;
                 let (u, v) = (I::F64::load(&rays.u[first..]), I::F64::load(&rays.v[first..]));

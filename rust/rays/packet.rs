@@ -225,17 +225,19 @@ impl View {
 }
 
 /// Rays of a tile ([`TileRays`]) in the frame of a body, in single precision.
+///
+/// Vectors come first, each on a cache line of its own.
 #[repr(C, align(64))]
 pub struct BodyRays {
+    /// Directions, axis by axis.
+    pub(super) directions: [[f32; MOST_RAYS]; 3],
+    /// Inverses of directions; see [`Self::part`].
+    inverses: [[f32; MOST_RAYS]; 3],
     pub(super) origin: [f32; 3],
     /// Bound of the coordinates of the origin.
     pub(super) reach: f32,
     /// Bound of the coordinates of directions.
     pub(super) length: f32,
-    /// Directions, axis by axis.
-    pub(super) directions: [[f32; MOST_RAYS]; 3],
-    /// Inverses of directions; see [`Self::part`].
-    inverses: [[f32; MOST_RAYS]; 3],
     pub(super) valid: [u32; PACKETS],
     /// Centre and half the sides of the box round the directions of every packet, and of all.
     pub(super) center: [[f32; 3]; PACKETS + 1],
@@ -249,11 +251,11 @@ pub struct BodyRays {
 impl BodyRays {
     /// Without rays.
     pub const EMPTY: Self = Self {
+        directions: [[0.0; MOST_RAYS]; 3],
+        inverses: [[0.0; MOST_RAYS]; 3],
         origin: [0.0; 3],
         reach: 0.0,
         length: 0.0,
-        directions: [[0.0; MOST_RAYS]; 3],
-        inverses: [[0.0; MOST_RAYS]; 3],
         valid: [0; PACKETS],
         center: [[0.0; 3]; PACKETS + 1],
         half: [[0.0; 3]; PACKETS + 1],

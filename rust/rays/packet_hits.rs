@@ -4,18 +4,20 @@ use crate::numeric::simd::{Isa, Vector};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 
 /// Nearest triangles of the rays of a tile, over all bodies.
+///
+/// Vectors come first, each on a cache line of its own: stores across two lines cost 5 % of an image.
 #[repr(C, align(64))]
 pub struct PacketHits {
     /// Lower bound of the distance of the hit so far, in lengths of the direction; infinite without one.
     pub(super) near: [f32; MOST_RAYS],
     /// Upper bound of the distance.
     pub(super) far: [f32; MOST_RAYS],
-    /// Largest upper bound of every packet.
-    pub(super) farthest: [f32; PACKETS],
     /// Number of the body.
     pub body: [[u32; PACKET]; PACKETS],
     /// Number of its triangle.
     pub triangle: [[u32; PACKET]; PACKETS],
+    /// Largest upper bound of every packet.
+    pub(super) farthest: [f32; PACKETS],
     /// A bit per ray that lies in the plane of its triangle.
     pub edge_on: [u32; PACKETS],
 }
@@ -25,9 +27,9 @@ impl PacketHits {
     pub const EMPTY: Self = Self {
         near: [f32::INFINITY; MOST_RAYS],
         far: [f32::INFINITY; MOST_RAYS],
-        farthest: [f32::NEG_INFINITY; PACKETS],
         body: [[u32::MAX; PACKET]; PACKETS],
         triangle: [[u32::MAX; PACKET]; PACKETS],
+        farthest: [f32::NEG_INFINITY; PACKETS],
         edge_on: [0; PACKETS],
     };
 

@@ -173,9 +173,9 @@ impl<E: Exact> Search<'_, E> {
             let place = met.trailing_zeros() as usize;
             met &= met - 1;
             let child = node.child[place];
-            let is_leaf = matches!(child.kind(), Kind::Leaf(..));
             let mut rays = rays;
             if is_fine {
+                let is_leaf = matches!(child.kind(), Kind::Leaf(..));
                 for packet in 0..PACKETS {
                     let all = PACKET_BITS << (packet * PACKET);
                     if met_by[packet] >> place & 1 == 0 {
@@ -227,7 +227,8 @@ impl<E: Exact> Search<'_, E> {
             if wanted == 0 || near > self.hits.farthest[packet] {
                 continue;
             }
-            let has_changed = if wanted.count_ones() <= FEW_RAYS {
+            let is_whole = wanted == PACKET_BITS as u32;
+            let has_changed = if !is_whole && wanted.count_ones() <= FEW_RAYS {
                 self.test_rays::<I>(&planes, block, all, packet, wanted)
             } else {
                 let met = all & planes.may_meet(&self.rays.center[packet], &self.rays.half[packet]);
