@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 # Threads of numpy's BLAS that wait for work would slow everything else down.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
@@ -48,15 +48,19 @@ class Stopwatch:
 
     engine: _core.Simulator
     seconds: float = 0.0
-    stages: dict[str, float] = field(default_factory=dict)
+    ideal: _core.IdealFrame | None = None
+
+    @property
+    def stages(self) -> dict[str, float]:
+        """Run times of the stages of the last frame [s]."""
+        return {} if self.ideal is None else dict(self.ideal.stage_times())
 
     def frame(self, motion: _core.Placement, rates: _core.Placement | None) -> _core.IdealFrame | None:
         """The engine's frame."""
         start = time.perf_counter()
         ideal = self.engine.frame(motion, rates)
         self.seconds += time.perf_counter() - start
-        if ideal is not None:
-            self.stages = dict(ideal.stage_times())
+        self.ideal = ideal or self.ideal
         return ideal
 
 

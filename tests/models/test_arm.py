@@ -456,6 +456,7 @@ def test_missing_files_are_named(tmp_path):
         ('<link name="tip"/>', '<link name="tip"/><link name="stray"/>', "expected one link without a parent"),
         ('scale="1 2 3"', 'scale="1 0 3"', "scale: expected numbers other than zero"),
         ('radius="0.2"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
+        ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 1e31"', "joint 'rail', origin: position: expected coordinates within 1e.15 m"),
         ('scale="1 2 3"', 'scale="1 2 1e308"', "vertices: expected coordinates below 1e15 m"),
     ],
 )

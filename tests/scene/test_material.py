@@ -329,6 +329,8 @@ NAN, INF = float("nan"), float("inf")
     ("make", "arguments", "error", "message"),
     [
         (rc.Material, (1.1,), ValueError, "reflection, albedo: expected.*at most 1, got 1.21"),
+        (rc.Material, (1e200,), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
+        (rc.Material, (complex(1e308, 1e308),), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
         (rc.Material, (0.0, 1.5), ValueError, "reflection, albedo: expected.*got 1.5"),
         (rc.Material, (0.0, -0.1), ValueError, "albedo: expected zero or a positive number, got -0.1"),
         (rc.Material, (0.0, NAN), ValueError, "albedo: expected a finite number, got nan"),

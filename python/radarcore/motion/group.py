@@ -15,6 +15,9 @@ from radarcore.motion.protocol import Motion, poses_at
 from radarcore.motion.static import is_static
 from radarcore.sealed import sealed
 
+Members = NDArray[np.intp] | slice
+"""Indices of the members of a group."""
+
 
 class Links(Protocol):
     """Links of an arm or a person, evaluated together."""
@@ -32,7 +35,7 @@ class Group(Protocol):
     """Several motions, evaluated together."""
 
     def poses_at(self, times: Matrix) -> Matrix:
-        """``[rotation | position]`` at times (n,) [s], (n, member, 3, 4)."""
+        """``[rotation | position]`` at times (n,) [s], (n, member, 3, 4); (1, member, 3, 4) if all are equal."""
         ...
 
     def rates_at(self, times: Matrix) -> Matrix:
@@ -77,13 +80,13 @@ class _Still:
     """Motions at rest: evaluated once."""
 
     def __init__(self, motions: Sequence[Motion]) -> None:
-        self._poses = np.array([poses_at(motion, [0.0])[0] for motion in motions]).reshape(-1, 3, 4)
+        self._poses = np.array([poses_at(motion, [0.0])[0] for motion in motions]).reshape(1, -1, 3, 4)
 
-    def poses_at(self, times: Matrix) -> Matrix:
-        return np.broadcast_to(self._poses, (len(times), *self._poses.shape))
+    def poses_at(self, _: Matrix) -> Matrix:
+        return self._poses
 
-    def rates_at(self, times: Matrix) -> Matrix:
-        return np.broadcast_to(0.0, (len(times), *self._poses.shape))
+    def rates_at(self, _: Matrix) -> Matrix:
+        return np.zeros_like(self._poses)
 
 
 class _Uniform:
@@ -209,7 +212,7 @@ def _place_of(factor: Motion, every: list[Motion], numbers: dict[int, int]) -> i
     return len(every) - 1
 
 
-def _groups(motions: Sequence[Motion]) -> list[tuple[Group, NDArray[np.intp]]]:
+def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     """Groups of all motions but products, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
@@ -232,4 +235,10 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, NDArray[np.intp]]]:
     for numbers in linked.values():
         links = [cast(LinkMotion, motions[number]) for number in numbers]
         found.append((_Linked(links[0].group, [link.member for link in links]), numbers))
-    return [(group, np.array(numbers)) for group, numbers in found]
+    return [(group, _members(numbers)) for group, numbers in found]
+
+
+def _members(numbers: list[int]) -> Members:
+    """Indices as a slice where they follow each other, which numpy copies faster."""
+    start, stop = numbers[0], numbers[-1] + 1
+    return slice(start, stop) if numbers == list(range(start, stop)) else np.array(numbers)

@@ -263,7 +263,7 @@ class Waveform(Twinned):
         """Time of every sample after the start of its ramp [s], (num_samples,); includes `adc_delay`."""
         return self.adc_delay + np.arange(self.num_samples) / self.sample_rate
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Duration from the start of the first ramp to the last sample of the last chirp [s]."""
         return float(self.chirp_times[-1] + self.sample_times[-1])

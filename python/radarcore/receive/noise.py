@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
@@ -18,7 +17,7 @@ def add_noise(cube: NDArray[Any], variance: float, *, seed: int, start: float) -
     """
     if variance == 0.0:
         return
-    is_complex = np.iscomplexobj(cube)
+    is_complex = cube.dtype.kind == "c"
     deviation = (0.5 * variance if is_complex else variance) ** 0.5
     # The bits of the start; those of -0.0 are not those of 0.0.
     (stream,) = struct.unpack("<Q", struct.pack("<d", start + 0.0))

@@ -14,6 +14,7 @@ from radarcore.radar.radar import Radar
 
 TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
 CUBE_TYPES = ("float32", "float64", "complex64", "complex128")
+_CUBE_DTYPES = frozenset(map(np.dtype, CUBE_TYPES))
 FULL_SCALE = "full scale"
 """``source["cube_unit"]`` of a recording whose samples are those of an ADC: from -1, code 0, to 1, the largest."""
 
@@ -160,10 +161,11 @@ def check_radar(radar: object) -> None:
 def checked_cube(cube: object, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Samples of the given shape (None: any length) as an array."""
     samples = np.asarray(cube)
-    if samples.dtype.name not in CUBE_TYPES:
+    if samples.dtype not in _CUBE_DTYPES and samples.dtype.name not in CUBE_TYPES:  # as of other byte orders
         raise TypeError(f"cube: expected {', '.join(CUBE_TYPES)}, got {samples.dtype}")
-    fits = len(samples.shape) == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, samples.shape, strict=True)
+    fits = samples.shape == shape or (
+        len(samples.shape) == len(shape)
+        and all(want is None or want == got for want, got in zip(shape, samples.shape, strict=True))
     )
     if not fits:
         axes = ", ".join(("frame", "channel", "chirp", "sample")[-len(shape) :])

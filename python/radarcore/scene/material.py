@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -135,7 +136,8 @@ class Material:
     @property
     def reflectance(self) -> float:
         """Reflected and scattered power over incident power; of a dielectric as `reflection`."""
-        return abs(self.reflection) ** 2 + self.albedo
+        magnitude = hypot(self.reflection.real, self.reflection.imag)
+        return magnitude * magnitude + self.albedo  # infinite, not an OverflowError, of what is refused
 
     def response(
         self, frequency: float, cos_incidence: ArrayLike = 1.0, *, polarization: str | None = None

@@ -168,11 +168,14 @@ class Doubts:
         wf = self._radar.waveform
         if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps or len(truth) == 0:
             return
-        speeds = np.abs(truth[:, 1])  # NaN of bodies that no ray hit
-        if (fastest := float(np.fmax.reduce(speeds))) > wf.max_velocity and self._is_new("velocity"):
+        limit = wf.max_velocity
+        # Numbers of Python: as fast for few bodies. NaN of bodies that no ray hit is not beyond the limit.
+        speeds = [abs(rate) for rate in truth[:, 1].tolist()]
+        if any(speed > limit for speed in speeds) and self._is_new("velocity"):
+            fastest = max(speed for speed in speeds if speed > limit)
             notice.warn(
-                f"{names[int(np.nanargmax(speeds))]!r} has a radial speed of {fastest:.3g} m/s, beyond max_velocity "
-                f"{wf.max_velocity:.3g} m/s of the waveform: it appears at wrong velocities"
+                f"{names[speeds.index(fastest)]!r} has a radial speed of {fastest:.3g} m/s, beyond max_velocity "
+                f"{limit:.3g} m/s of the waveform: it appears at wrong velocities"
             )
 
     def of_rate(self, rate: float) -> None:

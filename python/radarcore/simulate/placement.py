@@ -37,14 +37,14 @@ class Placement:
 
     def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
         self._parts, self._waveform = scene.parts, waveform
+        self._vertex_numbers = sum(self._parts.meshed[mesh].mesh.vertices.size for mesh in self._parts.deforming)
         self._kept_offsets: dict[int, NDArray[np.float64]] = {}
         # The sensor is the last of them.
         self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
 
     def frames_ahead(self, num_times: int) -> int:
         """Number of frames that are worth placing together."""
-        vertices = sum(self._parts.meshed[mesh].mesh.vertices.size for mesh in self._parts.deforming)
-        per_frame = num_times * (12 * (len(self._parts.meshed) + 1)) + _num_vertex_times(num_times) * vertices
+        per_frame = num_times * 12 * (len(self._parts.meshed) + 1) + _num_vertex_times(num_times) * self._vertex_numbers
         return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
 
     def frames(

@@ -99,7 +99,10 @@ class _Reader:
         if origin is None:
             return Pose()
         xyz, rpy = (self.numbers(origin.get(name, "0 0 0"), 3, f"{where}, {name}") for name in ("xyz", "rpy"))
-        return Pose.from_rpy(xyz, rpy)
+        try:
+            return Pose.from_rpy(xyz, rpy)
+        except ValueError as error:
+            raise self.error(f"{where}, origin: {error}") from error
 
     def joint(self, element: ET.Element) -> Joint:
         name = self.attribute(element, "name", "joint")
