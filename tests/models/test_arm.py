@@ -456,7 +456,11 @@ def test_missing_files_are_named(tmp_path):
         ('<link name="tip"/>', '<link name="tip"/><link name="stray"/>', "expected one link without a parent"),
         ('scale="1 2 3"', 'scale="1 0 3"', "scale: expected numbers other than zero"),
         ('radius="0.2"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
-        ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 1e31"', "joint 'rail', origin: position: expected coordinates within 1e.15 m"),
+        (
+            'xyz="0.1 0.2 0.3"',
+            'xyz="0.1 0.2 1e31"',
+            "joint 'rail', origin: position: expected coordinates within 1e.15 m",
+        ),
         ('scale="1 2 3"', 'scale="1 2 1e308"', "vertices: expected coordinates below 1e15 m"),
     ],
 )
@@ -610,6 +614,7 @@ def test_ramps_of_a_line_have_a_bounded_acceleration(ur10):
         (CHECK_POSE, [0.0, 0.0, 0.0], 0.25, 1.0, "direction: expected a direction, got zero"),
         (CHECK_POSE, [1.0, 0.0, 0.0], -0.25, 1.0, "speed: expected a positive number"),
         (CHECK_POSE, [1.0, 0.0, 0.0], 0.25, 0.4, "duration: expected at least two ramps, 0.5 s, got 0.4"),
+        (CHECK_POSE, [1.0, 0.0, 0.0], 1e-9, 1e9, "duration: expected at most 3600 s, got 1e.09"),
     ],
 )
 def test_lines_that_cannot_be_are_refused(ur10, angles, direction, speed, duration, message):

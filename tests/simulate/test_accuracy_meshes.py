@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ from proof.real_meshes import (
     sampled,
     view_errors,
 )
-from radarcore.models import robots
+from radarcore.models import Human, robots
 
 needs_robots = pytest.mark.skipif(not robots.is_available(), reason=real_meshes.INSTALL_HINT)
 
@@ -271,6 +272,27 @@ def test_doppler_floor_is_that_of_the_window_whatever_the_sampling() -> None:
     levels = {row.sampling: row.level for row in islice(oblique.doppler_results(TINY), 3)}
     assert set(levels) == {"point", "footprint", "adaptive"}
     assert max(levels.values()) <= -65.0
+
+
+def test_default_maps_of_a_walking_person_are_those_of_a_thousandfold_lower_floor() -> None:
+    # A plate behind the person, so that the floor is the default one and not lowered by the strongest echo. Over what
+    # moves: 8.2 % of the norm (rms of the steps), 10.2 % with four times the default floor.
+    radar = rc.bgt60tr13c(
+        start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=64, chirp_interval=300e-6
+    )
+    radar = replace(radar, receiver=None)
+    walker = Human(speed=1.3, path=[[3.2, -1.2], [2.2, 1.2]])
+    scene = rc.Scene([*walker.bodies(subdivisions=3), conductor(rc.shapes.plate(1.0, 1.0), 5.0)])
+    moves = np.abs(radar.waveform.velocity_axis()) > 0.4
+
+    def maps(**options: Any) -> NDArray[np.complex128]:
+        sim = rc.Simulator(scene, radar, radar_motion=rc.Pose([0.0, 0.0, 1.0]), **options)
+        cubes = (sim.frame(0.1 + 0.2 * step).cube for step in range(6))
+        return np.stack([rc.range_doppler(cube, radar.waveform)[:, moves].ravel() for cube in cubes])
+
+    fine = maps(rcs_floor=1e-5, ray_budget=np.inf)
+    errors = np.linalg.norm(maps() - fine, axis=1) / np.linalg.norm(fine, axis=1)
+    assert np.sqrt(np.mean(errors**2)) < 0.09
 
 
 def test_mean_power_of_a_matt_sphere_is_that_of_its_paths() -> None:

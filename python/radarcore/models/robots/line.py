@@ -27,6 +27,9 @@ _DAMPING = 1e-4
 _KNOT_INTERVAL = 20e-3
 _MIN_KNOT_INTERVAL = 0.5e-3
 
+# Longest duration [s]: minutes of work, and megabytes of knots.
+_MAX_DURATION = 3600.0
+
 
 def cartesian_line(
     arm: RobotArm,
@@ -55,7 +58,7 @@ def cartesian_line(
     speed : float
         In the middle part [m/s].
     duration : float
-        From rest to rest [s]: at least twice `ramp_time`.
+        From rest to rest [s]: at least twice `ramp_time`, at most an hour.
     ramp_time, start_time : float
         Length of each of the two ramps, and when the motion begins [s].
     link : str
@@ -83,6 +86,8 @@ def cartesian_line(
     duration, start_time = check.positive("duration", duration, "s"), check.number("start_time", start_time, "s")
     if duration < 2.0 * ramp_time:
         raise ValueError(f"duration: expected at least two ramps, {2.0 * ramp_time:g} s, got {duration:g}")
+    if duration > _MAX_DURATION:
+        raise ValueError(f"duration: expected at most {_MAX_DURATION:g} s, got {duration:g}")
     length = speed * (duration - ramp_time)
 
     def way(times: Matrix) -> Matrix:
