@@ -181,6 +181,7 @@ def without(key: str) -> bytes:
         ({"meta_json": b"7"}, r"meta\.json: expected an object, got int"),
         ({"meta_json": text({"adc_resolution": 10})}, "expected an adc_resolution of 12 bits, got 10"),
         ({"format_version": b"2.0.0\n"}, r"format\.version: expected version 1, got '2.0.0'"),
+        ({"format_version": b"9" * 1000}, r"format\.version: expected version 1, got '9{20}'"),
         ({"radar_npy": b"no array"}, r"radar\.npy: damaged or not an NPY file"),
         ({"radar_npy": array(some_codes())[:500]}, r"radar\.npy: damaged or not an NPY file"),
         ({"radar_npy": saved(to_samples(some_codes()))}, r"radar\.npy: expected uint16, got float32"),

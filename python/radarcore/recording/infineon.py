@@ -184,7 +184,7 @@ def _read_texts(folder: Path) -> dict[str, str]:
 def _check_version(text: str, where: str) -> None:
     version = text.removeprefix("\ufeff").strip()
     if version.split(".")[0] != "1":
-        raise ValueError(f"{where}: expected version 1, got {version!r}")
+        raise ValueError(f"{where}: expected version 1, got {version[:20]!r}")  # of what may be no text at all
 
 
 def _check_sensor(text: str, where: str) -> str:
