@@ -7,6 +7,7 @@ import operator
 from collections.abc import Callable, Iterable
 from functools import wraps
 from inspect import signature
+from math import isfinite
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,7 +27,7 @@ def number(name: str, value: object, unit: str = "") -> float:
         result = float(value)  # type: ignore[arg-type]  # what float() refuses is reported below
     except (TypeError, ValueError):
         raise TypeError(f"{name}: expected a number{unit}, got {value!r}") from None
-    if not np.isfinite(result):
+    if not isfinite(result):
         raise ValueError(f"{name}: expected a finite number{unit}, got {value!r}")
     return result
 

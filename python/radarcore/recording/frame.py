@@ -54,14 +54,26 @@ class Truth:
         if len(shape) not in (1, 2) or shape[-1] != len(self.names):
             bodies = len(self.names)
             raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
-        for name in TRUTH_FIELDS:
+        for name, values in zip(TRUTH_FIELDS, self._copies(shape), strict=True):
+            object.__setattr__(self, name, values)
+
+    def _copies(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Read-only copies of all fields, in one array: a frame has one truth, and calls cost more than numbers."""
+        fields = [getattr(self, name) for name in TRUTH_FIELDS]
+        try:
+            copies = np.array(fields, dtype=np.float64)
+        except (TypeError, ValueError):  # the shapes differ, or something is no number
+            copies = np.empty(0)
+        if copies.shape == (len(fields), *shape):
+            return check.frozen(copies)
+        for name, given in zip(TRUTH_FIELDS, fields, strict=True):
             try:
-                values = np.array(getattr(self, name), dtype=np.float64)
+                values = np.asarray(given, dtype=np.float64)
             except (TypeError, ValueError) as error:
-                raise TypeError(f"{name}: expected numbers of shape {shape}, got {getattr(self, name)!r}") from error
+                raise TypeError(f"{name}: expected numbers of shape {shape}, got {given!r}") from error
             if values.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
-            object.__setattr__(self, name, check.frozen(values))
+        raise AssertionError  # as one of them was wrong
 
     def select(self, names: Sequence[str]) -> Truth:
         """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""

@@ -55,12 +55,15 @@ class Placement:
         `look` receives the poses in the middle of the frames, of the bodies and of the sensor, (frame, body + 1, 3, 4).
         """
         first = np.array(starts)[:, None]
-        times, vertex_times = first + self._offsets(num_times), first + self._offsets(_num_vertex_times(num_times))
+        times = first + self._offsets(num_times)
         poses = self._motions.poses_at(times.ravel()).reshape(len(starts), num_times, -1, 3, 4)
         if look is not None:
             look(poses[:, num_times // 2])
-        for frame in range(len(starts)):
-            yield self._placed(poses[frame], self._points(times[frame]), self._vertices(vertex_times[frame]))
+        for frame, start in enumerate(starts):
+            vertices: list[NDArray[np.float64]] = []
+            if self._parts.deforming:
+                vertices = self._vertices(start + self._offsets(_num_vertex_times(num_times)))
+            yield self._placed(poses[frame], self._points(times[frame]), vertices)
 
     def poses_at(self, time: float) -> NDArray[np.float64]:
         """Poses of the bodies with meshes and, last, of the sensor, at one time [s], (body + 1, 3, 4), to the world."""
