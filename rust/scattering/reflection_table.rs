@@ -49,20 +49,25 @@ impl Reflection {
         let position = cosine.clamp(0.0, 1.0) * INTERVALS as f32;
         let index = (position as usize).min(INTERVALS - 1);
         let share = position - index as f32;
-        let between = |a: [f32; 2], b: [f32; 2]| [0, 1].map(|part| a[part] + share * (b[part] - a[part]));
         match self {
             Self::Constant(reflection) => *reflection,
-            Self::Scalar(table) => between(table[index], table[index + 1]),
+            Self::Scalar(table) => between(table[index], table[index + 1], share),
             Self::Polarized(table, polarization) => {
                 let (normal, direction) = place();
                 let seen = Seen::by(*polarization, normal, direction, direction);
                 let (low, high) = (&table[index], &table[index + 1]);
-                let [te, tm] = [0, 1].map(|part| between(low[part], high[part]));
+                let (te, tm) = (between(low[0], high[0], share), between(low[1], high[1], share));
                 let (a, b) = (seen.te as f32, seen.tm as f32);
-                [0, 1].map(|part| a * te[part] - b * tm[part])
+                [a * te[0] - b * tm[0], a * te[1] - b * tm[1]]
             }
         }
     }
+}
+
+/// Linear interpolation; a closure in `map` would be a call out of the kernel.
+#[inline(always)]
+fn between(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
+    [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
 }
 
 #[cfg(test)]

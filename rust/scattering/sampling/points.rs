@@ -264,6 +264,6 @@ pub(super) fn patch_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> Patch 
 #[inline(always)]
 pub(super) fn weight_of(cells: &Cells, cell: usize) -> Complex64 {
     let weight = f64::from(cells.weight[cell]);
-    let [re, im] = [0, 1].map(|part| f64::from(cells.reflection[part][cell]));
-    Complex64::new(-im * weight, re * weight)
+    let [re, im] = &cells.reflection;
+    Complex64::new(-f64::from(im[cell]) * weight, f64::from(re[cell]) * weight)
 }
