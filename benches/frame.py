@@ -11,6 +11,8 @@ import argparse
 import os
 import time
 from dataclasses import dataclass
+from typing import Any
+from unittest import mock
 
 # Threads of numpy's BLAS that wait for work would slow everything else down.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
@@ -25,6 +27,8 @@ from radarcore.motion.protocol import Motion
 
 RATE = 40.0
 
+RECEIVE = _core.receive
+
 ENOUGH_TIMES = 8
 """Times at which delays of smooth motion need to be taken at most."""
 
@@ -34,9 +38,10 @@ TEXT = """\
 A person of {person} triangles walks and a UR10 of {arm} triangles moves in a room; ten boxes turn and move in front of
 a static sensor. 3 receivers, 64 chirps, 128 samples, {machine}, two threads. Written by
 `python benches/frame.py --write`: medians over {frames} frames at 40 Hz [ms], default settings and fast sampling.
-"Python" is everything outside of the core: placement, receiver, checks. "rays" is the mean number cast per frame;
-the others are reused from the previous frame, which a static sensor permits wherever nothing moves in view. "paths" is
-the number of material points. "more than {enough} times" counts the frames whose delays need more node times.
+"noise" is the core's part of the receiver, "Python" everything outside of the core: placement, truth, checks. "rays"
+is the mean number cast per frame; the others are reused from the previous frame, which a static sensor permits wherever
+nothing moves in view. "paths" is the number of material points. "more than {enough} times" counts the frames whose
+delays need more node times.
 
 {table}
 """
@@ -44,10 +49,11 @@ the number of material points. "more than {enough} times" counts the frames whos
 
 @dataclass
 class Stopwatch:
-    """An engine of the core that notes its own run time and that of its stages [s]."""
+    """An engine of the core that notes run times [s]: its own, those of its stages, and of the receiver in the core."""
 
     engine: _core.Simulator
     seconds: float = 0.0
+    noise: float = 0.0
     ideal: _core.IdealFrame | None = None
 
     @property
@@ -62,6 +68,13 @@ class Stopwatch:
         self.seconds += time.perf_counter() - start
         self.ideal = ideal or self.ideal
         return ideal
+
+    def receive(self, *arguments: Any, **settings: Any) -> Any:
+        """The core's samples as the receiver delivers them."""
+        start = time.perf_counter()
+        samples = RECEIVE(*arguments, **settings)
+        self.noise = time.perf_counter() - start
+        return samples
 
 
 @dataclass
@@ -120,16 +133,17 @@ def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
     vars(simulator)["_engine"] = watch
     stages: list[dict[str, float]] = []
     counts: list[list[float]] = []
-    for number in range(1, num_frames + 1):
-        watch.seconds = 0.0
-        start = time.perf_counter()
-        frame = simulator.frame(number / RATE)
-        everything = time.perf_counter() - start
-        core = watch.seconds
-        rest = core - sum(watch.stages.values())
-        times = {"the rest of the core": rest, "Python": everything - core, "all": everything}
-        stages.append({**watch.stages, **times})
-        counts.append([frame.stats[key] for key in ("rays_cast", "paths", "delay_nodes")])
+    with mock.patch.object(_core, "receive", watch.receive):
+        for number in range(1, num_frames + 1):
+            watch.seconds = 0.0
+            start = time.perf_counter()
+            frame = simulator.frame(number / RATE)
+            everything = time.perf_counter() - start
+            rest = watch.seconds - sum(watch.stages.values())
+            python = everything - watch.seconds - watch.noise
+            times = {"the rest of the core": rest, "noise": watch.noise, "Python": python, "all": everything}
+            stages.append({**watch.stages, **times})
+            counts.append([frame.stats[key] for key in ("rays_cast", "paths", "delay_nodes")])
     rays, paths, nodes = np.array(counts, dtype=np.float64).T
     return Column(
         name,

@@ -21,11 +21,11 @@ __all__ = [
     "Surface",
     "Waveform",
     "__version__",
-    "add_noise",
     "beat_signal",
     "cross_sections",
     "levels",
     "load_obj",
+    "receive",
 ]
 
 __version__: str
@@ -61,8 +61,11 @@ def beat_signal(
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
 
-def add_noise(samples: NDArray[np.float32] | NDArray[np.float64], *, deviation: float, seed: int, stream: int) -> None:
-    """Add white noise of a standard deviation to samples (n,), in place. Equal seeds and streams give equal noise."""
+def receive(ideal: NDArray[Any], *, output: str, deviation: float, seed: int, start: float) -> NDArray[Any]:
+    """Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or "real" parts.
+
+    `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
+    """
 
 def cross_sections(
     surfaces: Sequence[Surface],

@@ -58,21 +58,29 @@ fn halves(number: u64) -> [u32; 2] {
 /// Philox4x32-10, four random words for each of [`LANES`] counters: Salmon, Moraes, Dror, Shaw, Parallel random numbers:
 /// as easy as 1, 2, 3, SC 2011.
 #[inline(always)]
-fn philox(mut counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
+fn philox(counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
+    // As halves of products, of which the lower half is meant: words of 32 bits would be taken apart for every product.
+    let mut wide = [[0; LANES]; 4];
+    for (wide, narrow) in wide.as_flattened_mut().iter_mut().zip(counters.as_flattened()) {
+        *wide = u64::from(*narrow);
+    }
     for _ in 0..10 {
         for lane in 0..LANES {
             // No closure: one that is not inlined would take the loop out of its instruction set.
-            let (a, b) = (counters[0][lane], counters[1][lane]);
-            let (c, d) = (counters[2][lane], counters[3][lane]);
-            let (first, second) = (u64::from(a) * 0xD251_1F53, u64::from(c) * 0xCD9E_8D57);
-            counters[0][lane] = (second >> 32) as u32 ^ b ^ key[0];
-            counters[1][lane] = second as u32;
-            counters[2][lane] = (first >> 32) as u32 ^ d ^ key[1];
-            counters[3][lane] = first as u32;
+            let first = (wide[0][lane] & 0xFFFF_FFFF) * 0xD251_1F53;
+            let second = (wide[2][lane] & 0xFFFF_FFFF) * 0xCD9E_8D57;
+            wide[0][lane] = (second >> 32) ^ wide[1][lane] ^ u64::from(key[0]);
+            wide[1][lane] = second;
+            wide[2][lane] = (first >> 32) ^ wide[3][lane] ^ u64::from(key[1]);
+            wide[3][lane] = first;
         }
         key = [key[0].wrapping_add(0x9E37_79B9), key[1].wrapping_add(0xBB67_AE85)];
     }
-    counters
+    let mut words = counters;
+    for (narrow, wide) in words.as_flattened_mut().iter_mut().zip(wide.as_flattened()) {
+        *narrow = *wide as u32;
+    }
+    words
 }
 
 /// Two normally distributed numbers of two random words: Box and Muller, A note on the generation of random normal

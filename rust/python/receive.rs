@@ -1,39 +1,93 @@
-//! Noise of the receiver.
+//! Receiver: from the ideal beat signal to the samples that it delivers.
 
-use numpy::{Element, PyReadwriteArray1};
+use num_complex::Complex;
+use numpy::{Element, IntoPyArray, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::error::Error;
 use crate::numeric::normal;
 use crate::numeric::simd::{Level, Real};
 
-/// Samples in single or double precision, real and imaginary parts in turn.
+/// Ideal samples in single or double precision.
 #[derive(FromPyObject)]
-pub(super) enum Samples<'py> {
-    Single(PyReadwriteArray1<'py, f32>),
-    Double(PyReadwriteArray1<'py, f64>),
+pub(super) enum Ideal<'py> {
+    Single(Bound<'py, PyArray3<Complex<f32>>>),
+    Double(Bound<'py, PyArray3<Complex<f64>>>),
 }
 
-/// Add white noise of a standard deviation to samples, in place. Equal seeds and streams give equal noise.
-#[pyfunction(signature = (samples, *, deviation, seed, stream))]
-pub(super) fn add_noise(py: Python<'_>, samples: Samples<'_>, deviation: f64, seed: u64, stream: u64) -> PyResult<()> {
+/// Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or their "real" parts.
+///
+/// `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
+#[pyfunction(signature = (ideal, *, output, deviation, seed, start))]
+pub(super) fn receive<'py>(
+    py: Python<'py>,
+    ideal: Ideal<'py>,
+    output: &str,
+    deviation: f64,
+    seed: u64,
+    start: f64,
+) -> PyResult<Bound<'py, PyAny>> {
     if !(deviation >= 0.0 && deviation.is_finite()) {
         return Err(Error::value("deviation", "zero or a positive number", deviation).into());
     }
-    match samples {
-        Samples::Single(mut samples) => add(py, &mut samples, deviation, seed, stream),
-        Samples::Double(mut samples) => add(py, &mut samples, deviation, seed, stream),
+    let is_real = match output {
+        "real" => true,
+        "iq" => false,
+        _ => return Err(Error::value("output", "'iq' or 'real'", format!("{output:?}")).into()),
+    };
+    let noise = Noise {
+        deviation,
+        seed,
+        // The bits of -0.0 are not those of 0.0.
+        stream: (start + 0.0).to_bits(),
+    };
+    match ideal {
+        Ideal::Single(cube) => deliver(py, cube, is_real, &noise),
+        Ideal::Double(cube) => deliver(py, cube, is_real, &noise),
     }
 }
 
-fn add<T: Real + Element>(
-    py: Python<'_>,
-    samples: &mut PyReadwriteArray1<'_, T>,
+/// White noise of a frame.
+struct Noise {
     deviation: f64,
     seed: u64,
     stream: u64,
-) -> PyResult<()> {
-    let samples = samples.as_slice_mut()?;
-    py.detach(|| normal::add_normal(Level::best(), samples, deviation, seed, stream));
-    Ok(())
+}
+
+impl Noise {
+    fn add<T: Real>(&self, samples: &mut [T]) {
+        if self.deviation > 0.0 {
+            normal::add_normal(Level::best(), samples, self.deviation, self.seed, self.stream);
+        }
+    }
+}
+
+fn deliver<'py, T: Real + Element>(
+    py: Python<'py>,
+    cube: Bound<'py, PyArray3<Complex<T>>>,
+    is_real: bool,
+    noise: &Noise,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    Complex<T>: Element,
+{
+    if !cube.is_c_contiguous() {
+        return Err(PyTypeError::new_err("ideal: expected a C-contiguous array"));
+    }
+    if !is_real {
+        let view = cube.call_method1("view", (T::get_dtype(py),))?;
+        let mut numbers = view.cast_into::<PyArray3<T>>()?.try_readwrite()?;
+        let numbers = numbers.as_slice_mut()?;
+        py.detach(|| noise.add(numbers));
+        return Ok(cube.into_any());
+    }
+    let ideal = cube.try_readonly()?;
+    let ideal = ideal.as_slice()?;
+    let samples = py.detach(|| {
+        let mut samples: Vec<T> = ideal.iter().map(|sample| sample.re).collect();
+        noise.add(&mut samples);
+        samples
+    });
+    Ok(samples.into_pyarray(py).reshape(cube.dims())?.into_any())
 }

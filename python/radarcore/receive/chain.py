@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import _core
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
-from radarcore.receive.noise import add_noise
 
 
 def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
@@ -18,6 +17,6 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> ND
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
     """
     receiver = radar.receiver or Receiver()
-    cube = ideal if receiver.output == "iq" else np.ascontiguousarray(ideal.real)
-    add_noise(cube, receiver.noise_variance(radar.waveform.sample_rate), seed=seed, start=start)
-    return cube
+    # White noise of an I/Q receiver has half of its power in either part.
+    variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
+    return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
