@@ -46,9 +46,6 @@ const LEAST_FLOOR: f64 = 0.1;
 /// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
 const MOST_TURN: f32 = 0.05;
 
-/// Angle by which a body turns [rad] that does not count.
-const LEAST_TURN: f32 = MOST_TURN / 32.0;
-
 /// Memory of a tile of which every cell is a point.
 const MOST_BYTES: usize = size_of::<(Tile, KeptCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
@@ -517,10 +514,8 @@ fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflecti
         refinement,
     } = sector;
     let wavenumber = TAU / (SPEED_OF_LIGHT / array.frequency);
-    let turns = || {
-        let bodies = 0..scene.num_bodies();
-        bodies.map(|body| stepped_turn(refinement.turns.get(body).copied().unwrap_or(0.0) as f32))
-    };
+    let turn = |body| refinement.turns.get(body).map_or(0.0, |turn| *turn as f32);
+    let turns = || (0..scene.num_bodies()).map(turn);
     let join = turns().zip(0..).map(|(turn, body)| {
         // Points of a body that deforms lie on triangles; joined points do not turn against each other.
         let is_rigid = !scene.surface(body).is_deformed();
@@ -539,16 +534,6 @@ fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflecti
         turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
         wavenumber,
         end_points: refinement.end_points,
-    }
-}
-
-/// Upper bound of the angle by which a body turns [rad], zero or a power of two times a constant: it is equal for most
-/// frames, so that static tiles can be taken over.
-fn stepped_turn(turn: f32) -> f32 {
-    if turn <= LEAST_TURN {
-        0.0
-    } else {
-        LEAST_TURN * (turn / LEAST_TURN).log2().ceil().exp2()
     }
 }
 
