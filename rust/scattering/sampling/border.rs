@@ -30,7 +30,7 @@ impl Border {
     pub(super) const OUTSIDE: Self = Self {
         slope: [[0.0; AROUND]; 2],
         least: [[0.0; AROUND]; 2],
-        shrink: [1.0; AROUND],
+        shrink: [0.0; AROUND],
         field: [0.0; AROUND],
         body: [NOTHING; AROUND],
         valid: [0.0; AROUND],

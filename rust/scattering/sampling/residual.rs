@@ -17,6 +17,9 @@ const OTHER_BODY: f32 = 0.1;
 /// their centres a quarter from the middle.
 const WITHIN: f32 = 0.5;
 
+/// Bits of a number without its mantissa: the next lower power of two.
+const EXPONENT: u32 = 0x7f80_0000;
+
 /// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
 pub(super) const BLOCKS: usize = MOST_RAYS / 4;
 
@@ -31,7 +34,8 @@ pub(super) struct Echo<V> {
     /// Half of what the phase turns over a cell, along u and v [rad], and least magnitudes.
     pub(super) slope: [V; 2],
     pub(super) least: [V; 2],
-    /// Ratio of the size at which half cells pass the tapers to the cell's; at most 1.
+    /// Ratio of the largest size at which half cells pass the tapers to the cell's, a power of two of at most 1; 0 without
+    /// a hit.
     pub(super) shrink: V,
     pub(super) field: V,
     /// Number of the body, or [`NOTHING`].
@@ -44,7 +48,8 @@ pub(super) struct Echo<V> {
 ///
 /// Phases of two cells that vary linearly agree with the mean of their slopes; the rest, the change of the slopes and
 /// of the body are the residual. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
-/// these until cells are smaller, the residual of the last split before that is decisive.
+/// these until cells are smaller, the residual of the last split before that is decisive: cells up to there return
+/// nothing.
 #[inline(always)] // part of a kernel
 pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis: usize) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
@@ -54,7 +59,7 @@ pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis
     let residual = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
     let is_silhouette = zero.at_most(a.body) ^ zero.at_most(b.body);
     let is_edge = is_silhouette | one.at_most(residual);
-    let shrink = one.select(is_edge, a.shrink.max(b.shrink));
+    let shrink = a.shrink.max(b.shrink);
     // A stationary point may lie between slopes of opposite signs.
     let mut damping = [one; 2];
     for axis in 0..2 {
@@ -65,8 +70,8 @@ pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis
     }
     let field = a.field.div(damping[0]).max(b.field.div(damping[1]));
     let area = shrink.mul(shrink);
-    let share = V::splat(EDGE).select(is_edge, residual.mul(area).mul(area));
-    field.mul(share).mul(a.valid).mul(b.valid)
+    let share = V::splat(EDGE).select(is_edge, residual.mul(area));
+    field.mul(share).mul(area).mul(a.valid).mul(b.valid)
 }
 
 /// Cells of a tile row by row, and of cells below the last row.
@@ -92,7 +97,7 @@ impl Echoes {
             phase: [0.0; CAPACITY],
             slope: [[0.0; CAPACITY]; 2],
             least: [[0.0; CAPACITY]; 2],
-            shrink: [1.0; CAPACITY],
+            shrink: [0.0; CAPACITY],
             field: [0.0; CAPACITY],
             body: [NOTHING; CAPACITY],
             valid: [0.0; CAPACITY],
@@ -157,7 +162,13 @@ impl Echoes {
             }
         }
         for (number, steep) in steep.into_iter().enumerate() {
-            splat(1.0).div(steep).store(&mut self.shrink[number * PACKET..]);
+            let first = number * PACKET;
+            let is_hit = splat(0.0).at_most(I::F32::load(&self.body[first..]));
+            let shrink = splat(1.0).div(steep).select(is_hit, splat(0.0));
+            shrink.store(&mut self.shrink[first..]);
+        }
+        for shrink in &mut self.shrink {
+            *shrink = f32::from_bits(shrink.to_bits() & EXPONENT);
         }
     }
 
@@ -240,4 +251,63 @@ pub(super) const fn block(row: usize, column: usize) -> usize {
 /// Bits of a quarter's blocks in those of all: packets of the tile that the quarter is split into.
 pub(super) fn of_quarter(blocks: u16, quarter: usize) -> u8 {
     (blocks >> (PACKETS * quarter)) as u8 & 0xf
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::simd::{Kernel, Level};
+
+    /// Residual field of cells with a field of 1, beside others without a hit. `slope`: along u [rad].
+    struct AtEdge {
+        slope: f32,
+        shrink: f32,
+    }
+
+    impl Kernel for AtEdge {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run<I: Isa>(self) -> f32 {
+            let splat = <I::F32 as Vector>::splat;
+            let nothing = Echo {
+                phase: splat(0.0),
+                slope: [splat(0.0); 2],
+                least: [splat(0.0); 2],
+                shrink: splat(0.0),
+                field: splat(0.0),
+                body: splat(NOTHING),
+                valid: splat(1.0),
+            };
+            let slope = [splat(self.slope), splat(0.0)];
+            let hit = Echo {
+                slope,
+                least: slope,
+                shrink: splat(self.shrink),
+                field: splat(1.0),
+                body: splat(0.0),
+                ..nothing
+            };
+            let mut residual = [0.0; PACKET];
+            pair_error(&hit, &nothing, 1).store(&mut residual);
+            residual[0]
+        }
+    }
+
+    #[test]
+    fn silhouettes_of_steep_cells_leave_what_they_do_at_the_size_that_returns_power() {
+        for level in Level::available() {
+            // A phase that turns by 2 x 5 rad over a cell: a quarter of its size is the first to pass, from half of it.
+            let whole = level.run(AtEdge {
+                slope: 1.0,
+                shrink: 1.0,
+            });
+            let steep = level.run(AtEdge {
+                slope: 10.0,
+                shrink: 0.5,
+            });
+            assert!((whole - 0.1 / 2.0).abs() < 1e-6, "{whole}");
+            assert!((steep - 0.1 * 0.25 / 6.0).abs() < 1e-6, "{steep}");
+        }
+    }
 }
