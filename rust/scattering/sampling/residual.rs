@@ -297,7 +297,7 @@ mod tests {
     #[test]
     fn silhouettes_of_steep_cells_leave_what_they_do_at_the_size_that_returns_power() {
         for level in Level::available() {
-            // A phase that turns by 2 x 5 rad over a cell: a quarter of its size is the first to pass, from half of it.
+            // Half of the steep cell turns by 5 rad to either side, beyond the tapers; a quarter passes.
             let whole = level.run(AtEdge {
                 slope: 1.0,
                 shrink: 1.0,
