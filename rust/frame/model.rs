@@ -23,11 +23,11 @@ use crate::synthesis::beat;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::plan::Method;
 
-/// Largest bandwidth over the carrier frequency of a narrow band, and largest phases of joined points from their mean
-/// in narrow and wide bands [rad]: the sum over the band then changes by a few percent.
-const NARROW: f64 = 0.1;
-const JOIN_NARROW: f64 = 1.5;
-const JOIN_WIDE: f64 = 1.0;
+/// Largest phase of joined points from their mean [rad] times the bandwidth over the carrier frequency, and the least and
+/// the largest such phase: the sum over the band then changes by a few percent.
+const JOIN_OVER_BAND: f64 = 0.12;
+const LEAST_JOIN: f64 = 1.0;
+const MOST_JOIN: f64 = 2.5;
 
 /// Bodies with surfaces, and point targets.
 #[derive(Clone)]
@@ -266,11 +266,7 @@ impl Model {
     pub(super) fn join(&self) -> f64 {
         let waveform = &self.waveform;
         let bandwidth = waveform.slope.abs() * waveform.num_samples as f64 / waveform.sample_rate;
-        if bandwidth <= NARROW * self.array.frequency {
-            JOIN_NARROW
-        } else {
-            JOIN_WIDE
-        }
+        (JOIN_OVER_BAND * self.array.frequency / bandwidth).clamp(LEAST_JOIN, MOST_JOIN)
     }
 
     /// Motion in the sensor frame.

@@ -68,7 +68,10 @@ pub(super) fn joined<I: Isa>(
     let turn = phase.sub(splat(mean)).select(lit, zero);
     let weight = I::F32::load(&cells.weight[first..]).select(lit, zero);
     let field = weight.mul(I::F32::load(&cells.cosine[first..]));
-    let (cosine, sine) = cos_sin_quarter(turn);
+    // By the half of an angle of up to half a turn.
+    let (half_cosine, half_sine) = cos_sin_quarter(turn.mul(splat(0.5)));
+    let twice = half_sine.add(half_sine);
+    let (cosine, sine) = (splat(1.0).sub(twice.mul(half_sine)), twice.mul(half_cosine));
     let re = I::F32::load(&cells.reflection[0][first..]);
     let im = I::F32::load(&cells.reflection[1][first..]);
     // j Gamma exp(-j turn)
