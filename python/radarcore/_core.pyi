@@ -363,7 +363,7 @@ class IdealFrame:
         """Beat samples (channel, chirp, sample) [sqrt(W)]; complex128 for tolerances below 1e-6."""
     @property
     def truth(self) -> NDArray[np.float64] | None:
-        """Range [m], range rate [m/s], azimuth and elevation [rad] of every body of the scene, (body, 4).
+        """Range [m], range rate [m/s], azimuth and elevation [rad] of every body of the scene, (4, body).
 
         NaN where no ray hit; None for images.
         """
@@ -382,7 +382,7 @@ class IdealFrame:
     @property
     def plan(self) -> str:
         """A line per sum over a group of paths."""
-    def counts(self) -> list[tuple[str, int]]:
+    def counts(self) -> dict[str, int]:
         """Numbers of rays, hits, tiles, paths, node times and so on, by name."""
     def stage_times(self) -> list[tuple[str, float]]:
         """Run time of every stage [s], by name."""

@@ -9,9 +9,10 @@ use numpy::{
     PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use pyo3::types::{IntoPyDict, PyDict};
 
 use super::antennas::Antennas;
-use super::arrays::{matrix, numbers, points, poses};
+use super::arrays::{numbers, points, poses};
 use super::rays::{Hits, Surface};
 use super::scattering::{Material, sampling};
 use super::synthesis::{Waveform, method, tolerance};
@@ -275,7 +276,7 @@ impl IdealFrame {
         self.cube.bind(py).clone()
     }
 
-    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (body, 4); none
+    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (4, body); none
     /// of images.
     #[getter]
     fn truth<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
@@ -304,7 +305,7 @@ impl IdealFrame {
     }
 
     /// Counts of rays, hits, tiles, paths and velocity rows, by name.
-    fn counts(&self) -> Vec<(&'static str, usize)> {
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let counts = &self.counts;
         let nodes = counts.sum.nodes.as_ref();
         let mut all = vec![
@@ -328,7 +329,7 @@ impl IdealFrame {
             ("velocity_rows", counts.sum.rows),
             ("velocity_rows_skipped", counts.sum.rows_skipped),
         ]);
-        all
+        all.into_py_dict(py)
     }
 
     /// Run time of every stage [s], by name.
@@ -426,7 +427,10 @@ impl Simulator {
             Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
             Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
         };
-        let truth = frame.truth.map(|truth| PyResult::Ok(matrix(py, truth)?.unbind()));
+        let truth = frame.truth.map(|truth| {
+            let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
+            PyResult::Ok(rows.into_pyarray(py).reshape([4, truth.len()])?.unbind())
+        });
         Ok(Some(IdealFrame {
             cube: cube.unbind(),
             truth: truth.transpose()?,

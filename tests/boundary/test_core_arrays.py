@@ -71,7 +71,7 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (HITS.smooth()[1], "float64", (20, 30, 3)),
         (frame().cube, "complex64", (2, 2, 8)),
         (frame(tolerance=1e-7).cube, "complex128", (2, 2, 8)),
-        (frame().truth, "float64", (2, 4)),
+        (frame().truth, "float64", (4, 2)),
         (deformed().cube, "complex64", (2, 2, 8)),
         (surfels().cube, "complex64", (2, 2, 8)),
         (delay, "float64", (2, NUM_PATHS)),

@@ -60,7 +60,7 @@ def poses_of_nothing() -> Any:
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
         (lambda: EMPTY_HITS.distance(), (20, 30)),
         (lambda: frame(NOWHERE, EMPTY, []).cube, (2, 2, 8)),
-        (lambda: frame(NOWHERE, EMPTY, []).truth, (0, 4)),
+        (lambda: frame(NOWHERE, EMPTY, []).truth, (4, 0)),
         (lambda: frame(NOWHERE, EMPTY, [], sampling="adaptive").cube, (2, 2, 8)),
         (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
         (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
@@ -69,7 +69,7 @@ def poses_of_nothing() -> Any:
         (lambda: paths(seed=HUGE)[0], (2, NUM_PATHS)),
         (lambda: occluded(np.zeros((0, 3)))[0], (0,)),
         (lambda: frame(poses_of_nothing(), scene([]), []).cube, (2, 2, 8)),
-        (lambda: frame(poses_of_nothing(), scene([]), []).truth, (1, 4)),
+        (lambda: frame(poses_of_nothing(), scene([]), []).truth, (4, 1)),
     ],
 )
 def test_nothing_is_an_answer(call: Call, shape: tuple[int, ...] | None) -> None:

@@ -57,6 +57,15 @@ class Truth:
         for name, values in zip(TRUTH_FIELDS, self._copies(shape), strict=True):
             object.__setattr__(self, name, values)
 
+    @classmethod
+    def from_rows(cls, names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
+        """Truth of one frame from an array (field, body), which becomes read-only and is not copied."""
+        if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
+            raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
+        truth = object.__new__(cls)
+        vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=names)
+        return truth
+
     def _copies(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
         """Read-only copies of all fields, in one array: a frame has one truth, and calls cost more than numbers."""
         fields = [getattr(self, name) for name in TRUTH_FIELDS]

@@ -163,14 +163,14 @@ class Doubts:
             f"at {time:g} s"
         )
 
-    def of_velocities(self, names: tuple[str, ...], truth: NDArray[np.float64]) -> None:
-        """Warn of bodies, (body, 4) as the core has their truth, that are too fast for the chirps of a frame."""
+    def of_velocities(self, names: tuple[str, ...], range_rates: NDArray[np.float64]) -> None:
+        """Warn of bodies, (body,) [m/s], that are too fast for the chirps of a frame."""
         wf = self._radar.waveform
-        if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps or len(truth) == 0:
+        if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps:
             return
         limit = wf.max_velocity
         # Numbers of Python: as fast for few bodies. NaN of bodies that no ray hit is not beyond the limit.
-        speeds = [abs(rate) for rate in truth[:, 1].tolist()]
+        speeds = [abs(rate) for rate in range_rates.tolist()]
         if any(speed > limit for speed in speeds) and self._is_new("velocity"):
             fastest = max(speed for speed in speeds if speed > limit)
             notice.warn(

@@ -274,8 +274,8 @@ class Simulator(Settings):
             stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg}
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
-            self._doubts.of_velocities(self.scene.names, ideal.truth)
-            yield Frame(cube, start, self.radar, Truth(self.scene.names, *ideal.truth.T), stats)
+            self._doubts.of_velocities(self.scene.names, ideal.truth[1])
+            yield Frame(cube, start, self.radar, Truth.from_rows(self.scene.names, ideal.truth), stats)
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
@@ -388,4 +388,4 @@ def sees_anything(frame: Frame) -> bool:
 def stats_of(ideal: _core.IdealFrame) -> dict[str, Any]:
     """Counts of a frame, for `Frame.stats`."""
     residual = hypot(*ideal.series_errors)
-    return {**dict(ideal.counts()), "series_residual": residual, "plan": ideal.plan}
+    return {**ideal.counts(), "series_residual": residual, "plan": ideal.plan}
