@@ -60,6 +60,7 @@ ARRAYS: dict[str, Callable[[], Any]] = {
     "cross-sections of a scene": lambda: SCENE.parts.cross_sections,
     "times of frames": lambda: RECORDING.time,
     "truth": lambda: RECORDING.truth and RECORDING.truth.range,
+    "truth of a frame": lambda: (truth := rc.Simulator(SCENE, RADAR, resolution=8).frame().truth) and truth.range,
 }
 
 

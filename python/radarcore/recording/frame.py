@@ -63,7 +63,7 @@ class Truth:
         if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
             raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
         truth = object.__new__(cls)
-        vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=names)
+        vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
         return truth
 
     def _copies(self, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -68,7 +68,7 @@ pub(super) fn joined<I: Isa>(
     let turn = phase.sub(splat(mean)).select(lit, zero);
     let weight = I::F32::load(&cells.weight[first..]).select(lit, zero);
     let field = weight.mul(I::F32::load(&cells.cosine[first..]));
-    // By the half of an angle of up to half a turn.
+    // `cos_sin_quarter` reaches a quarter of a turn, the limits half a turn.
     let (half_cosine, half_sine) = cos_sin_quarter(turn.mul(splat(0.5)));
     let twice = half_sine.add(half_sine);
     let (cosine, sine) = (splat(1.0).sub(twice.mul(half_sine)), twice.mul(half_cosine));

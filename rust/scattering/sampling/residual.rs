@@ -17,7 +17,7 @@ const OTHER_BODY: f32 = 0.1;
 /// their centres a quarter from the middle.
 const WITHIN: f32 = 0.5;
 
-/// Bits of a number without its mantissa: the next lower power of two.
+/// Bits of a positive number without its mantissa: the largest power of two that is not above it.
 const EXPONENT: u32 = 0x7f80_0000;
 
 /// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
@@ -167,6 +167,7 @@ impl Echoes {
             let shrink = splat(1.0).div(steep).select(is_hit, splat(0.0));
             shrink.store(&mut self.shrink[first..]);
         }
+        // Cells are halved: sizes at which they pass are powers of two.
         for shrink in &mut self.shrink {
             *shrink = f32::from_bits(shrink.to_bits() & EXPONENT);
         }
@@ -219,7 +220,7 @@ impl Blocks {
             residual.select(INNER, zero).store(&mut right[first + 1..]);
             pair_error(&here, &echoes.load(first + TILE), 1).store(&mut below[first + TILE..]);
             let one = <I::F32 as Vector>::splat(1.0);
-            let is_bright = one.at_most(here.shrink) & zero.at_most(here.body);
+            let is_bright = one.at_most(here.shrink);
             bright |= u64::from(is_bright) << first;
         }
         let mut residual = [0.0_f32; MOST_RAYS];
@@ -308,6 +309,38 @@ mod tests {
             });
             assert!((whole - 0.1 / 2.0).abs() < 1e-6, "{whole}");
             assert!((steep - 0.1 * 0.25 / 6.0).abs() < 1e-6, "{steep}");
+        }
+    }
+
+    /// Shrinks of the first cells of a tile whose cells have equal slopes along u in every column [rad].
+    struct Steepened([f32; 4]);
+
+    impl Kernel for Steepened {
+        type Output = [f32; 4];
+
+        #[inline(always)]
+        fn run<I: Isa>(self) -> [f32; 4] {
+            let mut cells = Cells::EMPTY;
+            // Of bodies of their own, so that no slope changes from cell to cell; the last misses.
+            for (column, slope) in self.0.into_iter().enumerate() {
+                let cell = TileRays::ray(0, column);
+                cells.body[cell] = column as u32;
+                cells.slope[0][cell] = slope;
+                cells.least_slope[0][cell] = slope;
+                cells.valid |= 1 << cell;
+                cells.hit |= u64::from(column < 3) << cell;
+            }
+            let echoes = Echoes::new::<I>(&cells);
+            [0, 1, 2, 3].map(|column| echoes.shrink[column])
+        }
+    }
+
+    #[test]
+    fn cells_pass_the_tapers_at_sizes_that_are_powers_of_two() {
+        for level in Level::available() {
+            // Half cells turn by half of the slope, and pass below pi.
+            let got = level.run(Steepened([6.0, 7.0, 13.0, 9.0]));
+            assert_eq!(got, [1.0, 0.5, 0.25, 0.0]);
         }
     }
 }
