@@ -429,11 +429,11 @@ def test_samples_that_have_no_code_are_refused_and_leave_nothing(tmp_path: Path,
 def test_what_the_layout_has_no_place_for_is_warned_of(tmp_path: Path) -> None:
     rec = full_scale()
     truth = Truth(("arm",), *np.zeros((4, 3, 1)))
-    lossy = Recording(rec.cube, [5.0, 5.1, 9.0], rec.radar, truth, rec.source, lost=[0, 0, 40])  # type: ignore[arg-type]
+    lossy = Recording(rec.cube, np.array([5.0, 5.1, 9.0]), rec.radar, truth, rec.source, lost=np.array([0, 0, 40]))
     with pytest.warns(UserWarning, match="has no truth, no lost frames, no times of frames") as caught:
         lossy.save(tmp_path / "rec", format="infineon")
     assert caught[0].filename == __file__
-    later = Recording(rec.cube, rec.time + 1.7e9, rec.radar, None, rec.source, lost=[0, 0, 0])  # type: ignore[arg-type]
+    later = Recording(rec.cube, rec.time + 1.7e9, rec.radar, None, rec.source, lost=np.array([0, 0, 0]))
     later.save(tmp_path / "later", format="infineon")
 
 
