@@ -28,6 +28,7 @@ from radarcore.motion.protocol import Motion
 RATE = 40.0
 
 RECEIVE = _core.receive
+"""The core's function, in whose place the stopwatch stands."""
 
 ENOUGH_TIMES = 8
 """Times at which delays of smooth motion need to be taken at most."""

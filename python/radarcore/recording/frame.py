@@ -54,8 +54,14 @@ class Truth:
         if len(shape) not in (1, 2) or shape[-1] != len(self.names):
             bodies = len(self.names)
             raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
-        for name, values in zip(TRUTH_FIELDS, self._copies(shape), strict=True):
-            object.__setattr__(self, name, values)
+        for name in TRUTH_FIELDS:
+            try:
+                values = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise TypeError(f"{name}: expected numbers of shape {shape}, got {getattr(self, name)!r}") from error
+            if values.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
+            object.__setattr__(self, name, check.frozen(values))
 
     @classmethod
     def from_rows(cls, names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
@@ -65,24 +71,6 @@ class Truth:
         truth = object.__new__(cls)
         vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
         return truth
-
-    def _copies(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        """Read-only copies of all fields, in one array: a frame has one truth, and calls cost more than numbers."""
-        fields = [getattr(self, name) for name in TRUTH_FIELDS]
-        try:
-            copies = np.array(fields, dtype=np.float64)
-        except (TypeError, ValueError):  # the shapes differ, or something is no number
-            copies = np.empty(0)
-        if copies.shape == (len(fields), *shape):
-            return check.frozen(copies)
-        for name, given in zip(TRUTH_FIELDS, fields, strict=True):
-            try:
-                values = np.asarray(given, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise TypeError(f"{name}: expected numbers of shape {shape}, got {given!r}") from error
-            if values.shape != shape:
-                raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
-        raise AssertionError  # as one of them was wrong
 
     def select(self, names: Sequence[str]) -> Truth:
         """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""

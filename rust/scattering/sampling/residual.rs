@@ -312,7 +312,7 @@ mod tests {
         }
     }
 
-    /// Shrinks of the first cells of a tile whose cells have equal slopes along u in every column [rad].
+    /// Shrinks of the first cells of a tile, of slopes along u [rad].
     struct Steepened([f32; 4]);
 
     impl Kernel for Steepened {
