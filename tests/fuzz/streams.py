@@ -188,16 +188,16 @@ def _try_comlib(payload: bytes) -> None:
 
 # Captures: the driver in conversation with a file.
 
-_QUICK = 0.005
+QUICK = 0.005
 """Time-out of an answer [s]: a file has it at once, or never."""
 
 
 class _QuickLink(link.StreamLink):
     """A link that asks once."""
 
-    def ask(self, request: packets.Request, timeout: float = _QUICK, *, retries: int = 0) -> bytes:
+    def ask(self, request: packets.Request, timeout: float = QUICK, *, retries: int = 0) -> bytes:
         del timeout, retries
-        return super().ask(request, _QUICK, retries=0)
+        return super().ask(request, QUICK, retries=0)
 
 
 def _talk(board: Board, radar: Any) -> None:
@@ -207,7 +207,7 @@ def _talk(board: Board, radar: Any) -> None:
             board.configure(radar)
         board.start()
         for _ in range(3):
-            board.read(_QUICK)
+            board.read(QUICK)
         board.stop()
         board.details()
     finally:
@@ -228,7 +228,7 @@ def _captures() -> list[Case]:
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "capture.jsonl"
         controller = Controller(Numbered(), speed=None)
-        with patch.multiple(link, _POLL=_QUICK, _LATE=_QUICK):
+        with patch.multiple(link, _POLL=QUICK, _LATE=QUICK):
             _talk(StrataBoard(link.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), _strata_radar())
         controller.close()
         strata = path.read_bytes()
@@ -280,13 +280,13 @@ def read_capture(folder: Path) -> None:
     stream = Replay(path, checks_writes=False)
     try:
         if is_strata:
-            with patch.multiple(link, _POLL=_QUICK, _LATE=_QUICK):
+            with patch.multiple(link, _POLL=QUICK, _LATE=QUICK):
                 opened = _QuickLink(stream)
                 try:
                     _talk(StrataBoard(opened), _strata_radar())
                 finally:
                     opened.close()
         else:
-            _talk(ComLibBoard(stream, timeout=_QUICK, board_timeout=0.0), _comlib_radar())
+            _talk(ComLibBoard(stream, timeout=QUICK, board_timeout=0.0), _comlib_radar())
     finally:
         stream.close()

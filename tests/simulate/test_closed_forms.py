@@ -7,6 +7,7 @@ degrees are those of the accuracy table for 512 x 512 rays; most windows here ar
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -201,13 +202,19 @@ FINENESS: dict[str, dict[str, Any]] = {
 }
 
 
+@cache
+def lambertian_mesh(name: str) -> rc.Mesh:
+    """The mesh, made once for all seeds."""
+    return LAMBERTIAN[name][0]()
+
+
 def lambertian_field(name: str, fineness: str, seed: int) -> complex:
     """Field of a matt body over the root of its mean power on paper."""
-    mesh, x, expected, field_of_view_deg, resolution = LAMBERTIAN[name]
+    _, x, expected, field_of_view_deg, resolution = LAMBERTIAN[name]
     options = dict(FINENESS[fineness])
     if "times" in options:
         options["resolution"] = round(options.pop("times") * resolution)
-    target = body(mesh(), x, material=rc.Material.lambertian(1.0))
+    target = body(lambertian_mesh(name), x, material=rc.Material.lambertian(1.0))
     field = transfer_function([target], seed=seed, field_of_view_deg=field_of_view_deg, **options)
     return complex(field / np.sqrt(expected))
 

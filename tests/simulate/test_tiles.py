@@ -98,7 +98,7 @@ def boxes(size: tuple[float, float, float], places: list[list[float]], pose: rc.
     return rc.Body(rc.Mesh(vertices, triangles), material=CONDUCTOR, motion=pose)
 
 
-def integral(target: rc.Body, pitch: float = 3e-4) -> NDArray[np.complex128]:
+def integral(target: rc.Body, pitch: float = 5e-4) -> NDArray[np.complex128]:
     """H of physical optics over the band, summed over the parts of all triangles that face the radar."""
     pose = target.motion
     assert isinstance(pose, rc.Pose)
