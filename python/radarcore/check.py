@@ -17,6 +17,12 @@ from radarcore import notice
 
 _Kind = TypeVar("_Kind", bound=type)
 
+_LONGEST_TIME = 1e12
+"""Times of a series are at most as large [s]: hundreds of times those since 1970."""
+
+_SHORTEST_INTERVAL = 1e-12
+"""[s]"""
+
 
 def number(name: str, value: object, unit: str = "") -> float:
     """A finite number, or a ValueError (TypeError for what is no number at all)."""
@@ -118,11 +124,20 @@ def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Times in increasing order, at least two, read-only."""
+    """Times of a series in increasing order, at least two, read-only.
+
+    Splines through them need numbers whose squares and cubes, and the inverses of those of intervals, are numbers too.
+    """
     times = array(name, value, (None,))
     if len(times) < 2:
         raise ValueError(f"{name}: expected at least two, got {len(times)}")
-    return in_order(name, times)
+    times = in_order(name, times)
+    if (longest := np.abs(times).max()) > _LONGEST_TIME:
+        raise ValueError(f"{name}: expected times up to {_LONGEST_TIME:g} s, got {longest:g} s")
+    if (shortest := np.diff(times).min()) < _SHORTEST_INTERVAL:
+        k = int(np.diff(times).argmin()) + 1
+        raise ValueError(f"{name}: expected times {_SHORTEST_INTERVAL:g} s apart, got {shortest:g} s at index {k}")
+    return times
 
 
 def in_order(name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -112,6 +112,12 @@ def test_bodies_ride_on_bodies() -> None:
         (lambda: rc.Trajectory([0.0], [rc.Pose()]), ValueError, "times: expected at least two, got 1"),
         (lambda: rc.Trajectory([0.0, 0.0], [rc.Pose()] * 2), ValueError, r"times: expected increasing times \[s\]"),
         (lambda: rc.Trajectory([1.0, 0.5], [rc.Pose()] * 2), ValueError, "got 1 and then 0.5"),
+        (lambda: rc.Trajectory([0.0, 1.7e308], [rc.Pose()] * 2), ValueError, r"times: expected times up to 1e\+12 s"),
+        (
+            lambda: rc.Trajectory([0.0, 1.0, 1.0 + 2e-16], [rc.Pose()] * 3),
+            ValueError,
+            "times: expected times 1e-12 s apart, got 2.22045e-16 s at index 2",
+        ),
         (lambda: rc.Trajectory([0.0, np.nan], [rc.Pose()] * 2), ValueError, "times: expected finite numbers"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose()]), ValueError, "poses: expected 2, one per time, got 1"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose(), 3]), TypeError, "poses: expected Pose, got int at index 1"),

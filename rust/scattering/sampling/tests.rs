@@ -170,7 +170,7 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
     let scene = PosedScene::new(vec![plates(&[[0.0, 0.0, 2.0, 2.0]])], vec![at(0.5, 0.0, 0.0)]);
     // The finest plane of few cells has millions of pixels.
     let coarse = ImagePlane::centered(11, 10, 0.1, 0.12);
-    let fine = ImagePlane::centered(3, 9, 0.1, 0.12);
+    let fine = ImagePlane::centered(1, 9, 0.1, 0.12);
     for (base, rcs_floor, level) in [(coarse, 1e6, 0), (fine, 1e-30, MAX_LEVEL)] {
         let tiles = tiles(&scene, &refinement(base, rcs_floor));
         let plane = base.divided(1 << level);
