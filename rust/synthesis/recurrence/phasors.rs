@@ -73,9 +73,11 @@ impl<T: Precision> Kernel for AddRecurrence<'_, T> {
                 match (form.terms, I::REGISTERS) {
                     ((1, 0), 1) => chunk.add::<T, I, 1, 0, 2>(&mut sums),
                     ((2, 0), 1) => chunk.add::<T, I, 2, 0, 2>(&mut sums),
+                    ((3, 0), 1) => chunk.add::<T, I, 3, 0, 2>(&mut sums),
                     (_, 1) => chunk.add::<T, I, 3, 3, 2>(&mut sums),
                     ((1, 0), _) => chunk.add::<T, I, 1, 0, 1>(&mut sums),
                     ((2, 0), _) => chunk.add::<T, I, 2, 0, 1>(&mut sums),
+                    ((3, 0), _) => chunk.add::<T, I, 3, 0, 1>(&mut sums),
                     _ => chunk.add::<T, I, 3, 3, 1>(&mut sums),
                 }
             }
@@ -111,9 +113,8 @@ impl Form {
     /// Cheapest form whose error is within the tolerance.
     #[inline(always)]
     fn new<T: Precision>(phases: &Phases, amplitudes: &Amplitudes, num_samples: usize) -> Self {
-        // The fewest forms of which none takes much longer than the best of all: paths at constant rates over short and
-        // long segments, and all others.
-        const TERMS: [(usize, usize); 3] = [(1, 0), (2, 0), (3, 3)];
+        // Few, as each is compiled for every instruction set: those of paths at constant rates, and that of all others.
+        const TERMS: [(usize, usize); 4] = [(1, 0), (2, 0), (3, 0), (3, 3)];
         // Cost of a segment's start in operations; see the `beat/recurrence` bench.
         const START: usize = 150;
         // The rounding of a phasor grows with its turns: after 64 it is 1e-5 (f32) or 1e-14 (f64) at most.
@@ -145,7 +146,7 @@ impl Form {
 
 /// Bounds of the truncation errors of all forms, for segments reaching `half` samples from their middle, `reach` from
 /// the chirp's.
-fn errors(phi: &[f64; TERMS], alpha: &[f64; 3], reach: f64, half: f64) -> [f64; 3] {
+fn errors(phi: &[f64; TERMS], alpha: &[f64; 3], reach: f64, half: f64) -> [f64; 4] {
     // Coefficients about the middle of a segment, for j = half.
     let e2 = TAU * half.powi(2) * (phi[2] + reach * (3.0 * phi[3] + reach * 6.0 * phi[4]));
     let e3 = TAU * half.powi(3) * (phi[3] + reach * 4.0 * phi[4]);
@@ -171,7 +172,7 @@ fn errors(phi: &[f64; TERMS], alpha: &[f64; 3], reach: f64, half: f64) -> [f64; 
     let odd = |from: usize| (from..4).map(|n| g[2 * n + 1]).sum::<f64>();
     // Without odd terms the slope takes the best part of the cubic.
     let no_odd = g[1] + 0.4 * e3 + odd(1) - e3 * a[0];
-    [even(2) + no_odd, even(3) + no_odd, even(4) + odd(3)]
+    [even(2) + no_odd, even(3) + no_odd, even(4) + no_odd, even(4) + odd(3)]
 }
 
 /// Sums over the paths, in numbers of vectors of lanes.
