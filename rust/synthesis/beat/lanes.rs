@@ -13,7 +13,7 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::coherence::Coherence;
 use crate::synthesis::delay::PathSeries;
 use crate::synthesis::lanes::{self, Batch, Builder, Coefficients, Errors, Layer, Steps, Tables};
-use crate::synthesis::plan::{Method, Part, Plan, SINGLE_EQUAL_SUM, Step, in_phase};
+use crate::synthesis::plan::{Method, Part, Plan, SINGLE_EQUAL_SUM, Step, in_phase, times};
 use crate::synthesis::statistics;
 
 /// Smallest tolerance that sums in lanes may reach: single precision, kernels of seven cells.
@@ -44,21 +44,6 @@ const EXPONENT: f64 = 60.0;
 /// Most turns of a delay, of which double precision keeps enough digits.
 const MOST_TURNS: f64 = 1e9;
 
-/// Times of sums in lanes on one thread, by `benches/beat.rs`, group `beat/take_over` [s]: of tables, of a moving path
-/// in a group of 16 chirps, of a cell of a group, and of the record of a path.
-const TABLES_TIME: f64 = 0.03e-3;
-const PATH_TIME: f64 = 24e-9;
-const CELL_TIME: f64 = 25e-9;
-const RECORD_TIME: f64 = 50e-9;
-
-/// Times of the range-velocity grid on one thread, by the same bench and `beat/paths` [s]: of planning, of a chirp, of
-/// a path, and of a path per chirp and row of its series; for paths at constant rates, and for others.
-const STEADY_GRID: [f64; 4] = [0.2e-3, 3e-6, 15e-9, 0.0];
-const GRID: [f64; 4] = [0.8e-3, 10e-6, 15e-9, 0.33e-9];
-
-/// Times of recurrences on one thread, by the same bench [s]: of planning, of a path, and of a path in a sample.
-const RECURRENCE: [f64; 3] = [0.03e-3, 110e-9, 0.2e-9];
-
 /// Numbers that decide if a sum in lanes is the fastest.
 #[derive(Clone, Copy, Debug)]
 pub struct Work {
@@ -76,20 +61,12 @@ impl Work {
     /// True if a sum in lanes is the fastest for a waveform.
     fn is_for_lanes(&self, waveform: &Waveform) -> bool {
         let (num_chirps, num_samples) = (waveform.chirp_times.len() as f64, waveform.num_samples);
-        let groups = (num_chirps / 16.0).ceil();
-        let channels = self.channels as f64;
-        let paths = channels * self.paths as f64;
+        let (channels, paths) = (self.channels as f64, (self.channels * self.paths) as f64);
         let moving = channels * (self.paths - self.still.min(self.paths)) as f64;
         let cells = channels * Tables::num_cells(num_samples) as f64;
-        let lanes = TABLES_TIME + groups * (moving * PATH_TIME + cells * CELL_TIME) + paths * RECORD_TIME;
-        let [planning, per_chirp, per_path, per_row] = if self.terms <= 2 { STEADY_GRID } else { GRID };
-        let rows = self.terms as f64 * num_chirps;
-        // What stands still has one spectrum for all chirps.
-        let slow_time = if moving > 0.0 { num_chirps * per_chirp } else { 0.0 };
-        let grid = planning + slow_time + paths * (per_path + per_row * rows);
-        let per_path = RECURRENCE[1] + RECURRENCE[2] * num_chirps * num_samples as f64;
-        let recurrence = RECURRENCE[0] + paths * per_path;
-        lanes < grid && lanes < recurrence
+        let lanes = times::lanes(paths, moving, ((num_chirps / 16.0).ceil(), cells));
+        lanes < times::nufft(paths, num_chirps, self.terms, moving > 0.0)
+            && lanes < times::recurrence(paths, num_chirps * num_samples as f64)
     }
 }
 

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 
 use super::goal::{Goal, MARGIN, Request, SINGLE_EQUAL_SUM};
 use super::parts::{Method, Part, Plan, Step};
+use super::times;
 use crate::synthesis::block::{Block, CHUNK, Class};
 use crate::synthesis::interval::Interval;
 use crate::synthesis::statistics::Group;
@@ -89,7 +90,7 @@ impl Goal<'_> {
             }
         };
         if allowed(Method::Direct) {
-            offer(Some(self.simple(Step::Direct, (0.0, 0.0), 5.0)));
+            offer(Some(self.simple(Step::Direct, (0.0, 0.0), times::DIRECT)));
         }
         // What amplitudes of many terms leave out is known of sampled paths alone.
         let is_known = self.group.num_sampled == self.group.num_paths || self.group.power.len() <= 3;
@@ -99,20 +100,21 @@ impl Goal<'_> {
             let [single_rest, double_rest] = self.recurrence_rest();
             let single = (SINGLE_RECURRENCE.hypot(single_rest), equal);
             let double = (DOUBLE_RECURRENCE.hypot(double_rest), 0.0);
-            let gain = self.request.gain;
+            let Request { gain, series, .. } = *self.request;
+            let terms = (series.num_delay_terms(), series.num_amplitude_terms());
+            let time = |is_single| times::recurrence_of_sample(is_single, terms);
             let is_enough =
                 |(rounding, equal): (f64, f64)| gain * rounding.hypot(gain * gain * equal) <= MARGIN * self.tolerance;
             // In single precision on request alone: sums in lanes and the grid are faster.
             if method == Method::Recurrence && is_enough(single) {
                 let step = Step::Recurrence { is_single: true };
-                offer(Some(self.simple(step, single, 0.1 * self.detail())));
+                offer(Some(self.simple(step, single, time(true))));
             } else if is_enough(double) {
                 let step = Step::Recurrence { is_single: false };
-                offer(Some(self.simple(step, double, 0.2 * self.detail())));
+                offer(Some(self.simple(step, double, time(false))));
             }
         }
-        // Planning a NUFFT takes a fraction of a millisecond.
-        let is_cheap = best.as_ref().is_some_and(|best| best.cost < 2e-4);
+        let is_cheap = best.as_ref().is_some_and(|best| best.cost < times::NO_NUFFT);
         if is_cheap {
             return best;
         }
@@ -127,15 +129,8 @@ impl Goal<'_> {
         best
     }
 
-    /// Cost of a path in the recurrence sum relative to one of a delay and a rate.
-    fn detail(&self) -> f64 {
-        let series = self.request.series;
-        let (delays, amplitudes) = (series.num_delay_terms() as f64, series.num_amplitude_terms() as f64);
-        1.0 + 0.03 * (delays - 2.0).max(0.0) + 0.06 * (amplitudes - 1.0)
-    }
-
-    /// Part of a step by its errors, [`Part::rounding`] and [`Part::equal`], and a time per path and sample [ns].
-    fn simple(&self, step: Step, (rounding, equal): (f64, f64), nanoseconds: f64) -> Part {
+    /// Part of a step by its errors, [`Part::rounding`] and [`Part::equal`], and a time per path and sample [s].
+    fn simple(&self, step: Step, (rounding, equal): (f64, f64), time: f64) -> Part {
         let waveform = self.request.waveform;
         let chirps = if self.class == Class::Still && matches!(step, Step::Direct) {
             1
@@ -151,7 +146,7 @@ impl Goal<'_> {
             rounding,
             equal,
             series: 0.0,
-            cost: 1e-9 * nanoseconds * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
+            cost: time * self.group.num_paths as f64 * (chirps * waveform.num_samples) as f64,
             memory: 0,
         }
     }

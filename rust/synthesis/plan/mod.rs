@@ -9,6 +9,7 @@ mod choose;
 mod goal;
 mod nufft;
 mod parts;
+pub mod times;
 
 pub use choose::share;
 pub use goal::{Request, SINGLE_EQUAL_SUM, fluctuation};

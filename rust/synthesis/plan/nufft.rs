@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::goal::{Goal, Kernel, MARGIN, SINGLE_EQUAL_SUM, fluctuation};
 use super::parts::{Part, Step, in_phase};
+use super::times;
 use crate::synthesis::block::{Block, Class};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::interval::Interval;
@@ -23,12 +24,6 @@ const SINGLE_SUM: f64 = 6e-8;
 const FEW_CHIRPS: f64 = 1.5;
 /// Rounding of residual phases in single precision [rad per turn].
 const SINGLE_TURN: f64 = 5e-7;
-/// Memory that stays in the L2 cache [bytes].
-const FAST_MEMORY: f64 = 2e6;
-/// Paths per batch, spread on one grid after the other.
-const BATCH: f64 = 2048.0;
-/// Time to plan for more blocks, the statistics of all paths in them included [s].
-const PLANNING: f64 = 5e-4;
 /// Share of the error budget for truncated series of delays and of amplitudes.
 const LEAST_SHARE: f64 = 0.02;
 /// Largest number of terms for which a wider kernel may save one.
@@ -166,7 +161,10 @@ impl Goal<'_> {
             if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                 best = Some((cost, blocks, kernel, laid));
             }
-            if best.as_ref().is_some_and(|(least, ..)| *least <= next + PLANNING) {
+            if best
+                .as_ref()
+                .is_some_and(|(least, ..)| *least <= next + times::MORE_BLOCKS)
+            {
                 break;
             }
         }
@@ -224,50 +222,23 @@ impl Goal<'_> {
         kernels
     }
 
-    /// Predicted time to spread all paths on the grids of some terms [s].
-    fn spread_cost(&self, kernel: Kernel, num_terms: usize) -> f64 {
-        let w = kernel.width as f64;
-        let (first, further) = if kernel.is_single {
-            (7.0 + 1.2 * w, 0.5 + 1.0 * w)
-        } else {
-            (8.0 + 2.2 * w, 2.0 * w)
-        };
-        1e-9 * self.group.num_paths as f64 * (first + further * (num_terms as f64 - 1.0))
-    }
-
     /// Predicted time of one block [s]; or of each of its halves, with about as many terms as they can be hoped to
     /// have: delays bend a quarter as much.
     fn cost(&self, kernel: Kernel, block_plan: &BlockPlan, is_halved: bool) -> f64 {
-        let divisor = if is_halved { 2 } else { 1 };
+        let (series, num_samples) = (self.request.series, self.request.waveform.num_samples);
         let mut num_terms = block_plan.approximation.num_sets();
+        let (mut rows, mut num_chirps) = (block_plan.rows, block_plan.block.chirps.len());
         if is_halved {
             num_terms = num_terms.div_ceil(2).min(num_terms / 4 + 4);
+            (rows, num_chirps) = ((rows / 2).max(1), num_chirps / 2);
         }
-        let terms = num_terms as f64;
-        let channels = self.request.series.num_channels as f64;
-        let samples = self.request.waveform.num_samples as f64 / 128.0;
-        let slow = 0.6 + 0.01 * (block_plan.block.chirps.len() / divisor) as f64;
-        let scale = if kernel.is_single { 1.0 } else { 2.0 };
-        let transform = if block_plan.rows == 1 {
-            1e3
-        } else {
-            1e3 * (block_plan.rows / divisor) as f64 * terms * slow * samples * scale
-        };
-        // Every block reads all rows of the series: those of amplitudes are twice as long.
-        let series = self.request.series;
-        let rows =
-            2.0 * (series.num_delay_terms() as f64 - 2.0).max(0.0) + 3.0 * (series.num_amplitude_terms() as f64 - 1.0);
-        let reading = rows * self.group.num_paths as f64;
-        // Grids that do not stay in L2 are fetched for every batch of paths.
-        let size = Layout::new(
-            self.request.waveform.num_samples,
-            kernel.width,
-            block_plan.rows / divisor,
-        )
-        .size();
-        let bytes = terms * (size * if kernel.is_single { 4 } else { 8 }) as f64;
-        let fetching = 0.02 * (bytes - FAST_MEMORY).max(0.0) * self.group.num_paths as f64 / BATCH;
-        self.spread_cost(kernel, num_terms) + 1e-9 * (reading + fetching + channels * (transform + 1e3))
+        let size = num_terms * Layout::new(num_samples, kernel.width, rows).size();
+        let bytes = (size * if kernel.is_single { 4 } else { 8 }) as f64;
+        let per_path = times::spreading(kernel.width, kernel.is_single, num_terms)
+            + times::reading(series.num_delay_terms(), series.num_amplitude_terms())
+            + times::fetching(bytes);
+        let per_channel = times::transforms(rows, num_terms, (num_chirps, num_samples), kernel.is_single);
+        self.group.num_paths as f64 * per_path + series.num_channels as f64 * per_channel
     }
 
     /// Ranges of the coefficients of the delay in a block: known for the frame, else about those of the samples.
