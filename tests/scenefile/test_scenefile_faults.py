@@ -355,6 +355,12 @@ def test_missing_mesh_is_named_with_its_body(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path}: body[0] 'a': path: expected a mesh file, got none at {tmp_path / 'part.obj'}"
 
 
+def test_name_of_a_missing_mesh_is_printable(tmp_path: Path) -> None:
+    path = write(tmp_path, shaped(r'{ kind = "mesh", path = "part\u0000\u001b.obj" }'))
+    with pytest.raises(FileNotFoundError, match=r"got none at .*part\\x00\\x1b\.obj$"):
+        rc.load_scene(path)
+
+
 def test_broken_mesh_is_named_with_its_body_and_line(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_text("v 0 0 x\n")
     check_fault(write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }')), "body[0] 'a': ")

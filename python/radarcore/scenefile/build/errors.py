@@ -15,7 +15,7 @@ def located(prefix: str) -> Iterator[None]:
         yield
     except OSError as error:
         text = str(error) if error.filename is None else f"{error.strerror}: {error.filename}"
-        raise type(error)(prefix + text) from error
+        raise type(error)(prefix + check.printable(text)) from error
     except (ValueError, TypeError, KeyError, ImportError) as error:
         text = str(error.args[0]) if isinstance(error, KeyError) else str(error)
         kind = ImportError if isinstance(error, ImportError) else ValueError
