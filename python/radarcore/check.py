@@ -18,10 +18,10 @@ from radarcore import notice
 _Kind = TypeVar("_Kind", bound=type)
 
 _LONGEST_TIME = 1e12
-"""Times of a series are at most as large [s]: hundreds of times those since 1970."""
+"""Largest time of a series [s], hundreds of times the seconds since 1970."""
 
 _SHORTEST_INTERVAL = 1e-12
-"""[s]"""
+"""Shortest interval between two times of a series [s]."""
 
 
 def number(name: str, value: object, unit: str = "") -> float:
@@ -136,7 +136,9 @@ def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name}: expected times up to {_LONGEST_TIME:g} s, got {longest:g} s")
     if (shortest := np.diff(times).min()) < _SHORTEST_INTERVAL:
         k = int(np.diff(times).argmin()) + 1
-        raise ValueError(f"{name}: expected times {_SHORTEST_INTERVAL:g} s apart, got {shortest:g} s at index {k}")
+        raise ValueError(
+            f"{name}: expected times at least {_SHORTEST_INTERVAL:g} s apart, got {shortest:g} s at index {k}"
+        )
     return times
 
 

@@ -33,7 +33,8 @@ pub struct Refinement<'a> {
     pub end_points: bool,
     /// Directions with enough gain; none: all.
     pub beam: Option<&'a Beam>,
-    /// Largest difference of the phases of joined points from their mean, below half a turn [rad]; 0: no points are joined.
+    /// Largest difference of the phases of joined points from their mean, below half a turn [rad]; 0: no points are
+    /// joined.
     pub join: f64,
     /// Option to leave out the parts of split quarters whose rays cannot return power.
     pub skip_dark: bool,

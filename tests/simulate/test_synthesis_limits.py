@@ -47,6 +47,15 @@ def check(
     assert error <= bound, f"{options}: error {error:.2e} beyond {bound:.2e}, {report}"
 
 
+def check_or_refused(paths: Paths, wf: rc.Waveform, tolerance: float, *, may_refuse: bool, **options: Any) -> None:
+    """Check a sum; methods that may refuse a tolerance name the one that they reach."""
+    try:
+        check(paths, wf, tolerance, **options)
+    except ValueError as refusal:
+        if not (may_refuse and "tolerance: expected" in str(refusal)):
+            raise
+
+
 # --- paths unlike all others ---------------------------------------------------------------------------------------
 
 
@@ -130,8 +139,8 @@ def test_amplitudes_that_no_sample_can_hold_are_no_endless_work_nor_nan(scale: f
     try:
         got = paths.scaled(scale).samples(wf, tolerance=1e-4, method=method)
     except ValueError as refusal:
-        assert scale > 1e38
-        assert str(refusal).startswith("amplitude: expected")  # noqa: PT017
+        if scale < 1e38 or not str(refusal).startswith("amplitude: expected"):
+            raise
         return
     assert not np.isnan(got).any()
 
@@ -188,8 +197,8 @@ def test_delay_that_takes_the_ramp_to_frequency_zero_is_summed(method: str, slop
         try:
             got, _ = here.signal(wf, tolerance=1e-2, method=method)
         except ValueError as refusal:
-            assert method != "auto"
-            assert "tolerance" in str(refusal)  # noqa: PT017
+            if method == "auto" or "tolerance" not in str(refusal):
+                raise
             continue
         exact = here.exact(wf)
         assert relative_error(got, exact, here) <= 1e-2 + allowance(exact, here, wf, 1e-2)
@@ -282,11 +291,7 @@ def test_many_paths_in_phase_lose_no_more_digits_than_the_tolerance(method: str,
     # 20 000 equal numbers added in single precision.
     wf = sweep_waveform(17, 24)
     paths = scene_paths(scene, wf, 20_000, np.random.default_rng(1))
-    try:
-        check(paths, wf, tolerance, method=method)
-    except ValueError as refusal:
-        assert method != "auto", refusal  # noqa: PT017
-        assert "tolerance: expected" in str(refusal), refusal  # noqa: PT017
+    check_or_refused(paths, wf, tolerance, may_refuse=method != "auto", method=method)
 
 
 def plate_that_faces(wf: rc.Waveform, frames: float, num_paths: int) -> tuple[Paths, NDArray[np.complex128]]:
@@ -316,11 +321,8 @@ def test_plate_that_faces_the_radar_in_another_frame_is_no_ghost(
     # Its echoes add up at a time that is the frame's own to the grid but for the kernel: one and a half frames away
     # that is an end of the frame, where the kernel is worst.
     wf, paths, exact = plate_of_another_frame(frames, num_paths)
-    try:
-        check(paths, wf, tolerance, exact=exact, method=method)
-    except ValueError as refusal:
-        assert method in ("recurrence", "lanes"), refusal  # noqa: PT017
-        assert "tolerance: expected" in str(refusal), refusal  # noqa: PT017
+    may_refuse = method in ("recurrence", "lanes")
+    check_or_refused(paths, wf, tolerance, may_refuse=may_refuse, exact=exact, method=method)
 
 
 @pytest.mark.parametrize("num_paths", [20_000, 65_536])
@@ -343,11 +345,8 @@ def test_paths_that_add_up_at_a_frequency_beyond_the_sweep_are_no_ghosts(
     wf = sweep_waveform(20, 40)
     delay = moving(8000).delay
     frequency = wf.center_frequency + sweeps * wf.bandwidth
-    try:
-        check(Paths(delay, np.exp(2j * np.pi * frequency * delay)), wf, tolerance, method=method)
-    except ValueError as refusal:
-        assert method == "lanes", refusal  # noqa: PT017
-        assert "tolerance: expected" in str(refusal), refusal  # noqa: PT017
+    paths = Paths(delay, np.exp(2j * np.pi * frequency * delay))
+    check_or_refused(paths, wf, tolerance, may_refuse=method == "lanes", method=method)
 
 
 # --- time ----------------------------------------------------------------------------------------------------------
