@@ -18,6 +18,16 @@ TX = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]
 RX = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.05], [0.02, 0.0, 0.0]]
 
 
+def test_virtual_array_has_the_phases_of_far_echoes() -> None:
+    radar = rc.Radar(WAVEFORM, tx=TX, rx=RX)
+    away = np.array([0.8, 0.36, -0.48])  # a unit vector
+    target = radar.array_center + 1e6 * away
+    delay = rc.Simulator(rc.Scene([rc.PointTarget(target)]), radar, resolution=2).paths().delay[:, 0]
+    # Curvature leaves 0.1^2 m^2 over 1e6 m, rounding 1e6 m times 1e-16: both a hundred times less.
+    np.testing.assert_allclose(C * delay - 2e6, -radar.virtual_array @ away, atol=1e-8, rtol=0.0)
+    assert (radar.channel_offsets == np.zeros(6)).all()
+
+
 def test_channel_is_tx_times_num_rx_plus_rx() -> None:
     radar = rc.Radar(WAVEFORM, tx=TX, rx=RX)
     assert radar.num_channels == 6

@@ -1,4 +1,4 @@
-"""Checks of cubes and lengths of transforms."""
+"""What processing takes: a cube with its radar or waveform, a frame or a recording; lengths of transforms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+
+Samples = ArrayLike | Frame | Recording
+"""A cube, which comes with its radar or waveform, or a frame or recording, which has one."""
+
+
+def cube_and_waveform(cube: Samples, waveform: Waveform | Radar | None) -> tuple[ArrayLike, Waveform]:
+    """Samples and the waveform that they have."""
+    if not isinstance(cube, Frame | Recording) and isinstance(waveform, Waveform):
+        return cube, waveform
+    samples, radar = cube_and_radar(cube, waveform, name="waveform", kinds="Waveform or Radar")
+    return samples, radar.waveform
+
+
+def cube_and_radar(
+    cube: Samples, radar: object, *, name: str = "radar", kinds: str = "Radar"
+) -> tuple[ArrayLike, Radar]:
+    """Samples and the radar that they have; `name`, `kinds`: of the argument, for messages."""
+    if isinstance(cube, Frame | Recording):
+        if radar is not None:
+            raise TypeError(f"{name}: expected none with a {type(cube).__name__}, which has its radar, got {radar!r}")
+        return cube.cube, cube.radar
+    if not isinstance(radar, Radar):
+        got = "none" if radar is None else type(radar).__name__
+        raise TypeError(f"{name}: expected {kinds} with a cube that is no Frame or Recording, got {got}")
+    return cube, radar
 
 
 def checked_samples(cube: ArrayLike, axes: str, num_dimensions: int | None = None, **lengths: int) -> NDArray[Any]:

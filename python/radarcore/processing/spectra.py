@@ -7,13 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.processing.inputs import checked_samples, require_uniform_chirps, transform_length
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    cube_and_waveform,
+    require_uniform_chirps,
+    transform_length,
+)
 from radarcore.processing.windows import Window, window_weights
+from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 
 
 def range_profile(
-    cube: ArrayLike, waveform: Waveform, *, window: Window = "hann", num_bins: int | None = None
+    cube: Samples, waveform: Waveform | Radar | None = None, *, window: Window = "hann", num_bins: int | None = None
 ) -> NDArray[Any]:
     """Transform fast time to range.
 
@@ -24,9 +31,10 @@ def range_profile(
 
     Parameters
     ----------
-    cube : (..., sample) float32, float64, complex64 or complex128
+    cube : (..., sample) float32, float64, complex64 or complex128, or Frame or Recording
         Beat signal, real or I/Q.
-    waveform : Waveform
+    waveform : Waveform or Radar, optional
+        Of a cube; a frame or recording has its own.
     window : str, tuple or None
         Window over fast time, as `scipy.signal.get_window` names it (periodic).
     num_bins : int, optional
@@ -43,6 +51,7 @@ def range_profile(
     ValueError, TypeError
         For shapes that do not fit the waveform, and for a CW radar; for integers (raw ADC counts) and other dtypes.
     """
+    cube, waveform = cube_and_waveform(cube, waveform)
     waveform.require_range()
     return fast_spectrum(cube, waveform, window=window, num_bins=num_bins)
 
@@ -62,8 +71,8 @@ def fast_spectrum(cube: ArrayLike, waveform: Waveform, *, window: Window, num_bi
 
 
 def range_doppler(
-    cube: ArrayLike,
-    waveform: Waveform,
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
     *,
     window: Window = "hann",
     doppler_window: Window = "hann",
@@ -78,10 +87,10 @@ def range_doppler(
 
     Parameters
     ----------
-    cube : (..., chirp, sample) float32, float64, complex64 or complex128
+    cube : (..., chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
         Beat signal, real or I/Q.
-    waveform : Waveform
-        Waveform of the frame, with chirps at equal intervals.
+    waveform : Waveform or Radar, optional
+        Of a cube; a frame or recording has its own. Chirps at equal intervals.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     num_range_bins, num_velocity_bins : int, optional
@@ -99,6 +108,7 @@ def range_doppler(
         For shapes that do not fit the waveform, for chirps at unequal intervals, and for a CW radar; for integers
         (raw ADC counts) and other dtypes.
     """
+    cube, waveform = cube_and_waveform(cube, waveform)
     waveform.require_range()
     return spectrum(
         cube,

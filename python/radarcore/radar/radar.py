@@ -114,6 +114,22 @@ class Radar(Twinned):
         return center
 
     @property
+    def virtual_array(self) -> NDArray[np.float64]:
+        """Positions of the channels in the sensor frame, (channel, 3) [m]: of TX and RX, about their means, added.
+
+        An echo from far away in a direction has the phase ``-2 pi position . direction / wavelength`` relative to one
+        of antennas at the centre of the array.
+        """
+        tx, rx = self.tx - self.tx.mean(axis=0), self.rx - self.rx.mean(axis=0)
+        positions: NDArray[np.float64] = (tx[:, None] + rx).reshape(-1, 3)
+        return positions
+
+    @property
+    def channel_offsets(self) -> NDArray[np.float64]:
+        """Time from ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]."""
+        return np.zeros(self.num_channels)
+
+    @property
     def tx_power(self) -> float:
         """Transmitted power of one TX [W]."""
         return power_from_dbm(self.tx_power_dbm)

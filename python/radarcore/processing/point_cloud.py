@@ -1,0 +1,82 @@
+"""Detections of a frame: a point cloud with covariances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+
+COORDINATES = ("range", "velocity", "azimuth", "elevation")
+"""Coordinates of a detection, in the order of its covariance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Detections of a frame, by increasing range; NaN for a coordinate that the radar does not tell.
+
+    Parameters
+    ----------
+    range : (detection,) array_like
+        Distance from the centre of the array at the middle of the frame [m].
+    velocity : (detection,) array_like
+        Range rate, receding positive [m/s].
+    azimuth, elevation : (detection,) array_like
+        Angles [rad], positive to the left and up.
+    snr_db : (detection,) array_like
+        Power over the noise [dB], after the transforms.
+    covariance : (detection, 4, 4) array_like, optional
+        Of range, velocity, azimuth and elevation, in their units; NaN for coordinates that are not told.
+    time : float
+        Middle of the frame [s].
+    """
+
+    range: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
+    elevation: NDArray[np.float64]
+    snr_db: NDArray[np.float64]
+    covariance: NDArray[np.float64] = None  # type: ignore[assignment]  # __post_init__ puts the default in
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        number = len(np.atleast_1d(np.asarray(self.range)))
+        for name in (*COORDINATES, "snr_db"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name), (number,)))
+        covariance = self.covariance
+        if covariance is None:
+            covariance = np.full((number, 4, 4), np.nan)
+        object.__setattr__(self, "covariance", _numbers("covariance", covariance, (number, 4, 4)))
+        object.__setattr__(self, "time", check.number("time", self.time, "s"))
+
+    def __len__(self) -> int:
+        return len(self.range)
+
+    def __getitem__(self, which: Any) -> Detections:
+        """Some of the detections: by a slice, indices or a mask."""
+        if isinstance(which, int | np.integer):
+            which = [which]
+        kept = {name: getattr(self, name)[which] for name in (*COORDINATES, "snr_db", "covariance")}
+        return Detections(**kept, time=self.time)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Points in the sensor frame, (detection, 3) [m]; an elevation that is not told counts as 0."""
+        elevation = np.nan_to_num(self.elevation)
+        across = self.range * np.cos(elevation)
+        points = (across * np.cos(self.azimuth), across * np.sin(self.azimuth), self.range * np.sin(elevation))
+        return np.stack(points, axis=-1)
+
+
+def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Numbers, NaN among them, read-only."""
+    try:
+        numbers = np.array(value, dtype=np.float64, ndmin=1)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name}: expected numbers of shape {shape}, got {type(value).__name__}") from error
+    if numbers.shape != shape:
+        raise ValueError(f"{name}: expected shape {check.shape_text(shape)}, got {numbers.shape}")
+    return check.frozen(numbers)
