@@ -1,0 +1,275 @@
+"""Detections of one object brought together: a person or a robot gives many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.kalman import Array, normalized_squares
+from radarcore.processing.point_cloud import COORDINATES, Detections
+from radarcore.processing.state_space import points_at
+
+Indices = NDArray[np.int64]
+
+_MOST_PAIRS = 512**2
+"""Pairs of detections up to which all are compared; more of them are found by a tree."""
+
+_NO_WEIGHT = 1e-300
+"""Instead of a sum of weights that is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Detections in groups, one for each object, by increasing range of the centroid.
+
+    Parameters
+    ----------
+    labels : (detection,) int
+        Index of the cluster of each detection; -1 for one that is alone among fewer than `min_detections`.
+    centroids : Detections
+        Means of the clusters, weighted by power. Their covariance is that of the mean: of the errors of the detections,
+        and of the spread of the cluster as far as it does not average out. Their `snr_db` is that of the powers,
+        added.
+    extent : (cluster, 4) float64
+        Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
+        elevation [rad]. NaN for coordinates that are not told.
+    num_detections : (cluster,) int
+    """
+
+    labels: Indices
+    centroids: Detections
+    extent: Array
+    num_detections: Indices
+
+    def __len__(self) -> int:
+        return len(self.centroids)
+
+
+def cluster(
+    detections: Detections,
+    *,
+    distance: float | None = 0.3,
+    velocity: float | None = None,
+    num_deviations: float | None = None,
+    min_detections: int = 1,
+    max_velocity: float | None = None,
+) -> Clusters:
+    """Group detections of one object: those that a chain of near ones connects.
+
+    Two detections are near each other within `distance` and `velocity`, both of them; or, if `num_deviations` is given,
+    when they may be one within the errors that their covariances tell. The distance is that of the points in space if
+    all detections have an azimuth, of the ranges otherwise. With `min_detections` above 1 the groups are those
+    of DBSCAN (Ester et al., 1996): chains go through detections with so many near ones, themselves included.
+
+    Parameters
+    ----------
+    detections : Detections
+    distance : float or None
+        Largest distance of two near detections [m]; None: any.
+    velocity : float or None
+        Largest difference of their velocities [m/s]; None: any.
+    num_deviations : float, optional
+        Largest Mahalanobis distance of two near detections, instead of `distance` and `velocity`. All detections need a
+        covariance.
+    min_detections : int
+        Detections that make an object; fewer are labelled -1.
+    max_velocity : float, optional
+        Largest unambiguous velocity [m/s], see `Waveform.max_velocity`: velocities are then compared and averaged
+        modulo twice that.
+
+    Returns
+    -------
+    clusters : Clusters
+
+    Raises
+    ------
+    TypeError
+        For anything but `Detections`.
+    ValueError
+        For limits that are not positive, and without covariances where they are asked for.
+    """
+    if not isinstance(detections, Detections):
+        raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
+    limits = (
+        None if distance is None else check.positive("distance", distance, "m"),
+        None if velocity is None else check.positive("velocity", velocity, "m/s"),
+    )
+    fewest = check.count("min_detections", min_detections)
+    periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
+    values, level = coordinates(detections), levels(detections)
+    if num_deviations is None:
+        pairs = pairs_within(values, *limits, periods)
+    else:
+        pairs = _pairs_of_one(values, detections.covariance, check.positive("num_deviations", num_deviations), periods)
+    labels = connected(len(detections), *pairs, fewest)
+    labels, found = groups(values, level, detections.covariance, labels, periods)
+    distances, velocities, azimuths, elevations = found.values.T
+    centroids = Detections(distances, velocities, azimuths, elevations, found.level, found.covariance, detections.time)
+    return Clusters(labels, centroids, found.extent, found.counts)
+
+
+class Groups(NamedTuple):
+    """Groups of detections: mean, its covariance, level [dB], standard deviation and number of each, by mean range."""
+
+    values: Array
+    covariance: Array
+    level: Array
+    extent: Array
+    counts: Indices
+
+
+def periods_of(max_velocity: float | None) -> Array:
+    """Periods of range, velocity, azimuth and elevation, of which the last two are angles; 0 without one."""
+    return np.array([0.0, 0.0 if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
+
+
+def coordinates(detections: Detections) -> Array:
+    """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
+    values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def levels(detections: Detections) -> Array:
+    """Power over the noise (detection,) [dB]; 0 where it is not told."""
+    return np.where(np.isfinite(detections.snr_db), detections.snr_db, 0.0)
+
+
+def wrapped(difference: Array, period: Array) -> Array:
+    """Differences of what is known modulo a period (0: none), the nearest to 0."""
+    return difference - period * np.round(difference / np.where(period == 0.0, np.inf, period))
+
+
+def pairs_within(
+    values: Array, distance: float | None, velocity: float | None, periods: Array
+) -> tuple[Indices, Indices]:
+    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself."""
+    number = len(values)
+    points = values[:, :1] if np.isnan(values[:, 2]).any() else points_at(values)
+    if distance is None or number**2 <= _MOST_PAIRS:
+        near = np.ones((number, number), dtype=bool)
+        if distance is not None:
+            near = sum(np.square(x[:, None] - x) for x in points.T) <= distance**2
+        if velocity is not None:
+            near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
+        near.flat[:: number + 1] = True  # those whose range is not told, too
+        first, second = near.nonzero()
+        return first, second
+    from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+
+    told = np.flatnonzero(np.isfinite(points).all(axis=1))
+    one, other = told[cKDTree(points[told]).query_pairs(distance, output_type="ndarray")].T
+    if velocity is not None:
+        is_near = _are_within(values[one, 1] - values[other, 1], velocity, periods[1])
+        one, other = one[is_near], other[is_near]
+    return both_ways(number, one, other)
+
+
+def _are_within(difference: Array, limit: float, period: float) -> NDArray[np.bool_]:
+    """Whether differences of velocities are within a limit; what is not told keeps nobody apart."""
+    if period > 0.0:
+        return ~(np.abs(difference - period * np.round(difference / period)) > limit)
+    return ~(np.abs(difference) > limit)
+
+
+def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indices]:
+    """Pairs in both directions, and each of a number of detections with itself."""
+    itself = np.arange(number)
+    return np.concatenate([one, other, itself]), np.concatenate([other, one, itself])
+
+
+def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> Indices:
+    """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
+    is_core = np.bincount(first, minlength=number) >= fewest
+    inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
+    one, other = first[inner], second[inner]
+
+    # The smallest index goes around among the cores until nothing changes; labels of labels make long chains short.
+    labels = np.arange(number)
+    while True:
+        smallest = labels.copy()
+        np.minimum.at(smallest, one, labels[other])
+        smallest = smallest[smallest]
+        if (smallest == labels).all():
+            break
+        labels = smallest
+    if fewest == 1:
+        return labels
+
+    # Others belong to the group of the smallest index that has a core near them, or to none.
+    labels[~is_core] = number
+    border = ~is_core[first] & is_core[second]
+    np.minimum.at(labels, first[border], labels[second[border]])
+    return np.where(labels == number, -1, labels)
+
+
+def groups(values: Array, level: Array, covariance: Array, labels: Indices, periods: Array) -> tuple[Indices, Groups]:
+    """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none)."""
+    order = np.argsort(labels, kind="stable")
+    order = order[labels[order] >= 0]
+    if len(order) == 0:
+        none = np.zeros(0)
+        return labels, Groups(values[:0], covariance[:0], none, values[:0], none.astype(np.int64))
+    sorted_labels = labels[order]
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
+    starts = is_first.nonzero()[0]
+    group = is_first.cumsum() - 1
+    counts = np.bincount(group)
+
+    # Weights of each coordinate, adding up to 1 over the detections that tell it.
+    values, level = values[order], level[order]
+    strongest = np.maximum.reduceat(level, starts)
+    power = 10.0 ** (0.1 * (level - strongest[group]))
+    told = ~np.isnan(values)
+    weight = power[:, None] * told
+    total = np.add.reduceat(weight, starts)
+    weight /= np.maximum(total, _NO_WEIGHT)[group]
+
+    # Means about a value that the group has, so that angles and velocities may go around.
+    reference = np.fmax.reduceat(values, starts)
+    apart = np.where(told, wrapped(values - reference[group], periods), 0.0)
+    offset = np.add.reduceat(weight * apart, starts)
+    mean = wrapped(reference + offset, periods)
+    apart -= offset[group]
+
+    # Spread, and the covariance of the mean: of the errors, and of the spread over the effective number of detections.
+    # A coordinate that a detection does not tell has no weight.
+    scaled = np.sqrt(weight) * apart
+    spread = np.add.reduceat(scaled[:, :, None] * scaled[:, None, :], starts)
+    root = np.sqrt(np.add.reduceat(np.square(weight), starts))
+    shares = weight[:, :, None] * weight[:, None, :]
+    errors = np.add.reduceat(np.where(shares > 0.0, shares * covariance[order], 0.0), starts)
+    of_mean = errors + spread * (root[:, :, None] * root[:, None, :])
+    untold = total == 0.0
+    of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+    extent = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    extent[untold] = np.nan
+
+    by_range = np.argsort(mean[:, 0], kind="stable")
+    place = np.full(len(labels) + 1, -1)
+    place[sorted_labels[starts[by_range]]] = np.arange(len(starts))
+    total_level = strongest + 10.0 * np.log10(np.add.reduceat(power, starts))
+    return place[labels], Groups(
+        mean[by_range], of_mean[by_range], total_level[by_range], extent[by_range], counts[by_range]
+    )
+
+
+def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, periods: Array) -> tuple[Indices, Indices]:
+    """Pairs within a Mahalanobis distance, both ways round, and each by itself."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    lacks = np.isfinite(values) & ~(variance > 0.0)
+    if lacks.any():
+        row, column = np.argwhere(lacks)[0]
+        raise ValueError(
+            f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
+            f"{COORDINATES[column]} of detection {row}"
+        )
+    first, second = np.triu_indices(len(values), k=1)
+    apart = wrapped(values[first] - values[second], periods)
+    squares, _ = normalized_squares(apart, covariance[first] + covariance[second])
+    is_near = squares <= num_deviations**2
+    return both_ways(len(values), first[is_near], second[is_near])
