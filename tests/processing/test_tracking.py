@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from radarcore.processing.assignment import assign, gate_limits
-from radarcore.processing.clustering import wrapped
+from radarcore.processing.clustering import periods_of, wrapped
 from radarcore.processing.kalman import predict, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.state_space import begin, expect
@@ -355,7 +355,7 @@ def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions
         exact = expect(truth, np.zeros_like(covariance)).value
         innovation = wrapped(
             exact + errors * rng.standard_normal(exact.shape) - expected.value,
-            np.array([0.0, 0.0, *[2 * np.pi] * (told - 2)]),
+            periods_of(None)[:told],
         )
         total = expected.covariance + expected.curvature + noise
         squares = np.einsum("ni,nij,nj->n", innovation, np.linalg.inv(total), innovation)
@@ -454,7 +454,7 @@ def test_detections_that_are_refused_leave_the_tracks_as_they_were() -> None:
         whole.update(frame)
     with pytest.raises(ValueError, match=r"detections: expected those of a later time than 0\.225 s, got 0\.2 s"):
         spoiled.update(frames[8])
-    with pytest.raises(ValueError, match="detections: expected variances from 0 on, got -1"):
+    with pytest.raises(ValueError, match="detections: expected variances from 0 on, got a negative one"):
         spoiled.update(Detections([1.0], [0.0], [NAN], [NAN], [9.0], -np.eye(4)[None], 9.0))  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="detections: expected Detections, got list"):
         spoiled.update([1.0])  # type: ignore[arg-type]

@@ -18,6 +18,9 @@ Indices = NDArray[np.int64]
 _MOST_PAIRS = 512**2
 """Pairs of detections up to which all are compared; more of them are found by a tree."""
 
+_NEVER = 1e300
+"""Period of what has none: nothing is so large that it is wrapped."""
+
 _NO_WEIGHT = 1e-300
 """Instead of a sum of weights that is 0."""
 
@@ -123,8 +126,8 @@ class Groups(NamedTuple):
 
 
 def periods_of(max_velocity: float | None) -> Array:
-    """Periods of range, velocity, azimuth and elevation, of which the last two are angles; 0 without one."""
-    return np.array([0.0, 0.0 if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
+    """Periods of range, velocity, azimuth and elevation, of which the last two are angles."""
+    return np.array([_NEVER, _NEVER if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
 
 
 def coordinates(detections: Detections) -> Array:
@@ -139,20 +142,25 @@ def levels(detections: Detections) -> Array:
 
 
 def wrapped(difference: Array, period: Array) -> Array:
-    """Differences of what is known modulo a period (0: none), the nearest to 0."""
-    return difference - period * np.round(difference / np.where(period == 0.0, np.inf, period))
+    """Differences of what is known modulo a period, the nearest to 0."""
+    return difference - period * np.rint(difference / period)
 
 
 def pairs_within(
     values: Array, distance: float | None, velocity: float | None, periods: Array
 ) -> tuple[Indices, Indices]:
-    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself."""
+    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself.
+
+    `values` are range and velocity, and azimuth and elevation if they are to be used, (detection, 2 to 4).
+    """
     number = len(values)
-    points = values[:, :1] if np.isnan(values[:, 2]).any() else points_at(values)
+    has_points = values.shape[1] > 2 and not np.isnan(values[:, 2]).any()
+    points = points_at(values) if has_points else values[:, :1]
     if distance is None or number**2 <= _MOST_PAIRS:
         near = np.ones((number, number), dtype=bool)
         if distance is not None:
-            near = sum(np.square(x[:, None] - x) for x in points.T) <= distance**2
+            apart = points[:, None] - points
+            near = np.einsum("ijk,ijk->ij", apart, apart) <= distance**2
         if velocity is not None:
             near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
         near.flat[:: number + 1] = True  # those whose range is not told, too
@@ -168,11 +176,9 @@ def pairs_within(
     return both_ways(number, one, other)
 
 
-def _are_within(difference: Array, limit: float, period: float) -> NDArray[np.bool_]:
+def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:
     """Whether differences of velocities are within a limit; what is not told keeps nobody apart."""
-    if period > 0.0:
-        return ~(np.abs(difference - period * np.round(difference / period)) > limit)
-    return ~(np.abs(difference) > limit)
+    return ~(np.abs(wrapped(difference, period)) > limit)
 
 
 def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indices]:
@@ -207,7 +213,10 @@ def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> 
 
 
 def groups(values: Array, level: Array, covariance: Array, labels: Indices, periods: Array) -> tuple[Indices, Groups]:
-    """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none)."""
+    """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none).
+
+    `values` (detection, n), their `covariance` and `periods` are of as many coordinates as wanted.
+    """
     order = np.argsort(labels, kind="stable")
     order = order[labels[order] >= 0]
     if len(order) == 0:

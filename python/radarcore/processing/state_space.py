@@ -174,5 +174,13 @@ def directions(azimuth: Array, elevation: Array) -> Array:
 
 
 def points_at(values: Array) -> Array:
-    """Points (target, 3) [m] at ranges, velocities, azimuths and elevations (target, 4); no elevation counts as 0."""
-    return values[:, :1] * directions(values[:, 2], np.where(np.isnan(values[:, 3]), 0.0, values[:, 3]))
+    """Points [m] at ranges, velocities, azimuths and perhaps elevations (target, 3 or 4): in the plane, or in space.
+
+    An elevation that is not told counts as 0.
+    """
+    across = values[:, 0]
+    if values.shape[1] > 3:
+        elevation = np.where(np.isnan(values[:, 3]), 0.0, values[:, 3])
+        up, across = across * np.sin(elevation), across * np.cos(elevation)
+        return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2]), up]).T
+    return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2])]).T

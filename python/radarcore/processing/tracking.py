@@ -71,6 +71,7 @@ class Tracker:
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun = 0
         self._periods = periods_of(self.settings.max_velocity)
+        self._usual = np.diag(np.square(self.settings.deviations))
         self._clear(2)
 
     def update(self, detections: Detections) -> list[TrackState]:
@@ -98,14 +99,18 @@ class Tracker:
             raise ValueError(
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
             )
-        measured, noise = self._measurements(detections)
-        self._choose_dimensions(measured)
+        values, covariance = coordinates(detections), detections.covariance
+        if (np.diagonal(covariance, axis1=1, axis2=2) < 0.0).any():
+            raise ValueError("detections: expected variances from 0 on, got a negative one")
+
+        self._choose_dimensions(values)
         self._predict(detections.time)
-        expected = expect(self._state, self._covariance)
         if self.num_dimensions is None:
             return []
-        measured, noise = measured[:, : self.num_dimensions + 1], self._cut(noise)
+        told = self.num_dimensions + 1
+        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], levels(detections))
 
+        expected = expect(self._state, self._covariance)
         innovation = self._innovations(measured, expected)
         spread = expected.covariance + expected.curvature
         tracks, found = assign(innovation, spread, noise, self.settings.gate)
@@ -123,36 +128,29 @@ class Tracker:
         self._begin(measured[is_left], noise[is_left])
         return self._states()
 
-    def _measurements(self, detections: Detections) -> tuple[Array, Array]:
-        """Range, velocity, azimuth and elevation of targets (target, 4), and their covariance."""
-        s = self.settings
-
-        measured, covariance = coordinates(detections), detections.covariance
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
-        if (variance < 0.0).any():
-            raise ValueError(f"detections: expected variances from 0 on, got {np.nanmin(variance):g}")
+    def _targets(self, values: Array, covariance: Array, level: Array) -> tuple[Array, Array]:
+        """What was measured of targets, and its covariance, from all detections."""
+        s, told = self.settings, values.shape[1]
 
         # The usual errors where detections do not tell theirs.
-        unknown = np.isnan(variance)
+        unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
         if unknown.any():
-            usual = np.diag(np.square(s.deviations))
+            usual = self._usual[:told, :told]
             covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
 
         if s.cluster_distance is not None or s.cluster_velocity is not None:
-            pairs = pairs_within(measured, s.cluster_distance, s.cluster_velocity, self._periods)
-            labels = connected(len(measured), *pairs)
-            _, found = groups(measured, levels(detections), covariance, labels, self._periods)
-            measured = found.values
-            untold = np.isnan(measured)
-            covariance = np.where(untold[:, :, None] | untold[:, None, :], np.eye(4), found.covariance)
+            periods = self._periods[:told]
+            pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
+            _, found = groups(values, level, covariance, connected(len(values), *pairs), periods)
+            values, covariance = found.values, found.covariance
 
         # Echoes come from anywhere on the target.
-        distance = np.maximum(np.where(np.isnan(measured[:, 0]), 1.0, measured[:, 0]), max(s.extent, SHORTEST_RANGE))
+        extents = np.empty((len(values), told))
+        extents[:, 0], extents[:, 1] = s.extent, s.velocity_extent
+        extents[:, 2:] = (s.extent / np.fmax(values[:, 0], max(s.extent, SHORTEST_RANGE)))[:, None]
         covariance = covariance.copy()
-        covariance[:, 0, 0] += s.extent**2
-        covariance[:, 1, 1] += s.velocity_extent**2
-        covariance[:, [2, 3], [2, 3]] += np.square(s.extent / distance)[:, None]
-        return measured, covariance
+        covariance[:, np.arange(told), np.arange(told)] += np.square(extents)
+        return values, covariance
 
     def _choose_dimensions(self, measured: Array) -> None:
         """Dimensions of space that the first detections tell."""
@@ -161,10 +159,6 @@ class Tracker:
             self.num_dimensions = 1 + has_azimuth * (1 + has_elevation)
         if self.num_dimensions is not None and self._state.shape[1] != 2 * self.num_dimensions:
             self._clear(2 * self.num_dimensions)
-
-    def _cut(self, covariance: Array) -> Array:
-        last = self._state.shape[1] // 2 + 1
-        return covariance[:, :last, :last]
 
     def _predict(self, time: float) -> None:
         """Tracks at the time of a frame, but those that were last seen too long before."""
@@ -179,7 +173,7 @@ class Tracker:
     def _innovations(self, measured: Array, expected: Expected) -> Array:
         """Measured less expected values (track, detection, coordinate), by the shorter way around."""
         periods = self._periods[: measured.shape[1]]
-        innovation = wrapped(measured[None] - expected.value[:, None], periods)
+        innovation = wrapped(measured - expected.value[:, None], periods)
         if self.settings.max_velocity is not None:
             deviation = np.sqrt(expected.covariance[:, 1, 1] + expected.curvature[:, 1, 1])
             innovation[deviation > _KNOWN_WITHIN * self.settings.max_velocity, :, 1] = np.nan
