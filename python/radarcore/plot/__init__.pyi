@@ -13,3 +13,4 @@ from radarcore.plot.history import spectrogram as spectrogram
 from radarcore.plot.history import tracks as tracks
 from radarcore.plot.live.view import LiveView as LiveView
 from radarcore.plot.live.window import view as view
+from radarcore.plot.tracked import tracks_from_above as tracks_from_above

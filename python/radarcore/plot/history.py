@@ -13,6 +13,7 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.time_frequency import range_time as power_of_ranges
 from radarcore.processing.time_frequency import spectrogram as power_of_velocities
+from radarcore.processing.tracks import Tracks, assign_to_truth
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def spectrogram(
 
 def tracks(
     recording: Recording,
-    estimates: Mapping[str, Any],
+    estimates: Mapping[str, Any] | Tracks,
     ax: Axes | None = None,
     quantity: str = "range",
     *,
@@ -128,10 +129,11 @@ def tracks(
     ----------
     recording : Recording
         At least one frame; its truth is that of the middle of every frame.
-    estimates : dict
+    estimates : dict or Tracks
         By the name of a body (or any other: dots without truth), a dict or an object with arrays `time` [s],
         `range` [m] and `velocity` [m/s, receding positive], (estimate,); NaN where there is none. Without any
-        estimates the truth of all bodies is drawn.
+        estimates the truth of all bodies is drawn. `Tracks` are drawn in a colour each over the truth of all bodies in
+        grey, with open circles where a frame had no detection; each is named for the body that it follows, if any.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     quantity : "range" or "velocity"
@@ -146,6 +148,8 @@ def tracks(
     """
     check_recording(recording)
     label, bin_name = QUANTITIES[check.choice("quantity", quantity, tuple(QUANTITIES))]
+    if isinstance(estimates, Tracks):
+        return _draw_tracks(recording, estimates, ax, quantity, colors)
     if not isinstance(estimates, Mapping):
         raise TypeError(f"estimates: expected a dict of tracks by name, got {type(estimates).__name__}")
     wf = recording.radar.waveform
@@ -165,10 +169,46 @@ def tracks(
         if is_estimated:
             time, values = points[name]
             text = _plain(name)
-            if is_known and (errors := _errors(time, values, truth_time, truth[name])).size > 0:
-                errors /= getattr(wf, bin_name)
-                text += f": median {np.median(errors):.2f}, max {errors.max():.2f} bins"
+            if is_known:
+                text += _error_text(_errors(time, values, truth_time, truth[name]) / getattr(wf, bin_name))
             ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
+    return _finished(ax, recording, label)
+
+
+def _draw_tracks(
+    recording: Recording, found: Tracks, ax: Axes | None, quantity: str, colors: Mapping[str, str] | None
+) -> Axes:
+    """Tracks in colours by id, over the truth of all bodies."""
+    label, bin_name = QUANTITIES[quantity]
+    width = getattr(recording.radar.waveform, bin_name)
+    truth_time, truth = _middles(recording), _truth(recording, quantity, None)
+    bodies: Mapping[int, str | None] = {}
+    if recording.truth is not None and len(found.time) == len(recording):
+        bodies = assign_to_truth(found, recording.truth)
+
+    ax = canvas.new_axes() if ax is None else ax
+    for name, values in truth.items():
+        text = "" if name in bodies.values() else _plain(name)
+        ax.plot(truth_time, values, color=canvas.GREY, label=text, linewidth=4.0, alpha=0.35, solid_capstyle="round")
+    palette = canvas.color_cycle([f"track {one.id}" for one in found], colors)
+    for one in found:
+        name, body, values = f"track {one.id}", bodies.get(one.id), getattr(one, quantity)
+        text = name if body is None else f"{name}: {_plain(body)}"
+        if body in truth:
+            text += _error_text(_errors(one.time, values, truth_time, truth[body]) / width)
+        seen = one.is_detected
+        ax.plot(one.time[seen], values[seen], ".", color=palette[name], label=text, markersize=4.5)
+        ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
+    return _finished(ax, recording, label)
+
+
+def _error_text(errors: NDArray[np.float64]) -> str:
+    """Errors in bins, for a legend."""
+    return f": median {np.median(errors):.2f}, max {errors.max():.2f} bins" if errors.size > 0 else ""
+
+
+def _finished(ax: Axes, recording: Recording, label: str) -> Axes:
+    """Limits, labels and legend."""
     ax.set_xlim(*_span(recording))
     ax.set_xlabel("Time [s]")
     ax.set_ylabel(label)
