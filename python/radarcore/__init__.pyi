@@ -18,6 +18,7 @@ from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.function import Function as Function
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.trajectory import Trajectory as Trajectory
+from radarcore.processing.constant_false_alarm import cfar as cfar
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.spectra import range_doppler as range_doppler

@@ -1,3 +1,4 @@
+from radarcore.processing.constant_false_alarm import cfar as cfar
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.spectra import range_doppler as range_doppler
