@@ -1,7 +1,13 @@
+from radarcore.processing.clutter import cancel_pulses as cancel_pulses
+from radarcore.processing.clutter import remove_mean as remove_mean
+from radarcore.processing.clutter import remove_running_mean as remove_running_mean
 from radarcore.processing.constant_false_alarm import cfar as cfar
+from radarcore.processing.detection import detect as detect
 from radarcore.processing.directions import Directions as Directions
+from radarcore.processing.noise import noise_level as noise_level
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
+from radarcore.processing.point_cloud import Detections as Detections
 from radarcore.processing.spectra import range_doppler as range_doppler
 from radarcore.processing.spectra import range_profile as range_profile
 from radarcore.processing.steering import steering_weights as steering_weights

@@ -30,6 +30,19 @@ def correlation(weights: NDArray[np.float64], lag: NDArray[np.intp]) -> NDArray[
     return values.reshape(lag.shape)
 
 
+def independent_cells(slow: NDArray[np.float64] | None, fast: NDArray[np.float64] | None) -> float:
+    """Number of independent cells whose mean scatters as that of all cells of both axes; None: a single cell.
+
+    The cells over the sum of the squared correlations of one with all (Hann: 1.94).
+    """
+    number = 1.0
+    for weights in (slow, fast):
+        if weights is not None:
+            related = np.abs(correlation(weights, np.arange(len(weights)))) ** 2
+            number *= len(weights) / float(related.sum())
+    return number
+
+
 def independent_part(
     slow: NDArray[np.float64],
     fast: NDArray[np.float64],
@@ -76,6 +89,21 @@ def _independent_part(
             wanted = float(np.log1p(factor * shares).sum())
             number = brentq(lambda n, f=factor, w=wanted: n * np.log1p(f / n) - w, 1e-3, 1e6)
     return min(1.0, number / len(cells))
+
+
+def independent_part_below(part: float, quantile: float, num_looks: int) -> float:
+    """`independent_part` for the ordered statistic: of cells that are counted, whether they are below a quantile.
+
+    Events depend on each other less than the powers do. To first order in the correlation of the powers, by which the
+    distribution of a pair of gamma variables is expanded (Laguerre polynomials), it is multiplied by the square of
+    ``x^L exp(-x) / Gamma(L)`` over ``L q (1 - q)``, x the quantile q.
+    """
+    from scipy.special import gammaincinv, gammaln
+
+    x = float(gammaincinv(num_looks, quantile))
+    density = np.exp(2.0 * (num_looks * np.log(x) - x - gammaln(num_looks)))
+    smaller = density / (num_looks * quantile * (1.0 - quantile))
+    return float(1.0 / (1.0 + smaller * (1.0 / part - 1.0)))
 
 
 def cell_rate(slow: NDArray[np.float64], fast: NDArray[np.float64], false_alarm_rate: float, num_looks: int) -> float:
