@@ -106,12 +106,12 @@ def _number(number: int | None, num_frames: int) -> int:
 def _tracks(recording: Recording) -> Axes:
     """True ranges of all bodies, and the strongest echo of every frame."""
     middle = 0.5 * recording.radar.waveform.duration
-    peaks = [strongest_peak(frame.cube, recording.radar.waveform) for frame in recording.frames()]
+    peaks = [strongest_peak(frame) for frame in recording.frames()]
     name = "strongest echo"
     track = {
         "time": recording.time + middle,
-        "range": np.array([peak.range for peak in peaks]),
-        "velocity": np.array([peak.velocity for peak in peaks]),
+        "range": np.array([np.nan if peak is None else peak.range for peak in peaks]),
+        "velocity": np.array([np.nan if peak is None else peak.velocity for peak in peaks]),
     }
     ax = plot.tracks(recording, {}) if recording.truth is not None else None
     return plot.tracks(recording, {name: track}, ax, colors={name: "black"})

@@ -21,6 +21,7 @@ from radarcore.processing.clustering import (
     periods_of,
     wrapped,
 )
+from radarcore.processing.detection import detect
 from radarcore.processing.kalman import Array, predict, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.state_space import SHORTEST_RANGE, Expected, begin, expect
@@ -295,7 +296,8 @@ def track(
     tracker = Tracker(**settings)
     times, states = [], []
     for item in items if first is None else chain([first], items):
-        detections: Any = detector(item) if isinstance(item, Frame) and detector is not None else item
-        states.append(tracker.update(detections))
+        if isinstance(item, Frame):
+            item = detect(item) if detector is None else detector(item)
+        states.append(tracker.update(item))
         times.append(tracker.time)
     return tracks_of(times, states)

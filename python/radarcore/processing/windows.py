@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radarcore import check
 
 Window = str | tuple[Any, ...] | None
 """A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
 
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """Periodic window, (length,)."""
+    """Periodic window, (length,), read-only."""
+    try:
+        return _weights(name, window, length)
+    except TypeError:  # such as of a window that has a list, which has no hash; or one that is refused
+        return _weights.__wrapped__(name, window, length)
+
+
+@lru_cache(maxsize=64)
+def _weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     if window is None:
-        return np.ones(length)
+        return check.frozen(np.ones(length))
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
     expected = "expected a window of scipy.signal.get_window or None"
@@ -24,7 +35,7 @@ def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64
         weights = np.asarray(get_window(window, length), dtype=np.float64)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
-    return weights
+    return check.frozen(weights)
 
 
 def window_centre(weights: NDArray[np.float64]) -> float:
