@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from radarcore.processing.kalman import normalized_squares, predict, update, white_acceleration
-from radarcore.processing.state_space import begin, cartesian, expect, observe, polar, polar_covariance
+from radarcore.processing.state_space import begin, cartesian, expect, observe, polar
 
 ROUNDING = 1e-12
 """Of a few hundred operations in float64, relative."""
@@ -197,8 +197,10 @@ def test_velocity_across_the_line_of_sight_begins_as_unknown() -> None:
 
 def test_polar_and_cartesian_values_are_nan_where_nothing_is_told() -> None:
     line, plane = states(2, 1), states(2, 2)
-    assert np.isnan(polar(line)[:, 2:]).all()
+    assert np.isnan(polar(line, covariances(2, 2))[0][:, 2:]).all()
     assert np.isnan(cartesian(line)[0]).all()
-    assert np.isnan(polar(plane)[:, 3]).all()
+    values, spread = polar(plane, covariances(2, 4))
+    assert np.isnan(values[:, 3]).all()
     assert (cartesian(plane)[0][:, 2] == 0.0).all()
-    assert np.isnan(polar_covariance(plane, covariances(2, 4))[:, 3]).all()
+    assert np.isnan(spread[:, 3]).all()
+    assert np.isfinite(spread[:, :3, :3]).all()

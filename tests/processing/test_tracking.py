@@ -465,6 +465,12 @@ def test_detections_without_covariance_have_the_usual_errors() -> None:
     plain = [Detections([2.0], [0.1], [NAN], [NAN], [9.0], time=k / RATE) for k in range(10)]  # type: ignore[arg-type]
     (one,) = track(plain, **POINTS)
     np.testing.assert_allclose(one.deviation[0, :2], TrackerSettings().deviations[:2])  # type: ignore[index]
+    # Errors whose correlation is not known are independent.
+    halves = np.full((1, 4, 4), NAN)
+    halves[0, :2, :2], halves[0, 2:, 2:] = np.diag([0.01, 0.04]), np.diag([0.0025, 0.0025])
+    (sure,) = Tracker(**POINTS).update(Detections([2.0], [0.1], [0.2], [0.3], [9.0], halves))  # type: ignore[arg-type]
+    np.testing.assert_allclose(np.diag(sure.covariance)[2:], np.diag(halves[0])[2:], rtol=1e-12)
+    assert np.isfinite(sure.covariance).all()
     wild = Detections([2.0, np.inf, 3.0], [0.1, 0.0, -np.inf], [NAN] * 3, [NAN] * 3, [9.0, NAN, np.inf], time=1.0)  # type: ignore[arg-type]
     assert [state.range for state in Tracker().update(wild)] == pytest.approx([2.0, 3.0])
 

@@ -187,9 +187,11 @@ def _draw_tracks(
         bodies = assign_to_truth(found, recording.truth)
 
     ax = canvas.new_axes() if ax is None else ax
+    named = {canvas.thing(body) for body in bodies.values() if body is not None}
     for name, values in truth.items():
-        text = "" if name in bodies.values() else _plain(name)
-        ax.plot(truth_time, values, color=canvas.GREY, label=text, linewidth=4.0, alpha=0.35, solid_capstyle="round")
+        text = "" if (thing := canvas.thing(name)) in named else _plain(thing)
+        named.add(thing)
+        ax.plot(truth_time, values, color=canvas.GREY, label=text, linewidth=3.0, alpha=0.3, solid_capstyle="round")
     palette = canvas.color_cycle([f"track {one.id}" for one in found], colors)
     for one in found:
         name, body, values = f"track {one.id}", bodies.get(one.id), getattr(one, quantity)

@@ -18,6 +18,9 @@ Indices = NDArray[np.int64]
 _MOST_PAIRS = 512**2
 """Pairs of detections up to which all are compared; more of them are found by a tree."""
 
+_CROSSED = ~np.eye(4, dtype=bool)
+"""Elements of a covariance off its diagonal."""
+
 _NEVER = 1e300
 """Period of what has none: nothing is so large that it is wrapped."""
 
@@ -103,13 +106,13 @@ def cluster(
     )
     fewest = check.count("min_detections", min_detections)
     periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
-    values, level = coordinates(detections), levels(detections)
+    values, covariance = coordinates(detections), covariances(detections)
     if num_deviations is None:
         pairs = pairs_within(values, *limits, periods)
     else:
-        pairs = _pairs_of_one(values, detections.covariance, check.positive("num_deviations", num_deviations), periods)
+        pairs = _pairs_of_one(values, covariance, check.positive("num_deviations", num_deviations), periods)
     labels = connected(len(detections), *pairs, fewest)
-    labels, found = groups(values, level, detections.covariance, labels, periods)
+    labels, found = groups(values, levels(detections), covariance, labels, periods)
     distances, velocities, azimuths, elevations = found.values.T
     centroids = Detections(distances, velocities, azimuths, elevations, found.level, found.covariance, detections.time)
     return Clusters(labels, centroids, found.extent, found.counts)
@@ -134,6 +137,12 @@ def coordinates(detections: Detections) -> Array:
     """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
     values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
     return np.where(np.isfinite(values), values, np.nan)
+
+
+def covariances(detections: Detections) -> Array:
+    """Of range, velocity, azimuth and elevation (detection, 4, 4); errors whose correlation is NaN have none."""
+    covariance = detections.covariance
+    return np.where(np.isnan(covariance) & _CROSSED, 0.0, covariance)
 
 
 def levels(detections: Detections) -> Array:

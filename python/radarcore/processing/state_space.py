@@ -142,20 +142,17 @@ def begin(measured: Array, noise: Array, speed_deviation: float) -> tuple[Array,
     return state, covariance
 
 
-def polar(state: Array) -> Array:
-    """Range, velocity, azimuth and elevation of targets, (target, 4); NaN for angles that are not told."""
-    value, _ = observe(state)
-    padded = np.full((len(state), 4), np.nan)
-    padded[:, : value.shape[1]] = value
-    return padded
+def polar(state: Array, covariance: Array) -> tuple[Array, Array]:
+    """Range, velocity, azimuth and elevation of targets (target, 4) with their covariance (target, 4, 4).
 
-
-def polar_covariance(state: Array, covariance: Array) -> Array:
-    """Of range, velocity, azimuth and elevation of targets, (target, 4, 4); NaN for angles that are not told."""
-    _, jacobian = observe(state)
-    padded, told = np.full((len(state), 4, 4), np.nan), jacobian.shape[1]
-    padded[:, :told, :told] = jacobian @ covariance @ jacobian.mT
-    return padded
+    As in `expect`: the means to second order, the covariance with what that adds. NaN for angles that are not told.
+    """
+    expected = expect(state, covariance)
+    number, told = expected.value.shape
+    value, spread = np.full((number, 4), np.nan), np.full((number, 4, 4), np.nan)
+    value[:, :told] = expected.value
+    spread[:, :told, :told] = expected.covariance + expected.curvature
+    return value, spread
 
 
 def cartesian(state: Array) -> tuple[Array, Array]:

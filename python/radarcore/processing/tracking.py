@@ -15,6 +15,7 @@ from radarcore.processing.clustering import (
     Indices,
     connected,
     coordinates,
+    covariances,
     groups,
     levels,
     pairs_within,
@@ -100,7 +101,7 @@ class Tracker:
             raise ValueError(
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
             )
-        values, covariance = coordinates(detections), detections.covariance
+        values, covariance = coordinates(detections), covariances(detections)
         if (np.diagonal(covariance, axis1=1, axis2=2) < 0.0).any():
             raise ValueError("detections: expected variances from 0 on, got a negative one")
 

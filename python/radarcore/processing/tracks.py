@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.processing.kalman import Array
-from radarcore.processing.state_space import cartesian, directions, polar, polar_covariance
+from radarcore.processing.state_space import cartesian, directions, polar
 from radarcore.recording.frame import Truth
 
 _COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed")
@@ -53,27 +53,27 @@ class TrackState:
     @property
     def range(self) -> float:
         """Distance from the centre of the array [m]."""
-        return float(self._polar[0])
+        return float(self._polar[0][0])
 
     @property
     def velocity(self) -> float:
         """Range rate, receding positive [m/s]."""
-        return float(self._polar[1])
+        return float(self._polar[0][1])
 
     @property
     def azimuth(self) -> float:
         """Angle to the left [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[2])
+        return float(self._polar[0][2])
 
     @property
     def elevation(self) -> float:
         """Angle up [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[3])
+        return float(self._polar[0][3])
 
     @property
     def covariance(self) -> Array:
         """Of range, velocity, azimuth and elevation, (4, 4), in their units; NaN for angles that are not told."""
-        return np.asarray(polar_covariance(self.state[None], self.state_covariance[None])[0])
+        return self._polar[1]
 
     @property
     def position(self) -> Array:
@@ -88,8 +88,9 @@ class TrackState:
         return np.asarray(motion[0])
 
     @cached_property
-    def _polar(self) -> Array:
-        return np.asarray(polar(self.state[None])[0])
+    def _polar(self) -> tuple[Array, Array]:
+        values, covariances = polar(self.state[None], self.state_covariance[None])
+        return values[0], covariances[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,27 +125,27 @@ class Track:
     @property
     def range(self) -> Array:
         """Distance from the centre of the array, (row,) [m]."""
-        return self._polar[:, 0]
+        return self._polar[0][:, 0]
 
     @property
     def velocity(self) -> Array:
         """Range rate, receding positive, (row,) [m/s]."""
-        return self._polar[:, 1]
+        return self._polar[0][:, 1]
 
     @property
     def azimuth(self) -> Array:
         """Angle to the left, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[:, 2]
+        return self._polar[0][:, 2]
 
     @property
     def elevation(self) -> Array:
         """Angle up, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[:, 3]
+        return self._polar[0][:, 3]
 
     @property
     def covariance(self) -> Array:
         """Of range, velocity, azimuth and elevation, (row, 4, 4), in their units; NaN for angles that are not told."""
-        return polar_covariance(self.state, self.state_covariance)
+        return self._polar[1]
 
     @property
     def deviation(self) -> Array:
@@ -175,8 +176,8 @@ class Track:
         return int(np.diff(hits).max(initial=1)) - 1
 
     @cached_property
-    def _polar(self) -> Array:
-        return polar(self.state)
+    def _polar(self) -> tuple[Array, Array]:
+        return polar(self.state, self.state_covariance)
 
 
 @dataclass(frozen=True, eq=False)
