@@ -112,20 +112,37 @@ def cluster(
     else:
         pairs = _pairs_of_one(values, covariance, check.positive("num_deviations", num_deviations), periods)
     labels = connected(len(detections), *pairs, fewest)
-    labels, found = groups(values, levels(detections), covariance, labels, periods)
+    level = levels(detections)
+    labels, found = groups(values, level, covariance, labels, periods)
     distances, velocities, azimuths, elevations = found.values.T
-    centroids = Detections(distances, velocities, azimuths, elevations, found.level, found.covariance, detections.time)
-    return Clusters(labels, centroids, found.extent, found.counts)
+    centroids = Detections(
+        distances,
+        velocities,
+        azimuths,
+        elevations,
+        found.strongest + 10.0 * np.log10(found.power),
+        found.covariance,
+        detections.time,
+    )
+    extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
+    return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)
 
 
 class Groups(NamedTuple):
-    """Groups of detections: mean, its covariance, level [dB], standard deviation and number of each, by mean range."""
+    """Groups of detections, by increasing range of their means."""
 
     values: Array
+    """Means (group, n)."""
     covariance: Array
-    level: Array
-    extent: Array
+    """Of the means (group, n, n)."""
+    spread: Array
+    """Covariance of the detections about the means (group, n, n)."""
+    strongest: Array
+    """Largest level (group,) [dB]."""
+    power: Array
+    """Sum of the powers (group,), over that of the strongest."""
     counts: Indices
+    """Detections (group,)."""
 
 
 def periods_of(max_velocity: float | None) -> Array:
@@ -230,7 +247,7 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     order = order[labels[order] >= 0]
     if len(order) == 0:
         none = np.zeros(0)
-        return labels, Groups(values[:0], covariance[:0], none, values[:0], none.astype(np.int64))
+        return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none, none.astype(np.int64))
     sorted_labels = labels[order]
     is_first = np.ones(len(order), dtype=bool)
     is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
@@ -249,7 +266,8 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
 
     # Means about a value that the group has, so that angles and velocities may go around.
     reference = np.fmax.reduceat(values, starts)
-    apart = np.where(told, wrapped(values - reference[group], periods), 0.0)
+    apart = wrapped(values - reference[group], periods)
+    apart[~told] = 0.0
     offset = np.add.reduceat(weight * apart, starts)
     mean = wrapped(reference + offset, periods)
     apart -= offset[group]
@@ -260,20 +278,20 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     spread = np.add.reduceat(scaled[:, :, None] * scaled[:, None, :], starts)
     root = np.sqrt(np.add.reduceat(np.square(weight), starts))
     shares = weight[:, :, None] * weight[:, None, :]
-    errors = np.add.reduceat(np.where(shares > 0.0, shares * covariance[order], 0.0), starts)
-    of_mean = errors + spread * (root[:, :, None] * root[:, None, :])
+    errors = shares * covariance[order]
+    errors[shares == 0.0] = 0.0
+    of_mean = np.add.reduceat(errors, starts) + spread * (root[:, :, None] * root[:, None, :])
     untold = total == 0.0
     of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
-    extent = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-    extent[untold] = np.nan
 
     by_range = np.argsort(mean[:, 0], kind="stable")
     place = np.full(len(labels) + 1, -1)
     place[sorted_labels[starts[by_range]]] = np.arange(len(starts))
-    total_level = strongest + 10.0 * np.log10(np.add.reduceat(power, starts))
-    return place[labels], Groups(
-        mean[by_range], of_mean[by_range], total_level[by_range], extent[by_range], counts[by_range]
+    power = np.add.reduceat(power, starts)
+    found = Groups(
+        mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
     )
+    return place[labels], found
 
 
 def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, periods: Array) -> tuple[Indices, Indices]:

@@ -109,7 +109,5 @@ def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Arr
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    lower = np.linalg.cholesky(covariance)
-    white = np.linalg.solve(lower, innovation[..., None])[..., 0]
-    diagonal = np.diagonal(lower, axis1=-2, axis2=-1)
-    return np.square(white).sum(axis=-1), 2.0 * np.log(diagonal).sum(axis=-1)
+    squares = np.einsum("...i,...ij,...j->...", innovation, np.linalg.inv(covariance), innovation)
+    return squares, np.log(np.linalg.det(covariance))

@@ -97,7 +97,6 @@ def expect(state: Array, covariance: Array) -> Expected:
 
     # Half the traces of their products with the covariance, and of the products of two of those.
     spread = second @ covariance[:, None]
-    value = value.copy()
     value[:, :2] += 0.5 * np.einsum("nkii->nk", spread)
     curvature[:, :2, :2] = 0.5 * np.einsum("nkij,nlji->nkl", spread, spread)
     return Expected(value, jacobian, first_order, curvature)

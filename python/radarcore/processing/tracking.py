@@ -147,11 +147,12 @@ class Tracker:
             values, covariance = found.values, found.covariance
 
         # Echoes come from anywhere on the target.
-        extents = np.empty((len(values), told))
-        extents[:, 0], extents[:, 1] = s.extent, s.velocity_extent
-        extents[:, 2:] = (s.extent / np.fmax(values[:, 0], max(s.extent, SHORTEST_RANGE)))[:, None]
         covariance = covariance.copy()
-        covariance[:, np.arange(told), np.arange(told)] += np.square(extents)
+        covariance[:, 0, 0] += s.extent**2
+        covariance[:, 1, 1] += s.velocity_extent**2
+        angle = np.square(s.extent / np.fmax(values[:, 0], max(s.extent, SHORTEST_RANGE)))
+        for k in range(2, told):
+            covariance[:, k, k] += angle
         return values, covariance
 
     def _choose_dimensions(self, measured: Array) -> None:
