@@ -454,11 +454,23 @@ def test_detections_that_are_refused_leave_the_tracks_as_they_were() -> None:
         whole.update(frame)
     with pytest.raises(ValueError, match=r"detections: expected those of a later time than 0\.225 s, got 0\.2 s"):
         spoiled.update(frames[8])
-    with pytest.raises(ValueError, match="detections: expected variances from 0 on, got a negative one"):
+    with pytest.raises(ValueError, match="detections: expected finite variances from 0 on, got "):
         spoiled.update(Detections([1.0], [0.0], [NAN], [NAN], [9.0], -np.eye(4)[None], 9.0))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="detections: expected finite variances from 0 on, got "):
+        spoiled.update(Detections([1.0], [0.0], [NAN], [NAN], [9.0], np.full((1, 4, 4), np.inf), 9.0))  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="detections: expected Detections, got list"):
         spoiled.update([1.0])  # type: ignore[arg-type]
     assert spoiled.update(frames[10])[0].range == whole.update(frames[10])[0].range
+
+
+def test_detections_without_errors_are_followed_exactly() -> None:
+    """Variances of zero, and no extent: the filter believes them, and stays finite."""
+    values = moving(2.0, 0.5, 40)[:, None]
+    values[20:, 0, 0] += 0.01
+    frames = [detections(rows, k / RATE, errors=np.zeros(4)) for k, rows in enumerate(values)]
+    tracks = track(frames, acceleration_density=5.0, gate=1.0 - 1e-12, **POINTS)
+    assert all(np.isfinite(one.covariance[:, :2, :2]).all() for one in tracks)
+    np.testing.assert_allclose(tracks[0].range[:20], values[:20, 0, 0], atol=1e-9)
 
 
 def test_detections_without_covariance_have_the_usual_errors() -> None:

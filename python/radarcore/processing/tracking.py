@@ -102,8 +102,9 @@ class Tracker:
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
             )
         values, covariance = coordinates(detections), covariances(detections)
-        if (np.diagonal(covariance, axis1=1, axis2=2) < 0.0).any():
-            raise ValueError("detections: expected variances from 0 on, got a negative one")
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        if ((variance < 0.0) | (variance == np.inf)).any():
+            raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
         self._choose_dimensions(values)
         self._predict(detections.time)
