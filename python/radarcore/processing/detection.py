@@ -156,12 +156,15 @@ def detect(
     check.choice("method", method, METHODS)
     limits = _limits(wf, min_range, max_range)
     dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    guards = _pair("guard", guard)
+    trainings = None if training is None else _pair("training", training)
+    if trainings is not None and not any(trainings):
+        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
     if remove_static and wf.num_chirps < 2:
         raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
     layout = _layout(radar, window, doppler_window, remove_static, np.iscomplexobj(samples))
-    guards = _pair("guard", guard)
-    default = _TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D
-    trainings = _pair("training", default if training is None else training)
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
 
     # Power over velocity and range; the noise is the same in all cells.
     cells, power = _map(samples, wf, layout, window, doppler_window, remove_static)
@@ -206,7 +209,7 @@ def detect(
     seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
     covariance[:, 2:, 2:] = seen.covariance
     found = Detections(
-        range=range_,
+        range=range_ if layout.has_range else np.full(len(rows), np.nan),
         velocity=velocity,
         azimuth=seen.azimuth,
         elevation=seen.elevation,
@@ -264,7 +267,8 @@ class _Layout:
 
     def wrapped_row(self, row: Any) -> Any:
         """Rows from zero velocity on: half a row below the lowest velocity is the highest."""
-        return (row % self.num_rows) - self.num_rows // 2
+        half = 0.5 * self.num_rows
+        return (row - self.num_rows // 2 + half) % self.num_rows - half
 
     def wrapped_column(self, column: Any) -> Any:
         return column % len(self.fast) if self.is_iq and self.has_range else column
