@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.correlated_noise import correlation, independent_cells
-from radarcore.processing.tone_fit import axis_of
+from radarcore.processing.tone_fit import axis_of, both_axes, tones
 from radarcore.processing.windows import window_weights
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
@@ -98,8 +98,7 @@ def least_variance(of: rc.Radar, snr: float) -> tuple[float, float]:
     return beat * wf.range_resolution**2 + doppler * coupling**2, doppler * wf.velocity_resolution**2
 
 
-@pytest.mark.parametrize("real", [False, True])
-@pytest.mark.parametrize("direction", [UP, DOWN])
+@pytest.mark.parametrize(("direction", "real"), [(UP, True), (DOWN, False)])
 @pytest.mark.parametrize("snr_db", [20.0, 40.0])
 def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, real: bool, snr_db: float) -> None:
     of = radar(direction, num_channels=2, real=real)
@@ -135,8 +134,8 @@ def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, 
 def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
     # All cells of a transform without a window are all samples: the information is the sum of squared phase slopes
     # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of that of a tone of length 1.
-    axis = axis_of(np.ones(8), 8, -4)
-    *_, information = axis.tone(np.array([0.0, 0.3, -0.5]))
+    both = both_axes(axis_of(np.ones(8), 8, -4), axis_of(np.ones(8), 8, -4))
+    *_, information = tones(np.array([[0.0, 0.1], [0.3, 0.0], [-0.5, 0.2]]), both)
     np.testing.assert_allclose(information, np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0), rtol=1e-9)
 
 
