@@ -35,6 +35,7 @@ from radarcore.radar.receiver import Receiver as Receiver
 from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth
+from radarcore.recording.reader import RecordingReader as RecordingReader
 from radarcore.recording.recording import Recording as Recording
 from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
@@ -44,6 +45,7 @@ from radarcore.scene.material import Material as Material
 from radarcore.scene.permittivity import ColeCole as ColeCole
 from radarcore.scene.permittivity import ItuPermittivity as ItuPermittivity
 from radarcore.scene.scene import Scene as Scene
+from radarcore.scenefile.load import load_radar as load_radar
 from radarcore.scenefile.load import load_scene as load_scene
 from radarcore.scenefile.simulation import Simulation as Simulation
 from radarcore.sensor import open_sensor as open_sensor

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from radarcore.plot import Image
 
-OF_FRAMES: dict[str, Callable[[Frame], Axes]] = {
+OF_FRAMES: dict[str, Callable[..., Axes]] = {
     "chirp": plot.chirp,
     "range-profile": plot.range_profile,
     "map": plot.range_doppler_map,
 }
 """Pictures of one frame."""
 
-OF_RECORDINGS: dict[str, Callable[[Recording], Axes]] = {
+OF_RECORDINGS: dict[str, Callable[..., Axes]] = {
     "range-time": plot.range_time,
     "spectrogram": plot.spectrogram,
     "tracks": lambda recording: _tracks(recording),
