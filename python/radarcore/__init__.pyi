@@ -18,10 +18,13 @@ from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.function import Function as Function
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.trajectory import Trajectory as Trajectory
+from radarcore.processing.directions import Directions as Directions
+from radarcore.processing.directions import directions as directions
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.spectra import range_doppler as range_doppler
 from radarcore.processing.spectra import range_profile as range_profile
+from radarcore.processing.steering import steering_weights as steering_weights
 from radarcore.processing.time_frequency import RangeTime as RangeTime
 from radarcore.processing.time_frequency import Spectrogram as Spectrogram
 from radarcore.processing.time_frequency import range_time as range_time
