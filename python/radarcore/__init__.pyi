@@ -18,6 +18,8 @@ from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.function import Function as Function
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.trajectory import Trajectory as Trajectory
+from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevation
+from radarcore.processing.angle_maps import range_angle as range_angle
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
 from radarcore.processing.peaks import Peak as Peak

@@ -1,3 +1,5 @@
+from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevation
+from radarcore.processing.angle_maps import range_angle as range_angle
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
