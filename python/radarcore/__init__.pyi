@@ -20,6 +20,8 @@ from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.trajectory import Trajectory as Trajectory
 from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevation
 from radarcore.processing.angle_maps import range_angle as range_angle
+from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
+from radarcore.processing.array_patterns import array_pattern as array_pattern
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
 from radarcore.processing.peaks import Peak as Peak

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,18 @@ Window = str | tuple[Any, ...] | None
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Periodic window, (length,)."""
+    return _weights(name, window, length, periodic=True)
+
+
+def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """Symmetric window, as over the elements of an array, (length,)."""
+    with warnings.catch_warnings():
+        # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
+        warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
+        return _weights(name, window, length, periodic=False)
+
+
+def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
     if window is None:
         return np.ones(length)
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
@@ -21,7 +34,7 @@ def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64
     if not isinstance(window, str | tuple):
         raise TypeError(f"{name}: {expected}, got {window!r}")
     try:
-        weights = np.asarray(get_window(window, length), dtype=np.float64)
+        weights = np.asarray(get_window(window, length, fftbins=periodic), dtype=np.float64)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
     return weights
