@@ -72,7 +72,7 @@ def angles(told: tuple[bool, bool], largest: float = 1.2) -> tuple[NDArray[np.fl
 def test_single_target_has_its_direction_or_nan_where_the_array_tells_none(
     tx: Any, rx: Any, told: tuple[bool, bool]
 ) -> None:
-    azimuth, elevation = angles(told, largest=0.9 if np.ptp(rx[:, 0]) > 0.0 else 1.2)
+    azimuth, elevation = angles(told, largest=1.0 if np.ptp(rx[:, 0]) > 0.0 else 1.2)
     radar = rc.Radar(WAVEFORM, tx=tx, rx=rx)
     found = rc.directions(echoes(radar, azimuth, elevation), radar)
     assert len(found) == 60
