@@ -158,18 +158,18 @@ def azimuth_elevation(
     nearest = check.non_negative("at_range", at_range, "m") / (ranges[1] if len(ranges) > 1 else np.inf)
     if round(nearest) >= len(ranges):
         raise ValueError(f"at_range: expected at most {ranges[-1]:g} m, the last range bin, got {at_range:g}")
-    covariances = range_covariances(
-        samples,
-        radar,
-        window=window,
-        doppler_window=doppler_window,
-        num_range_bins=n,
-        channel_phase=channel_phase,
-        bins=slice(round(nearest), round(nearest) + 1),
-    )[..., 0, :, :]
     power = np.empty((*samples.shape[:-3], len(az), len(el)), samples.real.dtype)
     for which in np.ndindex(samples.shape[:-3]):
-        power[which] = to_power(covariances[which]).reshape(len(az), len(el))
+        covariances = range_covariances(
+            samples[which],
+            radar,
+            window=window,
+            doppler_window=doppler_window,
+            num_range_bins=n,
+            channel_phase=channel_phase,
+            bins=slice(round(nearest), round(nearest) + 1),
+        )
+        power[which] = to_power(covariances[0]).reshape(len(az), len(el))
     return power
 
 

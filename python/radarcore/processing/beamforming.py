@@ -69,7 +69,7 @@ def shortest_description(values: NDArray[np.float64], num_snapshots: int) -> NDA
     """Number of sources (...,) from increasing eigenvalues (..., N) of a covariance of so many snapshots.
 
     Minimum description length: Wax, Kailath, Detection of signals by information theoretic criteria, IEEE Transactions
-    on Acoustics, Speech, and Signal Processing 33, 1985, eq. (17). At most N - 1; none where all eigenvalues are zero.
+    on Acoustics, Speech, and Signal Processing 33, 1985. At most N - 1; none where all eigenvalues are zero.
     """
     number = values.shape[-1]
     largest = values[..., -1:]

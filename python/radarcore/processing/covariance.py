@@ -35,18 +35,21 @@ def range_covariances(
     bins : slice
         Range bins wanted.
     """
+    # Check all arguments before any work.
     wf = radar.waveform
+    weights = window_weights("doppler_window", doppler_window, wf.num_chirps)
+    takes_turns = bool(radar.channel_offsets.any())
+    if takes_turns:
+        require_uniform_chirps(wf)
+    velocity = np.fft.ifftshift(wf.velocity_axis()) if takes_turns else None
+    corrections = channel_corrections(radar, velocity, channel_phase)  # [channel] or [doppler, channel]
+
     profile = fast_spectrum(samples, wf, window=window, num_bins=num_range_bins)[..., bins].astype(np.complex128)
     scale = 1.0 / wf.num_chirps
-    if radar.channel_offsets.any():
-        require_uniform_chirps(wf)
-        weights = window_weights("doppler_window", doppler_window, wf.num_chirps)
-        cells = np.fft.fft(profile * weights[:, None], axis=-2)
-        velocity = np.fft.ifftshift(wf.velocity_axis())
-        profile = cells * channel_corrections(radar, velocity, channel_phase).T[..., None]  # [channel, doppler, 1]
+    if takes_turns:
+        profile = np.fft.fft(profile * weights[:, None], axis=-2)
         scale = 1.0 / (wf.num_chirps * float(np.square(weights).sum()))  # Parseval
-    elif channel_phase is not None:
-        profile = profile * channel_corrections(radar, None, channel_phase)[:, None, None]
+    profile *= np.atleast_2d(corrections).T[..., None]  # [channel, chirp or doppler, 1]
     snapshots = np.moveaxis(profile, -1, -3)  # [..., range, channel, chirp]
     covariances: NDArray[np.complex128] = scale * (snapshots @ np.swapaxes(snapshots, -1, -2).conj())
     return covariances
