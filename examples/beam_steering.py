@@ -44,7 +44,7 @@ def save_picture(simulated: dict[float, np.ndarray], path: str) -> None:
     for (steer_deg, level), ax in zip(simulated.items(), figure.subplots(1, len(simulated)), strict=True):
         rc.plot.array_pattern(radar, ax, steer=np.deg2rad(steer_deg))
         ax.plot(TARGETS_DEG, level, "o", color="black", markersize=4.0, label="simulated points")
-        ax.set_ylim(-15.0, 40.0)
+        ax.set_ylim(-15.0, 50.0)
         ax.legend(loc="upper right")
     figure.savefig(path, dpi=110)
 

@@ -38,7 +38,7 @@ def capon(covariances: _Matrices, steering: _Matrices, loading: float) -> _Power
     """
     number = covariances.shape[-1]
     level = np.trace(covariances, axis1=-2, axis2=-1).real / number
-    level = np.where(level > 0.0, level, 1.0)[..., None, None]  # of nothing nothing is left
+    level = np.where(level > 0.0, level, 1.0)[..., None, None]  # silence stays silence
     loaded: _Matrices = covariances / level
     loaded[..., range(number), range(number)] += loading
     least = np.linalg.inv(loaded).astype(np.complex128, copy=False)
