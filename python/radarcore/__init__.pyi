@@ -18,14 +18,12 @@ from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.function import Function as Function
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.trajectory import Trajectory as Trajectory
-from radarcore.processing.clutter import cancel_pulses as cancel_pulses
-from radarcore.processing.clutter import remove_mean as remove_mean
-from radarcore.processing.clutter import remove_running_mean as remove_running_mean
-from radarcore.processing.constant_false_alarm import cfar as cfar
-from radarcore.processing.detection import detect as detect
+from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevation
+from radarcore.processing.angle_maps import range_angle as range_angle
+from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
+from radarcore.processing.array_patterns import array_pattern as array_pattern
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
-from radarcore.processing.noise import noise_level as noise_level
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.point_cloud import Detections as Detections
@@ -45,6 +43,7 @@ from radarcore.radar.receiver import Receiver as Receiver
 from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth
+from radarcore.recording.reader import RecordingReader as RecordingReader
 from radarcore.recording.recording import Recording as Recording
 from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
@@ -54,6 +53,7 @@ from radarcore.scene.material import Material as Material
 from radarcore.scene.permittivity import ColeCole as ColeCole
 from radarcore.scene.permittivity import ItuPermittivity as ItuPermittivity
 from radarcore.scene.scene import Scene as Scene
+from radarcore.scenefile.load import load_radar as load_radar
 from radarcore.scenefile.load import load_scene as load_scene
 from radarcore.scenefile.simulation import Simulation as Simulation
 from radarcore.sensor import open_sensor as open_sensor

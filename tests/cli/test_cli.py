@@ -182,6 +182,11 @@ def test_help_names_every_picture() -> None:
     [
         (["--kind", "depth"], "expected a scene file for a picture of kind 'depth', got a recording"),
         (["--frame", "3"], "frame: expected an index below 3, got 3"),
+        (
+            ["--kind", "chirp", "--max-range", "3"],
+            "max_range: expected a picture of kind overview, range-profile, map,",
+        ),
+        (["--kind", "map", "--channel", "3"], "channel: expected an index below 3, got 3"),
         (["-o", "picture.txt"], "picture.txt: expected a picture (.png, .pdf, .svg, .jpg), got suffix '.txt'"),
     ],
 )
@@ -200,6 +205,30 @@ def test_plot_says_what_is_wrong(
     assert message in captured.err
     assert len(captured.err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", plot.VIEWS)
+def test_pictures_take_what_can_be_chosen_of_them(scene: Path, recording: Path, tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    values = {"channel": ["1"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    chosen = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
+    source = scene if kind == "experiment" else recording
+    assert main(["plot", str(source), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen]) == 0
+
+
+def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
+    scene: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
+    picture = tmp_path / "picture.png"
+    for config in (scene, recording / "meta.json"):
+        assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture), "--config", str(config)]) == 0
+    capsys.readouterr()
+    assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
+    assert "bare.npy: expected --config with the radar of a bare .npy file, got none" in capsys.readouterr().err
 
 
 # --- info, schema

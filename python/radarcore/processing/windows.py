@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+import warnings
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,19 @@ Window = str | tuple[Any, ...] | None
 
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """Periodic window, (length,), read-only."""
-    try:
-        return _weights(name, window, length)
-    except TypeError:  # such as of a window that has a list, which has no hash; or one that is refused
-        return _weights.__wrapped__(name, window, length)
+    """Periodic window, (length,)."""
+    return _weights(name, window, length, periodic=True)
 
 
-@lru_cache(maxsize=64)
-def _weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
+def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """Symmetric window, as over the elements of an array, (length,)."""
+    with warnings.catch_warnings():
+        # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
+        warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
+        return _weights(name, window, length, periodic=False)
+
+
+def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
     if window is None:
         return check.frozen(np.ones(length))
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
@@ -32,7 +36,7 @@ def _weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     if not isinstance(window, str | tuple):
         raise TypeError(f"{name}: {expected}, got {window!r}")
     try:
-        weights = np.asarray(get_window(window, length), dtype=np.float64)
+        weights = np.asarray(get_window(window, length, fftbins=periodic), dtype=np.float64)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
     return check.frozen(weights)
