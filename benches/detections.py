@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore import plot
+from radarcore.units import SPEED_OF_LIGHT
 
 WAVEFORM = rc.Waveform.from_sweep(
     start_frequency=60e9,
@@ -52,9 +53,8 @@ def false_alarms(num_cells: int) -> None:
         for method in ("ca", "os"):
             options = {"guard": guard, "training": training, "false_alarm_rate": 1e-3, "method": method}
             mask = rc.cfar(power, axes=-1 if axes == 1 else None, **options)
-            print(
-                f"  {axes}-D {method}: {mask.mean() / 1e-3:.3f} of {mask.size:.1e} cells; {mask[:, cut].mean() / 1e-3:.3f}"
-            )
+            rates = mask.mean() / 1e-3, mask[:, cut].mean() / 1e-3
+            print(f"  {axes}-D {method}: {rates[0]:.3f} of {mask.size:.1e} cells; {rates[1]:.3f}")
 
 
 def frames_of_noise(num_frames: int) -> None:
@@ -72,11 +72,12 @@ def frames_of_noise(num_frames: int) -> None:
     print(f"  1e-9: {found} detections in {5 * num_frames} frames")
 
 
-def tone(beat: float, doppler: float) -> NDArray[np.float64]:
-    """Real tone of amplitude 1 at a beat and a Doppler frequency in bins, with zero phase in the middle."""
-    samples, chirps = (np.arange(128) - 63.5) / 128, (np.arange(64) - 31.5) / 64
-    wave: NDArray[np.float64] = np.cos(2.0 * np.pi * (beat * samples + doppler * chirps[:, None]))
-    return wave
+def echo(distance: float, velocity: float) -> NDArray[np.float64]:
+    """Real samples of amplitude 1 of a target that is at `distance` [m] in the middle of the frame."""
+    rate = 2.0 * velocity / SPEED_OF_LIGHT
+    delay = 2.0 * distance / SPEED_OF_LIGHT - rate * 0.5 * WAVEFORM.duration
+    cube = rc.beat_signal([delay], [1.0], WAVEFORM, delay_rate=[rate], tolerance=1e-9, method="direct")
+    return np.asarray(cube[0].real)
 
 
 def errors(num_frames: int) -> None:
@@ -88,19 +89,15 @@ def errors(num_frames: int) -> None:
         deviation = np.sqrt(64 * 128 / 4.0 / 10.0 ** (snr_db / 10.0))
         off = []
         for _ in range(num_frames):
-            beat, doppler = rng.uniform(8.0, 56.0), rng.uniform(-20.0, 20.0)
+            distance, velocity = rng.uniform(1.2, 8.0), rng.uniform(-2.5, 2.5)
             noise = deviation * rng.standard_normal(SHAPE)
-            found = rc.detect((tone(beat, doppler) + noise).astype(np.float32), RADAR)
-            velocity = doppler * WAVEFORM.velocity_resolution
-            distance = beat * WAVEFORM.range_resolution - doppler * coupling
+            found = rc.detect((echo(distance, velocity) + noise).astype(np.float32), RADAR)
             if len(found):
                 best = found[int(np.argmax(found.snr_db))]
                 off.append((best.range[0] - distance, best.velocity[0] - velocity))
         variance = 6.0 / (4.0 * np.pi**2 * 3.0 * 10.0 ** (snr_db / 10.0))  # [bins^2], three channels
-        bound = np.sqrt(
-            variance * np.array([WAVEFORM.range_resolution**2 + coupling**2, WAVEFORM.velocity_resolution**2])
-        )
-        ratio = np.sqrt(np.mean(np.square(off), axis=0)) / bound
+        per_bin = np.array([WAVEFORM.range_resolution**2 + coupling**2, WAVEFORM.velocity_resolution**2])
+        ratio = np.sqrt(np.mean(np.square(off), axis=0) / (variance * per_bin))
         print(f"  {snr_db:.0f} dB: {ratio[0]:.2f} {ratio[1]:.2f}, found in {len(off)} of {num_frames} frames")
 
 
@@ -108,7 +105,7 @@ def times(num_frames: int) -> None:
     """Processor time of a frame."""
     rng = np.random.default_rng(4)
     for number in (0, 1, 4):
-        echoes = sum((0.1 * tone(10.0 + 11.0 * i, 8.0 * i - 10.0) for i in range(number)), np.zeros(SHAPE[1:]))
+        echoes = sum((0.1 * echo(1.5 + 1.6 * i, 0.7 * i - 1.0) for i in range(number)), np.zeros(SHAPE[1:]))
         cube = (echoes + 0.3 * rng.standard_normal(SHAPE)).astype(np.float32)
         for method in ("ca", "os"):
             rc.detect(cube, RADAR, method=method)

@@ -22,8 +22,14 @@ from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevati
 from radarcore.processing.angle_maps import range_angle as range_angle
 from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
 from radarcore.processing.array_patterns import array_pattern as array_pattern
+from radarcore.processing.clutter import cancel_pulses as cancel_pulses
+from radarcore.processing.clutter import remove_mean as remove_mean
+from radarcore.processing.clutter import remove_running_mean as remove_running_mean
+from radarcore.processing.constant_false_alarm import cfar as cfar
+from radarcore.processing.detection import detect as detect
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
+from radarcore.processing.noise import noise_level as noise_level
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.point_cloud import Detections as Detections

@@ -443,13 +443,15 @@ def _local_maxima(power: NDArray[Any], is_iq: bool) -> NDArray[np.bool_]:
     """Cells that none of their eight neighbours exceeds; velocity is cyclic, range too with I/Q."""
     beside = _beside(power, is_iq)
     highest = np.maximum(np.maximum(beside[:, :-2], beside[:, 2:]), power)
-    around = np.maximum(np.roll(highest, 1, axis=0), np.roll(highest, -1, axis=0))
-    return np.asarray((power > 0.0) & (power >= highest) & (power >= around))
+    around = np.concatenate([highest[-1:], highest, highest[:1]])
+    highest = np.maximum(np.maximum(around[:-2], around[2:]), highest)
+    return np.asarray((power > 0.0) & (power >= highest))
 
 
 def _beside(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
     """The map with a column more on both sides; the spectrum of real samples is even about both its ends."""
-    return np.pad(power, ((0, 0), (1, 1)), mode="wrap" if is_iq or power.shape[1] < 2 else "reflect")
+    left, right = (-1, 0) if is_iq or power.shape[1] < 2 else (1, -2)
+    return np.concatenate([power[:, [left]], power, power[:, [right]]], axis=1)
 
 
 def _between_cells(

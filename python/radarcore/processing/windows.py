@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ Window = str | tuple[Any, ...] | None
 
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """Periodic window, (length,)."""
+    """Periodic window, (length,), read-only."""
+    if window is None or isinstance(window, str):
+        return _named(name, window, length)
     return _weights(name, window, length, periodic=True)
 
 
@@ -25,6 +28,12 @@ def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float
         # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
         warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
         return _weights(name, window, length, periodic=False)
+
+
+@lru_cache(maxsize=64)
+def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
+    """The same for every frame of a stream."""
+    return _weights(name, window, length, periodic=True)
 
 
 def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
@@ -44,4 +53,4 @@ def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArr
 
 def window_centre(weights: NDArray[np.float64]) -> float:
     """Index about which a window is symmetric (the middle of a periodic one lies half a step late)."""
-    return float(np.average(np.arange(len(weights)), weights=weights))
+    return float(weights @ np.arange(len(weights)) / weights.sum())
