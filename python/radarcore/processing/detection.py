@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,20 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
-from radarcore.processing.constant_false_alarm import (
-    DEFAULT_RANK,
-    METHODS,
-    checked_rate,
-    per_axis,
-    scaled_ranks,
-    tabulated,
-    training_counts,
-    training_sums,
-)
-from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
+from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import directions
-from radarcore.processing.false_alarms import averaging_factor, ordered_factor
 from radarcore.processing.inputs import checked_samples, cube_and_radar
+from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import median_of_unit_mean, rounding_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
@@ -354,47 +343,6 @@ def _map(
     return cells, power
 
 
-@dataclass(frozen=True, eq=False)
-class _Test:
-    """Factors of the thresholds of a map."""
-
-    guards: tuple[int, int]
-    trainings: tuple[int, int]
-    factor: NDArray[np.float64]
-    """Threshold over the background, inf without training cells, (row, column)."""
-    per_sum: NDArray[np.float64]
-    """Threshold over the sum of the training cells, 0 without any, (row, column)."""
-    ranks: NDArray[np.float64] | None
-    """Of the ordered statistic, (row, column); None for averages."""
-
-    def passed(
-        self, power: NDArray[Any], is_candidate: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[Any]]:
-        """Rows, columns and thresholds of the candidates above it, and their training cells (inf for missing ones)."""
-        if self.ranks is None:
-            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
-            rows, columns = np.nonzero(is_candidate & (power > threshold) & (self.per_sum > 0.0))
-            return rows, columns, threshold[rows, columns], self._around(power, rows, columns)
-        rows, columns = np.nonzero(is_candidate & np.isfinite(self.factor))
-        around = self._around(power, rows, columns)
-        # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
-        limit = (power[rows, columns] / self.factor[rows, columns]).astype(power.dtype)
-        above = np.flatnonzero(np.count_nonzero(around < limit[:, None], axis=1) >= self.ranks[rows, columns])
-        rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
-        ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
-        return rows, columns, self.factor[rows, columns] * ordered, around
-
-    def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
-        """Training cells of some cells, inf where the map has none, (cell, training cell)."""
-        reach = [g + t for g, t in zip(self.guards, self.trainings, strict=True)]
-        padded = np.full([n + 2 * r for n, r in zip(power.shape, reach, strict=True)], np.inf, dtype=power.dtype)
-        padded[reach[0] : reach[0] + power.shape[0], reach[1] : reach[1] + power.shape[1]] = power
-        width = padded.shape[1]
-        middle = (rows + reach[0]) * width + columns + reach[1]
-        around: NDArray[Any] = padded.ravel()[middle[:, None] + _offsets(self.guards, self.trainings, width)]
-        return around
-
-
 def _test(
     shape: tuple[int, int],
     layout: _Layout,
@@ -402,41 +350,9 @@ def _test(
     trainings: tuple[int, int],
     rate: float,
     method: str,
-) -> _Test:
+) -> MapTest:
     windows = layout.slow.tobytes(), layout.fast.tobytes() if layout.has_range else np.ones(1).tobytes()
-    return _made_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
-
-
-@lru_cache(maxsize=16)
-def _made_test(
-    shape: tuple[int, int],
-    windows: tuple[bytes, bytes],
-    guards: tuple[int, int],
-    trainings: tuple[int, int],
-    rate: float,
-    method: str,
-    num_looks: int,
-) -> _Test:
-    slow, fast = map(np.frombuffer, windows)
-    rate = cell_rate(slow, fast, rate, num_looks)
-    counts = training_counts(shape, guards, trainings)
-    share = independent_part(slow, fast, guards, trainings, rate, num_looks)
-    ranks = None
-    if method == "ca":
-        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, num_looks)
-    else:
-        ranks = scaled_ranks(counts, DEFAULT_RANK)
-        share = independent_part_below(share, DEFAULT_RANK, num_looks)
-
-        def ordered(count: float) -> float:
-            """At the same quantile, of as many cells as are independent."""
-            independent = max(1.0, share * count)
-            rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
-            return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, num_looks)
-
-        factor = tabulated(counts, ordered)
-    per_sum = np.where(np.isfinite(factor), factor, 0.0) / np.maximum(counts, 1)
-    return _Test(guards, trainings, factor, per_sum, ranks)
+    return map_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
 
 
 def _local_maxima(power: NDArray[Any], is_iq: bool) -> NDArray[np.bool_]:
@@ -509,14 +425,6 @@ def _without_sidelobes(
             lobes = lobes * envelope(layout.fast, np.maximum(columns - near, 0.0))
         leaked += np.sqrt(height[index]) * lobes
     return np.array(kept, dtype=np.intp)
-
-
-@lru_cache(maxsize=16)
-def _offsets(guards: tuple[int, int], trainings: tuple[int, int], width: int) -> NDArray[np.intp]:
-    """Training cells relative to the one in the middle, in a map with rows of `width` cells laid end to end."""
-    rows, columns = (np.arange(-g - t, g + t + 1) for g, t in zip(guards, trainings, strict=True))
-    is_beside = (np.abs(rows)[:, None] > guards[0]) | (np.abs(columns) > guards[1])
-    return (rows[:, None] * width + columns)[is_beside]
 
 
 def _medians(around: NDArray[Any]) -> NDArray[np.float64]:
