@@ -24,6 +24,8 @@ from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
 from radarcore.processing.array_patterns import array_pattern as array_pattern
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
+from radarcore.processing.mimo import Demultiplexed as Demultiplexed
+from radarcore.processing.mimo import demultiplex as demultiplex
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.spectra import range_doppler as range_doppler
@@ -39,6 +41,7 @@ from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern
 from radarcore.radar.presets import bgt60tr13c as bgt60tr13c
 from radarcore.radar.radar import Radar as Radar
 from radarcore.radar.receiver import Receiver as Receiver
+from radarcore.radar.schedule import Schedule as Schedule
 from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth

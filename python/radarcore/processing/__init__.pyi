@@ -3,6 +3,8 @@ from radarcore.processing.angle_maps import range_angle as range_angle
 from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
 from radarcore.processing.array_patterns import array_pattern as array_pattern
 from radarcore.processing.directions import Directions as Directions
+from radarcore.processing.mimo import Demultiplexed as Demultiplexed
+from radarcore.processing.mimo import demultiplex as demultiplex
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
 from radarcore.processing.spectra import range_doppler as range_doppler

@@ -205,6 +205,32 @@ class Waveform(Twinned):
             changes["chirp_times"] = None
         return replace(self, **changes)
 
+    def delayed(self, delay: float) -> Waveform:
+        """Waveform whose chirps start later by a time [s]: of a sub-sequence after another, see `Radar`."""
+        return replace(self, chirp_times=self.chirp_times + check.non_negative("delay", delay, "s"))
+
+    def alternating(self) -> tuple[Waveform, Waveform]:
+        """Waveforms of up- and down-chirps in turn over the same band, for ``Radar(waveform.alternating())``.
+
+        The chirps of this waveform with even numbers, and those with odd numbers falling from the end of the sampled
+        band to its start (rising, if this one is falling). There is an even number of them.
+        """
+        self.require_range()
+        if self.num_chirps % 2 != 0:
+            raise ValueError(f"num_chirps: expected an even number for chirps in turn, got {self.num_chirps}")
+        shared: dict[str, Any] = {"num_chirps": self.num_chirps // 2, "chirp_interval": None}
+        sweep = 2.0 * self.adc_delay + self.num_samples / self.sample_rate
+        return (
+            replace(self, **shared, chirp_times=self.chirp_times[::2]),
+            replace(
+                self,
+                **shared,
+                chirp_times=self.chirp_times[1::2],
+                start_frequency=self.start_frequency + self.slope * sweep,
+                slope=-self.slope,
+            ),
+        )
+
     @property
     def _default_frame_interval(self) -> float:
         sweep = self.adc_delay + self.num_samples / self.sample_rate

@@ -228,6 +228,10 @@ class Settings:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         waveform = radar.waveform
+        if radar.more_waveforms:
+            raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
+        if radar.schedule is not None:
+            raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
         if len(radar.tx) != 1:
             raise ValueError(f"tx: expected one antenna, got {len(radar.tx)}")
         if not waveform.has_uniform_chirps or waveform.chirp_times[0] > 1e-9 * waveform.chirp_interval:
