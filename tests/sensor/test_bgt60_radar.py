@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import radarcore as rc
@@ -180,3 +182,60 @@ def test_radar_of_impossible_settings_is_refused() -> None:
         Settings(sample_rate=1.0).to_radar()
     with pytest.raises(TypeError, match=r"^radar: expected Radar, got Settings"):
         Settings.from_radar(Settings())  # type: ignore[arg-type]
+
+
+@st.composite
+def wishes(draw: st.DrawFn) -> dict[str, float]:
+    """Some wishes, from 0.3 m to 300 m, 0.1 m/s to 50 m/s and 1 Hz to 1 kHz."""
+    ranges = {
+        "max_range": (-0.5, 2.5),
+        "range_resolution": (-1.5, 0.5),
+        "max_velocity": (-1.0, 1.7),
+        "velocity_resolution": (-2.0, 0.5),
+        "rate": (0.0, 3.0),
+    }
+    names = draw(st.sets(st.sampled_from(sorted(ranges)), min_size=1))
+    return {name: 10.0 ** draw(st.floats(*ranges[name])) for name in sorted(names)}
+
+
+@settings(deadline=None)
+@given(wishes=wishes())
+def test_wishes_become_settings_that_the_chip_has_and_that_meet_them(wishes: dict[str, float]) -> None:
+    try:
+        radar = rc.bgt60tr13c(**wishes)
+    except ValueError:
+        assume(False)
+    found = achieved(Settings.from_radar(radar)).to_radar().waveform
+    wanted = radar.waveform
+    assert (found.sample_rate, found.num_samples, found.num_chirps) == (
+        wanted.sample_rate,
+        wanted.num_samples,
+        wanted.num_chirps,
+    )
+    # The start in whole kHz, 610 Hz of the PLL; slopes are whole steps already.
+    assert found.slope == pytest.approx(wanted.slope, rel=1e-12)
+    assert found.start_frequency == pytest.approx(wanted.start_frequency, abs=1620.0)
+    rounding = 1e-6
+    assert found.max_range >= wishes.get("max_range", 0.0) * (1.0 - rounding)
+    assert found.range_resolution <= wishes.get("range_resolution", np.inf) * (1.0 + rounding)
+    assert found.velocity_resolution <= wishes.get("velocity_resolution", np.inf) * (1.0 + rounding)
+    # At the shortest time from chirp to chirp the timer still takes up to 8 of at least 624 cycles.
+    assert found.max_velocity >= wishes.get("max_velocity", 0.0) * (1.0 - 8 / 624)
+    if "rate" in wishes:
+        assert 1.0 / found.frame_interval == pytest.approx(wishes["rate"], rel=0.004, abs=0.0)
+
+
+def test_default_radar_is_one_that_the_chip_has() -> None:
+    wanted = rc.bgt60tr13c().waveform
+    found = achieved(Settings.from_radar(rc.bgt60tr13c())).to_radar().waveform
+    assert found.slope == pytest.approx(wanted.slope, rel=1e-3)
+    assert found.chirp_interval == pytest.approx(wanted.chirp_interval, rel=4e-3)
+    assert found.frame_interval == pytest.approx(wanted.frame_interval, rel=4e-3)
+
+
+def test_schedules_and_sub_sequences_are_refused() -> None:
+    preset = rc.bgt60tr13c()
+    with pytest.raises(ValueError, match=r"^schedule: expected none with one antenna, got 'tdm'"):
+        Settings.from_radar(replace(preset, schedule=rc.Schedule.tdm()))
+    with pytest.raises(ValueError, match=r"^waveform: expected one, got 2 sub-sequences"):
+        Settings.from_radar(replace(preset, waveform=preset.waveform.alternating()))

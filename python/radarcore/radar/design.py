@@ -162,6 +162,10 @@ def _chirp(
     reach, fineness = wishes.get("max_range"), wishes.get("range_resolution")
     shared = _with(wishes, ("max_range",), limits)
 
+    if num_samples is not None and num_samples > limits.max_samples:
+        text = f"expected at most {limits.max_samples} at {_hertz(rate)}, got {num_samples}"
+        raise ValueError(f"num_samples: {text}")
+
     # The slope: as steep as the range allows, which makes the shortest chirps.
     most = limits.max_samples if num_samples is None else num_samples
     samples = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
@@ -246,31 +250,33 @@ def _times(
     turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
 
     # From chirp to chirp.
+    usual = _NUM_CHIRPS if num_chirps is None else num_chirps
     if speed is not None:
         longest = wavelength / (4.0 * speed)
         if longest < shortest * (1.0 - _ROUNDING):
             shared = _with(wishes, ("range_resolution", "max_range"), limits)
             raise WishError("max_velocity", wavelength / (4.0 * shortest), shared + turns, speed)
-        interval = max(shortest, limits.shortened(longest))
+        interval = limits.shortened(longest)
+    elif fineness is not None:
+        interval = limits.longest(wavelength / (2.0 * fineness * usual))
     else:
-        usual = _NUM_CHIRPS if num_chirps is None else num_chirps
-        interval = shortest if default_interval is None else max(shortest, num_tx * default_interval)
-        if fineness is not None:
-            interval = max(shortest, limits.longest(wavelength / (2.0 * fineness * usual)))
-        # Not slower than the rate allows; at the shortest it is refused below, if need be.
-        interval = max(shortest, min(interval, limits.shortened(frame / usual)))
+        interval = shortest if default_interval is None else num_tx * default_interval
+    # Faster where the usual number of chirps would not fit into the frame; where that is still too slow, it is refused.
+    interval = max(shortest, min(interval, limits.shortened(frame / usual)))
 
     # Chirps: as many as the resolution asks for, or as usual, or fewer where the frame is too short for these.
+    least = 1 if speed is None and fineness is None else 2
     most = limits.max_chirps
     if rate is not None:
         most = min(most, math.floor(frame / limits.longest(interval) * (1.0 + _ROUNDING)))
-        if most < 1:
-            shared = _with(wishes, ("max_velocity", "range_resolution", "max_range"), limits)
-            raise WishError("rate", 1.0 / limits.longest(interval), f" for a single chirp{shared}", rate)
+        if most < least:
+            shared = _with(wishes, ("range_resolution", "max_range"), limits)
+            chirps = "a single chirp" if least == 1 else "two chirps"
+            raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{shared}", rate)
     needed = min(_NUM_CHIRPS, most)
     if fineness is not None:
         shortened = limits.shortened(interval)
-        needed = math.ceil(wavelength / (2.0 * fineness * shortened) * (1.0 - _ROUNDING))
+        needed = max(least, math.ceil(wavelength / (2.0 * fineness * shortened) * (1.0 - _ROUNDING)))
         allowed = most if num_chirps is None else min(most, num_chirps)
         if needed > allowed:
             shared = _with(wishes, ("rate", "max_velocity"), limits, at_rate=False)
@@ -283,7 +289,7 @@ def _times(
         needed = num_chirps
     if rate is not None and needed > most:
         highest = 1.0 / (needed * limits.longest(interval))
-        shared = _with({"num_chirps": needed} | wishes, ("num_chirps", "max_velocity", "range_resolution"), limits)
+        shared = _with({"num_chirps": needed} | wishes, ("num_chirps", "range_resolution", "max_range"), limits)
         raise WishError("rate", highest, shared, rate)
     return {"num_chirps": needed, "chirp_interval": interval, "frame_interval": None if rate is None else frame}
 
