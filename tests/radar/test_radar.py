@@ -113,6 +113,17 @@ def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:
         assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(stop, rel=1e-15)
 
 
+def test_bgt60tr13c_takes_times_that_no_wish_is_about() -> None:
+    wf = rc.bgt60tr13c(max_range=5.0, chirp_interval=500e-6, num_chirps=100).waveform
+    assert (wf.chirp_interval, wf.num_chirps) == (500e-6, 100)
+    assert wf.frame_interval >= 100 * 500e-6
+    assert rc.bgt60tr13c(max_velocity=5.0, frame_interval=0.1).waveform.frame_interval == 0.1
+    with pytest.raises(ValueError, match="chirp_interval: expected none beside max_velocity, which decide it"):
+        rc.bgt60tr13c(max_velocity=5.0, chirp_interval=500e-6)
+    with pytest.raises(ValueError, match="num_samples: expected at most 0 in a band of 100000 Hz at 2 MHz, got 1"):
+        rc.bgt60tr13c(rate=40.0, start_frequency=63.4999e9)
+
+
 def test_bgt60tr13c_samples_5_ghz_of_its_sweep_at_power_up() -> None:
     radar = power_up()
     wf = radar.waveform

@@ -200,14 +200,11 @@ def _chirp(
             finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
             raise WishError("range_resolution", finest, shared, fineness)
         needed = max(needed, num_samples or 1)
-    elif num_samples is None:
-        needed = max(1, min(samples, fitting))
-    elif num_samples > fitting:
-        raise ValueError(
-            f"num_samples: expected at most {fitting} in a band of {widest:g} Hz{shared}, got {num_samples}"
-        )
     else:
-        needed = num_samples
+        needed = min(samples, fitting) if num_samples is None else num_samples
+        if not 1 <= needed <= fitting:
+            text = f"expected at most {fitting} in a band of {widest:g} Hz{shared}, got {max(needed, 1)}"
+            raise ValueError(f"num_samples: {text}")
 
     sweep = slope * (limits.adc_delay + needed / rate)
     start = min(default_start, highest - sweep) if start_frequency is None else start_frequency

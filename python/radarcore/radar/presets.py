@@ -60,7 +60,7 @@ def bgt60tr13c(
         sample rate is 2 MHz, or 4 MHz where that is too slow; the ramp ends by 63.5 GHz.
     **waveform
         Keywords of `Waveform` in place of the defaults. Beside wishes: `start_frequency`, `sample_rate`, `num_samples`
-        and `num_chirps`.
+        and `num_chirps`, and times that no wish is about.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def bgt60tr13c(
     values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
     wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
     if wishes:
-        return _radar(_wished(wishes, waveform | _given(stop_frequency=stop_frequency)), tx_power_dbm)
+        others = waveform if stop_frequency is None else waveform | {"stop_frequency": stop_frequency}
+        return _radar(_wished(wishes, others), tx_power_dbm)
     settings: dict[str, Any] = {
         "sample_rate": 2e6,
         "num_samples": 128,
@@ -121,33 +122,38 @@ def _radar(waveform: Waveform, tx_power_dbm: float) -> Radar:
 def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
     """Waveform that meets wishes, beside some other keywords."""
     kept = {"start_frequency", "sample_rate", "num_samples", "num_chirps"}
+    if wishes.keys() <= {"max_range", "range_resolution"}:
+        kept.add("chirp_interval")
+    if "rate" not in wishes:
+        kept.add("frame_interval")
     if rest := [name for name in others if name not in kept]:
         raise ValueError(
             f"{rest[0]}: expected none beside {' and '.join(wishes)}, which decide it, got {others[rest[0]]}"
         )
-    asked: dict[str, Any] = {name: others[name] for name in ("num_samples", "num_chirps") if name in others}
     if "start_frequency" in others:
-        asked["start_frequency"] = start = check_frequency("start_frequency", others["start_frequency"])
+        start = check_frequency("start_frequency", others["start_frequency"])
         lowest, highest = bgt60.LOWEST_FREQUENCY, bgt60.HIGHEST_FREQUENCY
         if not lowest <= start < highest:
             raise ValueError(f"start_frequency: expected {lowest:g} to {highest:g} [Hz], got {start:.6g}")
     if "sample_rate" in others:
-        return Waveform(**_designed(bgt60.divider_of(others["sample_rate"]), wishes, asked))
+        return _designed(bgt60.divider_of(others["sample_rate"]), wishes, others)
     slow, fast = map(bgt60.divider_of, _SAMPLE_RATES)
     try:
-        return Waveform(**_designed(slow, wishes, asked))
+        return _designed(slow, wishes, others)
     except design.WishError as error:
         at_slow = error
     try:
-        return Waveform(**_designed(fast, wishes, asked))
+        return _designed(fast, wishes, others)
     except design.WishError as at_fast:
         raise (at_slow if at_slow.is_better_than(at_fast) else at_fast) from None
 
 
-def _designed(divider: int, wishes: dict[str, float], asked: dict[str, Any]) -> dict[str, Any]:
-    """Keywords of the waveform that meets wishes at a number of clock cycles per sample."""
+def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
+    """Waveform that meets wishes at a number of clock cycles per sample."""
     limits = bgt60.limits(divider)
-    given: dict[str, Any] = wishes | asked
+    given: dict[str, Any] = wishes | {
+        name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
+    }
     keywords = design.keywords_for(
         limits,
         **given,
@@ -155,15 +161,12 @@ def _designed(divider: int, wishes: dict[str, float], asked: dict[str, Any]) -> 
         default_bandwidth=_WIDTH,
         default_interval=_CHIRP_INTERVAL,
     )
+    times = {name: others[name] for name in ("chirp_interval", "frame_interval") if name in others}
+    keywords |= {name: check.positive(name, value, "s") for name, value in times.items()}
     if keywords["frame_interval"] is None:
         chirps = keywords["num_chirps"] * limits.longest(keywords["chirp_interval"])
         keywords["frame_interval"] = max(_FRAME_INTERVAL, chirps)
-    return keywords
-
-
-def _given(**values: Any) -> dict[str, Any]:
-    """The values that are not None."""
-    return {name: value for name, value in values.items() if value is not None}
+    return Waveform(**keywords)
 
 
 def _shortest(settings: dict[str, Any]) -> float:

@@ -153,8 +153,11 @@ class Radar(Twinned):
 
     def sequences(self) -> tuple[Radar, ...]:
         """Radars with one waveform each, of the sub-sequences of a frame."""
-        if not self.more_waveforms:
-            return (self,)
+        return self._parts if self.more_waveforms else (self,)
+
+    @cached_property
+    def _parts(self) -> tuple[Radar, ...]:
+        """Radars of several sub-sequences."""
         schedule = self.schedule
         if schedule is not None and schedule.kind == "tdm" and schedule.interval is None:
             # Its default follows from the chirps of all.
