@@ -226,7 +226,7 @@ def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
     capsys.readouterr()
     assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    assert facts["cube [frame, channel, chirp, sample]"] == list(np.load(recording / "cube.npy").shape)
     assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
     assert "bare.npy: expected --config with the radar of a bare .npy file, got none" in capsys.readouterr().err
 
