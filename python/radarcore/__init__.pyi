@@ -22,8 +22,15 @@ from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevati
 from radarcore.processing.angle_maps import range_angle as range_angle
 from radarcore.processing.array_patterns import ArrayPattern as ArrayPattern
 from radarcore.processing.array_patterns import array_pattern as array_pattern
+from radarcore.processing.bounds import CramerRaoBound as CramerRaoBound
+from radarcore.processing.bounds import chirp_rate_bound as chirp_rate_bound
+from radarcore.processing.bounds import doppler_bound as doppler_bound
+from radarcore.processing.bounds import frequency_bound as frequency_bound
+from radarcore.processing.bounds import range_migration_bound as range_migration_bound
+from radarcore.processing.bounds import up_down_bound as up_down_bound
 from radarcore.processing.directions import Directions as Directions
 from radarcore.processing.directions import directions as directions
+from radarcore.processing.ego_motion import remove_static as remove_static
 from radarcore.processing.mimo import Demultiplexed as Demultiplexed
 from radarcore.processing.mimo import demultiplex as demultiplex
 from radarcore.processing.peaks import Peak as Peak
@@ -35,6 +42,11 @@ from radarcore.processing.time_frequency import RangeTime as RangeTime
 from radarcore.processing.time_frequency import Spectrogram as Spectrogram
 from radarcore.processing.time_frequency import range_time as range_time
 from radarcore.processing.time_frequency import spectrogram as spectrogram
+from radarcore.processing.velocity import VelocityEstimate as VelocityEstimate
+from radarcore.processing.velocity import chirp_rate_velocity as chirp_rate_velocity
+from radarcore.processing.velocity import doppler_velocity as doppler_velocity
+from radarcore.processing.velocity import range_migration_velocity as range_migration_velocity
+from radarcore.processing.velocity import up_down_velocity as up_down_velocity
 from radarcore.radar.pattern import GaussianPattern as GaussianPattern
 from radarcore.radar.pattern import IsotropicPattern as IsotropicPattern
 from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern

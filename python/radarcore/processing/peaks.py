@@ -102,10 +102,10 @@ def strongest_peak(
         raise ValueError(
             f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
-    range_limits = _limits("range", "m", min_range, max_range)
+    range_limits = limits("range", "m", min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
         waveform.require_range()
-    velocity_limits = _limits("velocity", "m/s", min_velocity, max_velocity)
+    velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
 
     # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
     # of velocity (or range): that axis then has one cell.
@@ -188,8 +188,8 @@ def strongest_peak(
     )
 
 
-def _limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
-    """Both limits of a search; None: no limit."""
+def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
+    """Both limits of a search, in order; None: no limit."""
     lowest = -np.inf if low is None else check.number(f"min_{name}", low, unit)
     highest = np.inf if high is None else check.number(f"max_{name}", high, unit)
     if lowest > highest:
