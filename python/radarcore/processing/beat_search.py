@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.bounds import carrier, times_from_middle
+from radarcore.processing.bounds import beat_times, carrier
 from radarcore.processing.peaks import parabolic_peak
 from radarcore.processing.spectra import fast_spectrum, spectrum
 from radarcore.processing.windows import Window, window_weights
@@ -63,13 +63,13 @@ def search_doppler(
 def search_beat(
     frame: NDArray[Any], waveform: Waveform, ranges: Limits, fastest: float, window: Window
 ) -> tuple[float, float, float] | None:
-    """Beat frequency of the strongest echo at the middle of the frame [Hz], its changes [Hz/s], or None.
+    """Mean beat frequency of the strongest echo [Hz], its changes [Hz/s], or None.
 
     The changes, from chirp to chirp and within a chirp, are those of one velocity up to `fastest`. Powers of chirps are
     added along the migration of every velocity, whatever their phases. Limits are of the range that the beat frequency
     alone tells.
     """
-    slow, fast = times_from_middle(waveform)
+    slow, fast = beat_times(waveform)
     num_bins = _PADDING * waveform.num_samples
     bin_width = waveform.sample_rate / num_bins
     is_iq = np.iscomplexobj(frame)
@@ -114,9 +114,9 @@ def search_beat(
 def noise_power(frame: NDArray[Any], waveform: Waveform) -> float:
     """Power of the noise per sample, from the median power of all cells of the range-Doppler map (Hann windows).
 
-    Echoes are in a few cells. The power of noise alone is exponentially distributed: its median is ``ln 2`` of its mean.
+    Echoes are in a few cells. The power of noise is exponentially distributed: its median is ``ln 2`` of its mean.
     """
-    profile = fast_spectrum(frame, waveform, window="hann", num_bins=None)
+    profile: NDArray[Any] = fast_spectrum(frame, waveform, window="hann", num_bins=None)
     weights = window_weights("window", "hann", waveform.num_samples)
     gain = float((weights**2).sum())
     if waveform.num_chirps > 3:
@@ -125,21 +125,22 @@ def noise_power(frame: NDArray[Any], waveform: Waveform) -> float:
         gain *= float((slow_weights**2).sum())
     if not np.iscomplexobj(frame) and profile.shape[-1] > 4:
         profile = profile[..., 1:-1]  # the first and last cell of real samples are real, or have twice the noise
-    return float(np.median(_power(profile))) / (gain * np.log(2.0))
+    median = float(np.median(_power(profile)))
+    return median / (gain * float(np.log(2.0)))
 
 
-def _dechirped_power(
-    frame: NDArray[Any], waveform: Waveform, velocity: float, window: Window, num_bins: int
-) -> Array:
-    """Power (chirp, cell) over channels, after the change of the frequency within a chirp of a velocity is taken off."""
+def _dechirped_power(frame: NDArray[Any], waveform: Waveform, velocity: float, window: Window, num_bins: int) -> Array:
+    """Power (chirp, cell) over channels, without the change of the frequency within a chirp of a velocity."""
     if velocity == 0.0:
-        power = _power(fast_spectrum(frame, waveform, window=window, num_bins=num_bins)).sum(axis=0)
+        power: Array = _power(fast_spectrum(frame, waveform, window=window, num_bins=num_bins)).sum(axis=0)
         if np.iscomplexobj(frame):
             return power
-        return np.concatenate([power, power[:, -2:0:-1]], axis=1)  # of negative frequencies
-    fast = times_from_middle(waveform)[1]
+        both: Array = np.concatenate([power, power[:, -2:0:-1]], axis=1)  # of negative frequencies
+        return both
+    fast = beat_times(waveform)[1]
     turn = np.exp(-2j * np.pi * (2.0 * waveform.slope * velocity / SPEED_OF_LIGHT) * fast**2)
-    return _power(fast_spectrum(frame * turn, waveform, window=window, num_bins=num_bins)).sum(axis=0)
+    dechirped: Array = _power(fast_spectrum(frame * turn, waveform, window=window, num_bins=num_bins)).sum(axis=0)
+    return dechirped
 
 
 def _power(values: NDArray[Any]) -> Array:

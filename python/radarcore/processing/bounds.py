@@ -9,8 +9,9 @@ covariance of an unbiased estimate is at least
 (Rife, Boorstyn, Single-Tone Parameter Estimation from Discrete-Time Observations, IEEE Trans. IT 1974). Estimates by
 least squares with the weights w of a window have ``inv(sum(w c c^T)) sum(w^2 c c^T) inv(sum(w c c^T))`` in its place.
 
-For M chirps of N samples, with the variance of fast time ``var(t) = (N^2 - 1) / (12 fs^2)``, that of slow time ``var(T)``
-and the carrier f in the middle of the chirp, the velocity's variance is ``(c / 4 pi)^2 / (K kappa snr N M info)``, and
+For M chirps of N samples on K channels, with the variance of fast time ``var(t) = (N^2 - 1) / (12 fs^2)``, that of slow
+time ``var(T)`` and the carrier f in the middle of the chirp, the velocity's variance is
+``(c / 4 pi)^2 / (K kappa snr N M info)``, and
 
     ``info = f^2 var(T) + slope^2 var(t) var(T) + slope^2 var(t^2)``:
 
@@ -84,8 +85,9 @@ def frequency_bound(
     interval = 1.0 / check.positive("sample_rate", sample_rate, "Hz")
     weights = window_weights("window", window, number)
     time = interval * (np.arange(number) - window_centre(weights))
-    covariance = _covariance(2.0 * np.pi * time[None, None, :], weights[None, :], per_chirp=True)
-    return np.sqrt(covariance[0, 0] / _information(snr_db, is_real, num_channels))
+    gradients = np.asarray(2.0 * np.pi * time[None, None, :], dtype=np.float64)
+    covariance = _covariance(gradients, weights[None, :], per_chirp=True)
+    return _deviation(float(covariance[0, 0]), _information(snr_db, is_real, num_channels))
 
 
 def doppler_bound(
@@ -169,8 +171,8 @@ def chirp_rate_bound(
 ) -> CramerRaoBound:
     """Bound from the frequency's change within the chirps alone: that of `chirp_rate_velocity`.
 
-    For one chirp ``std(velocity) = c / (4 abs(slope)) sqrt(90 / (pi^2 snr N (N^2 - 1) (N^2 - 4))) sample_rate^2`` with I/Q
-    samples.
+    For one chirp of I/Q samples
+    ``std(velocity) = c / (4 abs(slope)) sqrt(90 / (pi^2 snr N (N^2 - 1) (N^2 - 4))) sample_rate^2``.
 
     Parameters
     ----------
@@ -241,6 +243,20 @@ def times_from_middle(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[
     return slow[:, None], fast[None, :]
 
 
+def beat_times(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slow time (chirp, 1) from the mean of all chirps and fast time (1, sample) from the middle of the samples [s]."""
+    slow, fast = times_from_middle(waveform)
+    return slow - slow.mean(), fast
+
+
+def beat_carrier(waveform: Waveform) -> float:
+    """Frequency f in the mean of all chirps' beat frequencies, ``2/c (slope range + f velocity)`` [Hz].
+
+    The range is that at the middle of the frame: what the target has moved until the mean of the chirps is in f.
+    """
+    return carrier(waveform) + waveform.slope * float(times_from_middle(waveform)[0].mean())
+
+
 def range_and_velocity_gradients(waveform: Waveform) -> NDArray[np.float64]:
     """Derivatives of eq. (1)'s phase by range at the middle of the frame and by velocity, (2, chirp, sample) [rad].
 
@@ -252,11 +268,11 @@ def range_and_velocity_gradients(waveform: Waveform) -> NDArray[np.float64]:
 
 
 def beat_gradients(waveform: Waveform) -> NDArray[np.float64]:
-    """Derivatives of a chirp's phase by the beat frequency at the middle of the frame [Hz] and its changes [Hz/s].
+    """Derivatives of a chirp's phase by the mean beat frequency [Hz] and its changes [Hz/s].
 
     (3, chirp, sample) [rad]: by the frequency, by its change from chirp to chirp, by that within a chirp.
     """
-    slow, fast = times_from_middle(waveform)
+    slow, fast = beat_times(waveform)
     return 2.0 * np.pi * np.stack([fast + 0.0 * slow, slow * fast, 0.5 * fast**2 + 0.0 * slow])
 
 
@@ -271,7 +287,7 @@ def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) ->
     delay = up.frame_interval if down_delay is None else check.number("down_delay", down_delay, "s")
     half = 0.5 * (delay + 0.5 * down.duration - 0.5 * up.duration)  # between the middles
     rows = [
-        [wf.slope, carrier(wf) + wf.slope * time]  # the range has moved by velocity * time
+        [wf.slope, beat_carrier(wf) + wf.slope * time]  # the range has moved by velocity * time
         for wf, time in ((up, -half), (down, half))
     ]
     return 2.0 / SPEED_OF_LIGHT * np.array(rows)
@@ -290,9 +306,8 @@ def _of_frequency_change(
     covariance = _beat_covariance(waveform, window)[np.ix_([0, which], [0, which])]
     per_velocity = factor * waveform.slope / SPEED_OF_LIGHT
     per_range = 2.0 * waveform.slope / SPEED_OF_LIGHT
-    # frequency = per_range * (range + velocity * carrier / slope)
     to_estimates = np.array(
-        [[1.0 / per_range, -carrier(waveform) / (waveform.slope * per_velocity)], [0.0, 1.0 / per_velocity]]
+        [[1.0 / per_range, -beat_carrier(waveform) / (waveform.slope * per_velocity)], [0.0, 1.0 / per_velocity]]
     )
     return _bound(to_estimates @ covariance @ to_estimates.T, snr_db, is_real, num_channels)
 
@@ -340,12 +355,14 @@ def _information(snr_db: ArrayLike, is_real: bool, num_channels: int) -> NDArray
     return information
 
 
-def _bound(
-    covariance: NDArray[np.float64], snr_db: ArrayLike, is_real: bool, num_channels: int
-) -> CramerRaoBound:
+def _bound(covariance: NDArray[np.float64], snr_db: ArrayLike, is_real: bool, num_channels: int) -> CramerRaoBound:
     information = _information(snr_db, is_real, num_channels)
+    return CramerRaoBound(*(_deviation(float(covariance[i, i]), information) for i in (0, 1)))
+
+
+def _deviation(variance: float, information: NDArray[np.float64]) -> NDArray[np.float64]:
     with np.errstate(divide="ignore"):  # no signal: infinite
-        return CramerRaoBound(*(np.sqrt(covariance[i, i] / information) for i in (0, 1)))
+        return np.asarray(np.sqrt(variance / information))
 
 
 def _require_chirps(name: str, waveform: Waveform, minimum: int) -> None:

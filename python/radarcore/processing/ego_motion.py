@@ -1,13 +1,14 @@
 """Echoes of what stands still, taken off frames of a moving radar.
 
-Seen from a sensor that moves at v, what stands still in the direction u has the range rate ``-v . u``: clutter lies on a
-known curve of angle and velocity. Over channels k at the positions p and chirps at the times T its phase is, at the
+Seen from a sensor that moves at v, what stands still in the direction u has the range rate ``-v . u``: clutter lies on
+a known curve of angle and velocity. Over channels k at the positions p and chirps at the times T its phase is, at the
 frequency f of a sample, ``-2 pi f/c (p_k + 2 v T) . u``: a moving sensor is an array along its path (displaced phase
-centres; Klemm, Principles of Space-Time Adaptive Processing, 2006).
+centres; Klemm, Principles of Space-Time Adaptive Processing, 2002).
 
-The velocities of clutter within the beam are a band about some centre velocity. Turned by that velocity, its echoes are
-slow functions of the chirps' times, and low polynomials span them; as the turn is that of every sample's own frequency,
-the migration of ranges is in it. Of a sensor at rest the polynomial is a constant: the mean over the chirps is taken off.
+The velocities of clutter within the beam are a band about some centre velocity. Turned by that velocity, its echoes
+are slow functions of the chirps' times, which low polynomials span; as the turn is that of every sample's own
+frequency, the migration of ranges is in it. Of a sensor at rest the polynomial is a constant: the mean over the chirps
+goes.
 """
 
 from __future__ import annotations
@@ -30,14 +31,17 @@ from radarcore.units import SPEED_OF_LIGHT
 
 METHODS = ("doppler", "space-time")
 
-_GRID = 48
-"""Directions across the field of view, each way."""
+_GRID = 36
+"""Steps of the directions across the field of view, each way."""
 
 _WIDE_DEG = 110.0
 """Horizontal field of view beyond which the vertical angle is seen from the sides too, as `Simulator` has it."""
 
-_SAMPLES_PER_SUBSPACE = 16
-"""Samples that share one subspace of channels and polynomials: their frequencies differ by a few parts in a thousand."""
+_BAND_OF_A_SUBSPACE = 4e-3
+"""Part of the carrier that shares one subspace of channels and polynomials: phases of pi are then right to 40 dB."""
+
+_TRANSITION = 3.0
+"""Range bins from each end in which real samples hardly tell the sign of frequencies: a bit more than a Hann lobe."""
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -177,18 +181,18 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
     frequency = _frequencies(waveform)
     turn = np.exp(4j * np.pi * centre / SPEED_OF_LIGHT * np.outer(time, frequency))
 
-    # As many polynomials as the fastest echo within the band needs; of a sensor at rest the constant is all.
+    # As many polynomials as an echo at the edge of the band needs; of a sensor at rest the constant is all.
     extent = max(float(np.abs(time).max()), 1e-300)
-    num_most = waveform.num_chirps if speed > 0.0 else 1
+    edge = 4.0 * np.pi * half / SPEED_OF_LIGHT * float(frequency.max())  # [rad/s]
+    num_most = min(waveform.num_chirps, int(1.5 * edge * extent) + 30) if speed > 0.0 else 1
     orthonormal = np.linalg.qr(np.polynomial.legendre.legvander(time / extent, num_most - 1))[0]
-    edge = np.exp(4j * np.pi * half / SPEED_OF_LIGHT * frequency.max() * time)
-    caught = np.cumsum(np.abs(orthonormal.T @ edge) ** 2) / len(time)
-    # One that catches all but rounding is enough for any suppression.
-    num_needed = 1 + int(np.argmax(caught >= 1.0 - max(residual, 1e-13)))
+    caught = np.cumsum(np.abs(orthonormal.T @ np.exp(1j * edge * time)) ** 2) / len(time)
+    is_enough = caught >= 1.0 - max(residual, 1e-12)  # all but rounding is enough for any suppression
+    num_needed = 1 + int(np.argmax(is_enough)) if is_enough.any() else waveform.num_chirps
     if num_needed >= waveform.num_chirps:
         raise ValueError(
-            f"frame: expected more than {num_needed} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s fills as "
-            f"many, got {waveform.num_chirps}"
+            f"frame: expected more than {num_needed} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s fills "
+            f"as many, got {waveform.num_chirps}"
         )
     return _Band(centre, turn, orthonormal[:, :num_needed], time)
 
@@ -204,8 +208,9 @@ def _from_clutter(
     rates = -(directions @ velocity) - band.centre
     frequency = _frequencies(radar.waveform)
     kept = np.empty_like(projected)
-    for first in range(0, num_samples, _SAMPLES_PER_SUBSPACE):
-        part = slice(first, min(first + _SAMPLES_PER_SUBSPACE, num_samples))
+    step = max(1, int(num_samples * _BAND_OF_A_SUBSPACE * frequency.min() / max(float(np.ptp(frequency)), 1.0)))
+    for first in range(0, num_samples, step):
+        part = slice(first, min(first + step, num_samples))
         wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
         over_time = band.polynomials.T @ np.exp(2j * wavenumber * np.outer(band.time, rates))  # (degree, direction)
         steering = (np.exp(-1j * wavenumber * along)[:, None] * over_time).reshape(num_channels * num_degrees, -1)
@@ -223,15 +228,17 @@ def _frequencies(waveform: Waveform) -> Array:
 
 
 def _analytic(samples: NDArray[Any], waveform: Waveform) -> NDArray[Any]:
-    """I/Q samples whose real part real samples are: without the frequencies of the wrong sign."""
+    """I/Q samples whose real part real samples are: without the frequencies of the wrong sign.
+
+    A step from none to all would leave echoes of the wrong sign beside it, from the leakage of every strong one.
+    """
     if np.iscomplexobj(samples):
         return samples
-    spectrum = np.fft.fft(samples, axis=-1)
-    frequencies = np.fft.fftfreq(samples.shape[-1]) * np.sign(waveform.slope)
-    weights = 1.0 + np.sign(frequencies)
-    if samples.shape[-1] % 2 == 0:
-        weights[samples.shape[-1] // 2] = 1.0  # half of the sample rate has both signs
-    return np.fft.ifft(spectrum * weights, axis=-1)
+    number = samples.shape[-1]
+    bins = np.fft.fftfreq(number, 1.0 / number) * np.sign(waveform.slope)
+    to_end = np.minimum(np.abs(bins), 0.5 * number - np.abs(bins))
+    weights = 1.0 + np.sign(bins) * np.sin(0.5 * np.pi * np.minimum(to_end / _TRANSITION, 1.0))
+    return np.fft.ifft(np.fft.fft(samples, axis=-1) * weights, axis=-1)
 
 
 @lru_cache(maxsize=16)
@@ -240,10 +247,10 @@ def _directions(
 ) -> Array:
     """Unit vectors (direction, 3) over a field of view, or over the beam of the antennas."""
     horizontal, vertical = (150.0, 150.0) if view is None else view
-    azimuth = np.deg2rad(np.linspace(-0.5, 0.5, _GRID + 1) * horizontal)[:, None]
+    azimuth = np.deg2rad(_across(horizontal))[:, None]
     across, side = np.cos(azimuth), np.sin(azimuth)
     forward = across if horizontal <= _WIDE_DEG else np.maximum(across, np.abs(side))
-    up = forward * np.tan(np.deg2rad(np.linspace(-0.5, 0.5, _GRID + 1) * vertical))
+    up = forward * np.tan(np.deg2rad(_across(vertical)))
     vectors = np.stack(np.broadcast_arrays(across, side, up), axis=-1).reshape(-1, 3)
     if view is None:
         inside = is_in_beam(tx_patterns, rx_patterns, vectors)
@@ -252,10 +259,17 @@ def _directions(
     return check.frozen(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
+def _across(angle_deg: float) -> Array:
+    """Angles across a field of view [degrees], 0 among them."""
+    return angle_deg * np.linspace(-0.5, 0.5, _GRID + 1) if angle_deg > 0.0 else np.zeros(1)
+
+
 def _field_of_view(value: tuple[float, float] | None) -> tuple[float, float] | None:
     if value is None:
         return None
     angles = check.array("field_of_view_deg", value, (2,))
     if not ((angles >= 0.0) & (angles < 180.0)).all():
-        raise ValueError(f"field_of_view_deg: expected angles from 0 to below 180 degrees, got {tuple(angles.tolist())}")
+        raise ValueError(
+            f"field_of_view_deg: expected angles from 0 to below 180 degrees, got {tuple(angles.tolist())}"
+        )
     return float(angles[0]), float(angles[1])

@@ -1,4 +1,4 @@
-"""Least squares of the phase of one echo over the samples of a frame: the maximum-likelihood estimate in white noise."""
+"""Least squares of the phase of one echo over the samples of a frame: maximum likelihood in white noise."""
 
 from __future__ import annotations
 
@@ -34,11 +34,14 @@ class PhaseFit:
         Squared magnitude of the amplitude, mean over channels and chirps; with the part of the noise that is in it.
     num_free : int
         Amplitudes that were fitted.
+    echo : (channel, chirp, sample)
+        The fitted samples.
     """
 
     parameters: Array
     power: float
     num_free: int
+    echo: NDArray[Any]
 
 
 def fit_phase(
@@ -75,11 +78,11 @@ def fit_phase(
 
     is_real = not np.iscomplexobj(samples)
     parameters = np.array(start, dtype=np.float64)
+    turn = np.exp(-1j * phase(parameters))
     amplitude: NDArray[np.complex128] | None = None
     power = np.zeros(1)
     for _ in range(_MOST_STEPS):
         # Turn the echo to phase 0: what is left varies by the error of the parameters.
-        turn = np.exp(-1j * phase(parameters))
         turned = samples * turn
         if is_real:
             turned *= 2.0
@@ -102,7 +105,10 @@ def fit_phase(
             break
         size = float(np.sqrt(np.mean(step**2)))
         parameters += step / scale * min(1.0, _LARGEST_STEP / max(size, _SMALL_STEP))
+        turn = np.exp(-1j * phase(parameters))
         if size <= _SMALL_STEP:
             break
     num_free = samples.shape[0] * (samples.shape[1] if per_chirp else 1)
-    return PhaseFit(parameters, float(power.mean()), num_free)
+    assert amplitude is not None  # the loop has run
+    echo = amplitude * turn.conj()
+    return PhaseFit(parameters, float(power.mean()), num_free, echo.real if is_real else echo)

@@ -106,7 +106,8 @@ def doppler_velocity(
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, as the noise
         wants it; a Hann window makes deviations 1.53 times larger, and keeps other echoes off.
     noise : float, optional
-        Power of the noise per sample, I and Q together. Default: measured, from the median of the range-Doppler map.
+        Power of the noise per sample, I and Q together. Default: measured, from the median of the
+        range-Doppler map of what the fitted echo leaves: other echoes, in a few cells, do not count.
 
     Returns
     -------
@@ -127,7 +128,8 @@ def doppler_velocity(
     ranges = limits("range", "m", min_range, max_range)
     velocities = limits("velocity", "m/s", min_velocity, max_velocity)
     weights = np.outer(
-        window_weights("doppler_window", doppler_window, wf.num_chirps), window_weights("window", window, wf.num_samples)
+        window_weights("doppler_window", doppler_window, wf.num_chirps),
+        window_weights("window", window, wf.num_samples),
     )
     level = _level(noise)
     slow, fast = bounds.times_from_middle(wf)
@@ -211,7 +213,7 @@ def up_down_velocity(
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = _level(noise)
-    searches = [_beat_fit(given, ranges, fastest, window, with_rate=False) for given in both]
+    searches = [_beat_fit(given, ranges, fastest, window) for given in both]
 
     rows: list[_Echo] = []
     for frames in zip(both[0].samples, both[1].samples, strict=True):
@@ -224,7 +226,9 @@ def up_down_velocity(
         matrix = equations.copy()
         distance, velocity = np.linalg.solve(matrix, beats)
         for _ in range(2):
-            matrix[:, 1] = equations[:, 1] - np.array([wf.slope for wf in waveforms]) * 4.0 * distance / SPEED_OF_LIGHT**2
+            matrix[:, 1] = (
+                equations[:, 1] - np.array([wf.slope for wf in waveforms]) * 4.0 * distance / SPEED_OF_LIGHT**2
+            )
             distance, velocity = np.linalg.solve(matrix, beats)
         powers = [
             _snr(frame, wf, fit, level, _weights(wf, window))
@@ -257,8 +261,8 @@ def chirp_rate_velocity(
     """Velocity from the change of the beat frequency within the chirps, ``4 slope velocity / c`` [Hz/s].
 
     The third term of the beat phase, ``2 slope velocity / c t^2`` turns; one chirp is enough, and velocities have no
-    ambiguity. It takes long and wide chirps: the deviation falls as ``1 / (bandwidth * duration)`` of a chirp. The rate is
-    sought by dechirping with those of all velocities up to `max_velocity` and fitted by least squares, with an amplitude
+    ambiguity. It takes long and wide chirps: the deviation falls as ``1 / (bandwidth * duration)`` of a chirp. The rate
+    is sought by dechirping with those of velocities up to `max_velocity` and fitted by least squares, with an amplitude
     and phase per channel and chirp; the frequency may move from chirp to chirp, but tells nothing here.
 
     Parameters
@@ -342,7 +346,7 @@ def _from_frequency_change(
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = _level(noise)
-    search = _beat_fit(given, ranges, fastest, window, with_rate=wf.num_samples > 2)
+    search = _beat_fit(given, ranges, fastest, window)
     weights = _weights(wf, window)
 
     def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
@@ -353,7 +357,8 @@ def _from_frequency_change(
         if fit is None:
             return _Echo()
         velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
-        shift = 2.0 * velocity / SPEED_OF_LIGHT * bounds.carrier(wf)
+        # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
+        shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
         distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
         return _echo(frame, wf, fit, distance, velocity, level, bound, weights)
 
@@ -361,17 +366,17 @@ def _from_frequency_change(
 
 
 def _beat_fit(
-    given: _Input, ranges: tuple[float, float], fastest: float, window: Window, *, with_rate: bool
+    given: _Input, ranges: tuple[float, float], fastest: float, window: Window
 ) -> Callable[[NDArray[Any]], PhaseFit | None]:
-    """Fit of the beat frequency of a frame and, where there are several chirps, of its change from chirp to chirp.
+    """Fit of the mean beat frequency of a frame and of what can be told of its changes.
 
-    With a rate also of its change within the chirps, which is the last of the parameters.
+    From chirp to chirp where there are several, and, as the last parameter, within chirps of more than two samples.
     """
     wf = given.waveform
-    told = [0, *([1] if wf.num_chirps > 1 else []), *([2] if with_rate else [])]
+    told = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
     gradients = bounds.beat_gradients(wf)[told]
     weights = _weights(wf, window)
-    slow, fast = bounds.times_from_middle(wf)
+    slow, fast = bounds.beat_times(wf)
     shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
 
     def phase(parameters: Array) -> Array:
@@ -412,7 +417,7 @@ def _echo(
 
 def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
     """Power of the echo over that of the noise, per sample."""
-    noise = noise_power(frame, waveform) if level is None else level
+    noise = noise_power(frame - fit.echo, waveform) if level is None else level
     if noise == 0.0:
         return np.inf
     # Power of a real tone is half of its squared amplitude, which has twice the noise in it.
@@ -435,7 +440,9 @@ def _checked(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube
         if of_channels.any():
             offsets = of_channels
     wf.require_range()
-    checked = checked_samples(samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples)
+    checked = checked_samples(
+        samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples
+    )
     if checked.ndim not in (3, 4):
         raise ValueError(f"{name}: expected shape ([frame,] channel, chirp, sample), got {checked.shape}")
     if checked.shape[-3] == 0:
@@ -458,7 +465,9 @@ def _delay_between(up: Samples, down: Samples) -> float | None:
         return None
     between = np.asarray(times[1]) - np.asarray(times[0])
     if np.ptp(between) > 1e-9:
-        raise ValueError(f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s")
+        raise ValueError(
+            f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s"
+        )
     return float(between[0])
 
 
