@@ -4,8 +4,8 @@
     python benches/velocity.py --write    also write docs/velocity.png
     python benches/velocity.py --tiny     run everything once on few trials
 
-Exact samples of one target per trial, at a random range and velocity, with white noise: a frame of chirps for Doppler and
-for the changes of the beat frequency, one up- and one down-chirp for the pair.
+Exact samples of one target per trial, at a random range and velocity, with white noise: a frame of chirps for Doppler
+and for the changes of the beat frequency, one up- and one down-chirp for the pair.
 """
 
 from __future__ import annotations
@@ -138,16 +138,17 @@ def rms(errors: Array) -> float:
 
 
 def table(results: list[Result], ratios: Array, which: int) -> list[str]:
-    """Lines of bound, measured and predicted deviations of range (0) or velocity (1), every 10 dB."""
-    lines = ["              " + "".join(f"{f'{snr:.0f} dB':>24}" for snr in ratios if snr % 10.0 == 0.0)]
+    """Lines of bound, measured and predicted deviations of range (0) or velocity (1), every 20 dB."""
+    shown = [k for k, snr in enumerate(ratios) if snr % 20.0 == 0.0]
+    lines = [
+        f"{'':<12}" + "".join(f"{f'at {ratios[k]:.0f} dB':>30}" for k in shown),
+        f"{'':<12}" + f"{'bound':>10}{'measured':>10}{'predicted':>10}" * len(shown),
+    ]
     for result in results:
-        line = f"{result.way.name:<14}"
-        for k, snr in enumerate(ratios):
-            if snr % 10.0 == 0.0:
-                bound, measured, predicted = (
-                    1e3 * values[which][k] for values in (result.bound, result.measured, result.predicted)
-                )
-                line += f"{bound:8.3g}{measured:8.3g}{predicted:8.3g}"
+        line = f"{result.way.name:<12}"
+        for k in shown:
+            values = (1e3 * of[which][k] for of in (result.bound, result.measured, result.predicted))
+            line += "{:>10.3g}{:>10.3g}{:>10.3g}".format(*values)
         lines.append(line)
     return lines
 
@@ -194,7 +195,7 @@ def main() -> None:
     above = ratios >= FROM_DB
     for result in results:
         worst = [float((result.measured[i] / result.bound[i])[above].max()) for i in (0, 1)]
-        print(f"{result.way.name:<14}range {worst[0]:.2f}, velocity {worst[1]:.2f}")
+        print(f"{result.way.name:<12}  range {worst[0]:.2f}, velocity {worst[1]:.2f}")
         if not arguments.tiny and max(worst) > PROMISED:
             raise SystemExit(f"{result.way.name}: expected at most {PROMISED} times the bound")
     if arguments.write:

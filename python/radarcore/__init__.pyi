@@ -35,6 +35,7 @@ from radarcore.processing.mimo import Demultiplexed as Demultiplexed
 from radarcore.processing.mimo import demultiplex as demultiplex
 from radarcore.processing.peaks import Peak as Peak
 from radarcore.processing.peaks import strongest_peak as strongest_peak
+from radarcore.processing.single_echo import VelocityEstimate as VelocityEstimate
 from radarcore.processing.spectra import range_doppler as range_doppler
 from radarcore.processing.spectra import range_profile as range_profile
 from radarcore.processing.steering import steering_weights as steering_weights
@@ -42,7 +43,6 @@ from radarcore.processing.time_frequency import RangeTime as RangeTime
 from radarcore.processing.time_frequency import Spectrogram as Spectrogram
 from radarcore.processing.time_frequency import range_time as range_time
 from radarcore.processing.time_frequency import spectrogram as spectrogram
-from radarcore.processing.velocity import VelocityEstimate as VelocityEstimate
 from radarcore.processing.velocity import chirp_rate_velocity as chirp_rate_velocity
 from radarcore.processing.velocity import doppler_velocity as doppler_velocity
 from radarcore.processing.velocity import range_migration_velocity as range_migration_velocity

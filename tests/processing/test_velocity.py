@@ -263,7 +263,10 @@ CASES: list[tuple[Callable[[], object], str]] = [
     (lambda: rc.doppler_velocity(GOOD, UP, window="round"), "window: expected a window"),
     (lambda: rc.chirp_rate_velocity(GOOD, UP, max_velocity=-1.0), "max_velocity: expected zero or a positive number"),
     (lambda: rc.up_down_velocity(GOOD, GOOD, UP, UP), "down: expected a slope of the other sign"),
-    (lambda: rc.up_down_velocity(GOOD, GOOD[None], UP, DOWN), "down: expected 1 frames as in up, got 1"),
+    (
+        lambda: rc.up_down_velocity(GOOD, GOOD[None], UP, DOWN),
+        "down: expected one frame as up, got 1 frames in an array",
+    ),
     (lambda: rc.up_down_velocity(GOOD, GOOD, UP, DOWN, down_delay=np.inf), "down_delay: expected a finite number"),
 ]
 

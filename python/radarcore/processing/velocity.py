@@ -3,77 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.processing import bounds
-from radarcore.processing.beat_search import noise_power, search_beat, search_doppler
-from radarcore.processing.inputs import (
-    Samples,
-    checked_samples,
-    cube_and_radar,
-    cube_and_waveform,
-    require_uniform_chirps,
-)
+from radarcore.processing.beat_search import search_beat, search_doppler
+from radarcore.processing.inputs import Samples, require_uniform_chirps
 from radarcore.processing.peaks import limits
 from radarcore.processing.phase_fit import PhaseFit, fit_phase
+from radarcore.processing.single_echo import (
+    Echo,
+    EchoInput,
+    VelocityEstimate,
+    checked_input,
+    checked_noise,
+    decibels,
+    delay_between,
+    measured,
+    measured_echo,
+    snr,
+    stacked,
+)
 from radarcore.processing.windows import Window, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.frame import Frame
 from radarcore.units import SPEED_OF_LIGHT
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class VelocityEstimate:
-    """Range and velocity of the strongest echo; NaN where there is none.
-
-    Attributes
-    ----------
-    range : float or (frame,) float64
-        Range at the middle of the frame [m].
-    velocity : float or (frame,) float64
-        Range rate, receding positive [m/s].
-    range_std, velocity_std : float or (frame,) float64
-        Predicted standard deviations [m], [m/s]: the Cramér-Rao bound at the measured `snr_db`, with the loss of the
-        windows. They hold for one echo in white noise and above the threshold of the estimate, below which peaks of
-        noise are taken for the echo.
-    snr_db : float or (frame,) float64
-        Power of the echo over that of the noise, per sample [dB]; -inf where the noise hides it.
-    """
-
-    range: Array | float
-    velocity: Array | float
-    range_std: Array | float
-    velocity_std: Array | float
-    snr_db: Array | float
-
-
-class _Echo(NamedTuple):
-    """What one frame gives."""
-
-    range: float = np.nan
-    velocity: float = np.nan
-    range_std: float = np.nan
-    velocity_std: float = np.nan
-    snr_db: float = np.nan
-
-
-class _Input(NamedTuple):
-    """Samples (frame, channel, chirp, sample) of a waveform, checked."""
-
-    samples: NDArray[Any]
-    waveform: Waveform
-    offsets: Array
-    """From ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]."""
-    is_one: bool
-    """One frame, not several."""
 
 
 def doppler_velocity(
@@ -120,7 +79,7 @@ def doppler_velocity(
         For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
         and limits in the wrong order.
     """
-    given = _checked(cube, waveform)
+    given = checked_input(cube, waveform)
     wf = given.waveform
     require_uniform_chirps(wf)
     if wf.num_chirps < 2:
@@ -131,7 +90,7 @@ def doppler_velocity(
         window_weights("doppler_window", doppler_window, wf.num_chirps),
         window_weights("window", window, wf.num_samples),
     )
-    level = _level(noise)
+    level = checked_noise(noise)
     slow, fast = bounds.times_from_middle(wf)
     gradients = bounds.range_and_velocity_gradients(wf)
     time = slow + given.offsets[:, None, None] + fast  # (channel or 1, chirp, sample)
@@ -147,14 +106,14 @@ def doppler_velocity(
             wf, snr_db, is_real=is_real, num_channels=num_channels, window=window, doppler_window=doppler_window
         )
 
-    def measure(frame: NDArray[Any]) -> _Echo:
+    def measure(frame: NDArray[Any]) -> Echo:
         start = search_doppler(frame, wf, ranges, velocities, window, doppler_window)
         if start is None:
-            return _Echo()
+            return Echo()
         fit = fit_phase(frame, phase, gradients, np.array(start), weights, per_chirp=False)
-        return _echo(frame, wf, fit, fit.parameters[0], fit.parameters[1], level, bound, weights)
+        return measured_echo(frame, wf, fit, fit.parameters[0], fit.parameters[1], level, bound, weights)
 
-    return _measured(given, measure)
+    return measured(given, measure)
 
 
 def up_down_velocity(
@@ -204,22 +163,23 @@ def up_down_velocity(
     ValueError, TypeError
         For slopes of equal sign, and as `doppler_velocity`.
     """
-    both = _checked(up, up_waveform, "up"), _checked(down, down_waveform, "down")
+    both = checked_input(up, up_waveform, "up"), checked_input(down, down_waveform, "down")
     waveforms = both[0].waveform, both[1].waveform
-    if len(both[0].samples) != len(both[1].samples) or both[0].is_one != both[1].is_one:
-        raise ValueError(f"down: expected {len(both[0].samples)} frames as in up, got {len(both[1].samples)}")
-    delay = down_delay if down_delay is not None else _delay_between(up, down)
+    kinds = ["one frame" if given.is_one else f"{len(given.samples)} frames in an array" for given in both]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"down: expected {kinds[0]} as up, got {kinds[1]}")
+    delay = down_delay if down_delay is not None else delay_between(up, down)
     equations = bounds.up_down_equations(*waveforms, delay)
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
-    level = _level(noise)
+    level = checked_noise(noise)
     searches = [_beat_fit(given, ranges, fastest, window) for given in both]
 
-    rows: list[_Echo] = []
+    rows: list[Echo] = []
     for frames in zip(both[0].samples, both[1].samples, strict=True):
         fits = [search(frame) for search, frame in zip(searches, frames, strict=True)]
         if fits[0] is None or fits[1] is None:
-            rows.append(_Echo())
+            rows.append(Echo())
             continue
         # The delay within slope * delay**2 / 2 shifts the carrier by the beat frequency: a millionth of it.
         beats = np.array([fit.parameters[0] for fit in fits if fit is not None])
@@ -231,11 +191,11 @@ def up_down_velocity(
             )
             distance, velocity = np.linalg.solve(matrix, beats)
         powers = [
-            _snr(frame, wf, fit, level, _weights(wf, window))
+            snr(frame, wf, fit, level, _weights(wf, window))
             for frame, wf, fit in zip(frames, waveforms, fits, strict=True)
             if fit is not None
         ]
-        snr_db = _decibels(float(np.mean(powers)))
+        snr_db = decibels(float(np.mean(powers)))
         limit = bounds.up_down_bound(
             *waveforms,
             snr_db,
@@ -244,8 +204,8 @@ def up_down_velocity(
             num_channels=len(frames[0]),
             window=window,
         )
-        rows.append(_Echo(float(distance), float(velocity), float(limit.range), float(limit.velocity), snr_db))
-    return _stacked(rows, both[0].is_one)
+        rows.append(Echo(float(distance), float(velocity), float(limit.range), float(limit.velocity), snr_db))
+    return stacked(rows, both[0].is_one)
 
 
 def chirp_rate_velocity(
@@ -282,7 +242,7 @@ def chirp_rate_velocity(
     ValueError, TypeError
         As `doppler_velocity`.
     """
-    given = _checked(cube, waveform)
+    given = checked_input(cube, waveform)
     if given.waveform.num_samples < 3:
         raise ValueError(f"waveform: expected at least 3 samples per chirp, got {given.waveform.num_samples}")
     return _from_frequency_change(
@@ -322,7 +282,7 @@ def range_migration_velocity(
     ValueError, TypeError
         As `doppler_velocity`.
     """
-    given = _checked(cube, waveform)
+    given = checked_input(cube, waveform)
     if given.waveform.num_chirps < 2:
         raise ValueError(f"waveform: expected at least 2 chirps, got {given.waveform.num_chirps}")
     return _from_frequency_change(
@@ -331,7 +291,7 @@ def range_migration_velocity(
 
 
 def _from_frequency_change(
-    given: _Input,
+    given: EchoInput,
     which: int,
     factor: float,
     bound_of: Callable[..., bounds.CramerRaoBound],
@@ -345,28 +305,28 @@ def _from_frequency_change(
     wf = given.waveform
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
-    level = _level(noise)
+    level = checked_noise(noise)
     search = _beat_fit(given, ranges, fastest, window)
     weights = _weights(wf, window)
 
     def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
         return bound_of(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
 
-    def measure(frame: NDArray[Any]) -> _Echo:
+    def measure(frame: NDArray[Any]) -> Echo:
         fit = search(frame)
         if fit is None:
-            return _Echo()
+            return Echo()
         velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
         # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
         shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
         distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
-        return _echo(frame, wf, fit, distance, velocity, level, bound, weights)
+        return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
 
-    return _measured(given, measure)
+    return measured(given, measure)
 
 
 def _beat_fit(
-    given: _Input, ranges: tuple[float, float], fastest: float, window: Window
+    given: EchoInput, ranges: tuple[float, float], fastest: float, window: Window
 ) -> Callable[[NDArray[Any]], PhaseFit | None]:
     """Fit of the mean beat frequency of a frame and of what can be told of its changes.
 
@@ -400,91 +360,6 @@ def _in_place(parameters: Array, told: list[int]) -> Array:
     return full
 
 
-def _echo(
-    frame: NDArray[Any],
-    waveform: Waveform,
-    fit: PhaseFit,
-    distance: float,
-    velocity: float,
-    level: float | None,
-    bound_of: Callable[[float, bool, int], bounds.CramerRaoBound],
-    weights: Array,
-) -> _Echo:
-    snr_db = _decibels(_snr(frame, waveform, fit, level, weights))
-    bound = bound_of(snr_db, not np.iscomplexobj(frame), len(frame))
-    return _Echo(float(distance), float(velocity), float(bound.range), float(bound.velocity), snr_db)
-
-
-def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
-    """Power of the echo over that of the noise, per sample."""
-    noise = noise_power(frame - fit.echo, waveform) if level is None else level
-    if noise == 0.0:
-        return np.inf
-    # Power of a real tone is half of its squared amplitude, which has twice the noise in it.
-    is_iq = np.iscomplexobj(frame)
-    per_amplitude = float((weights**2).sum() / weights.sum() ** 2) * fit.num_free / len(frame)
-    power = fit.power * (1.0 if is_iq else 0.5) - noise * per_amplitude * (1.0 if is_iq else 2.0)
-    return max(0.0, power / noise)
-
-
-def _decibels(ratio: float) -> float:
-    with np.errstate(divide="ignore"):
-        return float(10.0 * np.log10(ratio))
-
-
-def _checked(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube") -> _Input:
-    samples, wf = cube_and_waveform(cube, waveform)
-    offsets = np.zeros(1)
-    if not isinstance(waveform, Waveform):
-        of_channels = cube_and_radar(cube, waveform)[1].channel_offsets
-        if of_channels.any():
-            offsets = of_channels
-    wf.require_range()
-    checked = checked_samples(
-        samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples
-    )
-    if checked.ndim not in (3, 4):
-        raise ValueError(f"{name}: expected shape ([frame,] channel, chirp, sample), got {checked.shape}")
-    if checked.shape[-3] == 0:
-        raise ValueError(f"{name}: expected at least one channel, got none")
-    if not np.isfinite(checked).all():
-        bad = np.argwhere(~np.isfinite(checked))
-        raise ValueError(
-            f"{name}: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
-        )
-    is_one = checked.ndim == 3
-    return _Input(checked[None] if is_one else checked, wf, offsets, is_one)
-
-
-def _delay_between(up: Samples, down: Samples) -> float | None:
-    """Difference of the times of two frames [s]; None for cubes."""
-    if isinstance(up, Frame) and isinstance(down, Frame):
-        return down.time - up.time
-    times = getattr(up, "time", None), getattr(down, "time", None)
-    if times[0] is None or times[1] is None or len(times[0]) == 0:
-        return None
-    between = np.asarray(times[1]) - np.asarray(times[0])
-    if np.ptp(between) > 1e-9:
-        raise ValueError(
-            f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s"
-        )
-    return float(between[0])
-
-
 def _weights(waveform: Waveform, window: Window) -> Array:
     """Of least squares whose amplitudes are free from chirp to chirp, (chirp, sample)."""
     return np.tile(window_weights("window", window, waveform.num_samples), (waveform.num_chirps, 1))
-
-
-def _level(noise: float | None) -> float | None:
-    return None if noise is None else check.non_negative("noise", noise)
-
-
-def _measured(given: _Input, measure: Callable[[NDArray[Any]], _Echo]) -> VelocityEstimate:
-    return _stacked([measure(frame) for frame in given.samples], given.is_one)
-
-
-def _stacked(rows: list[_Echo], is_one: bool) -> VelocityEstimate:
-    if is_one:
-        return VelocityEstimate(*rows[0])
-    return VelocityEstimate(*np.array(rows, dtype=np.float64).reshape(len(rows), len(_Echo._fields)).T)
