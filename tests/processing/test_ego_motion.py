@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from ego_motion import demo, is_on_person
 
 CHIP = rc.bgt60tr13c(
     start_frequency=60e9,
@@ -74,6 +75,14 @@ def test_clutter_falls_and_a_weak_walker_becomes_the_strongest_peak(speed: float
         assert abs(before.velocity - velocity) > 0.5  # clutter
         assert abs(after.velocity - velocity) <= 0.1 * CHIP.waveform.velocity_resolution
         assert abs(after.range - (1.5 + 0.5 * CHIP.waveform.duration * velocity)) <= 0.01
+
+
+def test_the_walker_of_the_demo_is_found_while_the_arm_moves() -> None:
+    recording, velocity = demo(5)
+    assert (np.abs(velocity - [0.25, 0.0, 0.0]).max(axis=1) <= 1e-4).all()  # after the ramp
+    assert not is_on_person(recording).any()
+    assert not is_on_person(rc.remove_static(recording, [0.0, 0.0, 0.0])).any()
+    assert is_on_person(rc.remove_static(recording, velocity)).all()
 
 
 def test_strong_plates_fall_too() -> None:
