@@ -193,6 +193,28 @@ def test_channels_of_any_phases_are_used_together() -> None:
     )
 
 
+class Alternating(rc.Radar):
+    """Channels whose chirps come one after the other."""
+
+    @property
+    def channel_offsets(self) -> NDArray[np.float64]:
+        return np.array([0.0, 0.6e-3])
+
+
+@pytest.mark.parametrize("is_real", [False, True])
+def test_channels_may_have_their_chirps_later(is_real: bool) -> None:
+    slow = UP.replace(chirp_interval=2.2e-3)
+    radar = Alternating(slow, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]])
+    rate = 2.0 * VELOCITY / SPEED_OF_LIGHT
+    delay = 2.0 * RANGE / SPEED_OF_LIGHT - 0.5 * rate * slow.duration
+    waveforms = [slow.replace(chirp_times=slow.chirp_times + offset) for offset in radar.channel_offsets]
+    cube = np.concatenate([beat_signal_reference([delay], [1.0], wf, [rate]) for wf in waveforms])
+    for estimator, bound in SINGLE:
+        found = estimator(cube.real if is_real else cube, radar)
+        assert abs(found.velocity - VELOCITY) <= bound(slow, 80.0).velocity
+        assert abs(found.range - RANGE) <= bound(slow, 80.0).range
+
+
 # Inputs
 
 
