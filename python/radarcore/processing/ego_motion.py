@@ -81,7 +81,7 @@ def remove_static(
     coupling between its antennas, has the velocity 0 and stays unless 0 is in the band.
 
     The angular velocity does not matter: the range of no point changes when the sensor turns about the centre of its
-    array, and elements of a small array a few wavelengths off that centre move by less than 1 % of an arm's speed.
+    array, and antennas that are millimetres off that centre gain millimetres per second for each radian per second.
 
     Parameters
     ----------
