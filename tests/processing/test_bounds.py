@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from chip_settings import power_up
 from radarcore.units import SPEED_OF_LIGHT
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ LONG = rc.Waveform(
     chirp_interval=1.3e-3,
     adc_delay=2e-5,
 )
-SHORT = rc.bgt60tr13c(num_chirps=16).waveform
+SHORT = power_up(num_chirps=16).waveform
 FALLING = rc.bgt60tr13c(num_chirps=4, start_frequency=63e9, stop_frequency=59e9).waveform
 ONE = LONG.replace(num_chirps=1)
 DOWN = rc.Waveform(start_frequency=62.5e9, slope=-3.5e12, sample_rate=64e3, num_samples=80)
