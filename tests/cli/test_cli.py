@@ -62,7 +62,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(scene: Path, tmp_path: Path) -> None:
     done = run("simulate", scene, "-o", tmp_path / "new" / "recording", "--threads", "1")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "3 frames of 3 x 8 x 64 samples" in done.stdout
+    assert "3 frames of 3 x 8 x 128 samples" in done.stdout
     assert len(done.stdout.splitlines()) == 1
     recording = rc.Recording.load(tmp_path / "new" / "recording")
     assert np.array_equal(recording.cube, rc.load_scene(scene).record(progress=False).cube)
@@ -72,7 +72,7 @@ def test_simulate_prints_json(scene: Path, tmp_path: Path, capsys: pytest.Captur
     assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["frames"] == 3
-    assert summary["cube_shape"] == [3, 3, 8, 64]
+    assert summary["cube_shape"] == [3, 3, 8, 128]
     assert summary["seconds"] > 0.0
     assert summary["real_time_factor"] == pytest.approx(0.3 / summary["seconds"])
 
@@ -137,7 +137,7 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
     )
     command = [sys.executable, "-c", program, "simulate", str(scene), "-o", str(output)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    row = 3 * 8 * 64 * 4  # bytes of a frame
+    row = 3 * 8 * 128 * 4  # bytes of a frame
     deadline = time.monotonic() + 60.0
     while not ((cube := output / "cube.npy").exists() and cube.stat().st_size > 3 * row):
         assert process.poll() is None
@@ -226,7 +226,7 @@ def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
     capsys.readouterr()
     assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    assert facts["cube [frame, channel, chirp, sample]"] == list(np.load(recording / "cube.npy").shape)
     assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
     assert "bare.npy: expected --config with the radar of a bare .npy file, got none" in capsys.readouterr().err
 
@@ -244,7 +244,7 @@ def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
     of_scene, of_recording = facts
     assert of_scene["bodies"] == of_recording["bodies"] == ["ball"]
     assert of_scene["frames"] == of_recording["frames"] == 3
-    assert of_recording["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    assert of_recording["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 128]
     waveform = rc.load_scene(scene).radar.waveform
     for one in facts:
         assert one["range bin [m]"] == waveform.range_resolution

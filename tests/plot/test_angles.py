@@ -62,7 +62,7 @@ def test_map_is_brightest_where_the_targets_are_with_left_on_the_left(frame: rc.
     np.testing.assert_allclose(crosses, [(2.5, 5.0), (-3.0, 7.0)], atol=1e-9)
     assert {text.get_text() for text in ax.texts} == {"left", "right"}
     words = "Pseudo-spectrum" if method == "music" else "Power"
-    assert ax.child_axes[0].get_ylabel() == f"{words} [dB re maximum]"
+    assert ax.child_axes[0].get_ylabel() == f"{words} [dB re maximum, floor −40]"
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("y [m], to the left", "x [m], forward")
 
 

@@ -89,12 +89,14 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "bandwidth [Hz]": wf.bandwidth,
         "sample rate [Hz]": wf.sample_rate,
         "samples per chirp": wf.num_samples,
-        "chirps per frame": wf.num_chirps,
+        "chirps per frame": radar.num_chirps,
         "chirp interval [s]": wf.chirp_interval,
         "range bin [m]": None if wf.is_cw else wf.range_resolution,
         "largest range [m]": None if wf.is_cw else radar.max_range,
         "velocity bin [m/s]": wf.velocity_resolution,
-        "largest velocity [m/s]": wf.max_velocity,
+        "largest velocity [m/s]": radar.max_velocity,
+        **({} if radar.schedule is None else {"schedule": radar.schedule.kind}),
+        **({"sub-sequences": len(radar.waveforms)} if radar.more_waveforms else {}),
     }
 
 

@@ -29,7 +29,7 @@ def range_angle_map(
     num_sources: int | None = None,
     channel_phase: ArrayLike | None = None,
     field_of_view_deg: float = 180.0,
-    dynamic_range_db: float = 40.0,
+    dynamic_range_db: float | None = 40.0,
     max_range: float | None = None,
 ) -> Axes:
     """Power in front of the sensor [dB below the largest]: x (forward) up, y to the left [m]; truth as crosses.
@@ -43,8 +43,8 @@ def range_angle_map(
         As in `radarcore.range_angle`; one elevation [rad].
     field_of_view_deg : float
         Width of the sector shown [degrees], at most 180.
-    dynamic_range_db : float
-        Range of levels below the maximum that colours span [dB].
+    dynamic_range_db : float or None
+        Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional
         Radius of the sector [m]; default: the largest unambiguous range.
     """
@@ -53,7 +53,6 @@ def range_angle_map(
     width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
     if width > 180.0:
         raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
-    floor = canvas.floor_db(check.positive("dynamic_range_db", dynamic_range_db, "dB"), np.empty(0))
     last = canvas.last_range(frame, max_range)
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
@@ -70,7 +69,7 @@ def range_angle_map(
     )
     ranges = wf.range_axis(n)[: len(power)]
     shown = ranges <= last
-    level = canvas.relative_db(power[shown], floor)
+    scale = canvas.scale(power[shown], None, dynamic_range_db)
 
     # Cells about the range bins, from one side of the sector to the other.
     ax = canvas.new_axes() if ax is None else ax
@@ -79,10 +78,10 @@ def range_angle_map(
     picture = ax.pcolormesh(
         rims * np.sin(sides),
         rims * np.cos(sides),
-        level,
+        scale.level_db(power[shown]),
         cmap=canvas.color_map("inferno"),
-        vmin=floor,
-        vmax=0.0,
+        vmin=scale.low,
+        vmax=scale.high,
         rasterized=True,
     )
     reach = last * np.sin(half)
@@ -91,7 +90,7 @@ def range_angle_map(
     ax.set_aspect("equal")
     ax.set_xlabel("y [m], to the left")
     ax.set_ylabel("x [m], forward")
-    canvas.color_bar(ax, picture, f"{'Pseudo-spectrum' if method == 'music' else 'Power'} [dB re maximum]")
+    canvas.color_bar(ax, picture, scale.label.replace("Power", "Pseudo-spectrum" if method == "music" else "Power"))
     if frame.truth is not None:
         across = frame.truth.range * np.cos(frame.truth.elevation)
         left, forward = across * np.sin(frame.truth.azimuth), across * np.cos(frame.truth.azimuth)

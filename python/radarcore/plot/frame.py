@@ -12,6 +12,7 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing import spectra
 from radarcore.processing.cell_noise import known_noise
+from radarcore.processing.inputs import require_one_waveform
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.windows import window_weights
 from radarcore.recording.frame import Frame
@@ -284,7 +285,8 @@ def _draw_image(
 
 
 def _channels(frame: Frame, channel: int | None) -> NDArray[Any]:
-    """Samples of one channel or all, (channel, chirp, sample)."""
+    """Samples of one channel or all, (channel, chirp, sample), of one waveform."""
+    require_one_waveform(frame.radar)
     if channel is None:
         return frame.cube
     index = check.index("channel", channel, len(frame.cube))

@@ -311,6 +311,8 @@ def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
     `receivers` are the numbers its antennas have if their positions are not those of the chip.
     """
     wf = radar.waveform
+    if radar.more_waveforms or radar.schedule is not None:
+        raise ValueError("radar: expected one waveform and no schedule, as the layout has, got others")
     if len(radar.tx) != 1:
         raise ValueError(f"radar: expected one transmitter, as the layout has, got {len(radar.tx)}")
     if not wf.has_uniform_chirps or wf.chirp_times[0] != 0.0:

@@ -27,6 +27,7 @@ from radarcore.recording.frame import (
     check_radar,
     check_truth,
     checked_cube,
+    chirps_of,
     frame_shape,
     kind_of,
 )
@@ -111,6 +112,14 @@ class Recording(Stored):
     @property
     def _has_codes(self) -> bool:
         return self.source.get("cube_unit") == FULL_SCALE and self.cube.dtype.kind == "f"
+
+    def sequences(self) -> tuple[Recording, ...]:
+        """Recordings of the sub-sequences, see `Frame.sequences`."""
+        radars = self.radar.sequences()
+        if len(radars) == 1:
+            return (self,)
+        parts = zip(radars, chirps_of(radars), strict=True)
+        return tuple(replace(self, cube=self.cube[:, :, chirps], radar=radar) for radar, chirps in parts)
 
     def frames(self) -> Iterator[Frame]:
         """The frames in order, one at a time."""
