@@ -1,5 +1,10 @@
 from radarcore.plot.above import scene_from_above as scene_from_above
+from radarcore.plot.angles import range_angle_map as range_angle_map
+from radarcore.plot.angles import virtual_array as virtual_array
 from radarcore.plot.canvas import require as require
+from radarcore.plot.cuts import antenna_pattern as antenna_pattern
+from radarcore.plot.cuts import array_pattern as array_pattern
+from radarcore.plot.cuts import rcs as rcs
 from radarcore.plot.figures import experiment as experiment
 from radarcore.plot.figures import overview as overview
 from radarcore.plot.frame import Image as Image

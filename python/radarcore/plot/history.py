@@ -33,7 +33,7 @@ def range_time(
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over time [s] and range [m], in dB below the largest; the truth as dashed lines.
+    """Power over time [s] and range [m], in dB over the noise where it is known; the truth as dashed lines.
 
     Parameters
     ----------
@@ -48,19 +48,20 @@ def range_time(
     remove_static : bool
         Leave out what stands still throughout, see `radarcore.range_time`.
     dynamic_range_db : float, optional
-        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
+        Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range : float, optional
-        End of the range axis [m]; default: the largest unambiguous range.
+        End of the range axis [m]; default: a little beyond all that stands out, and beyond the truth.
     """
     check_recording(recording)
-    last = canvas.last_range(recording, max_range)
     wf = recording.radar.waveform
     found = power_of_ranges(
         recording, channel=channel, remove_static=remove_static, num_bins=canvas.padded(wf.num_samples)
     )
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.range, found.power, dynamic_range_db)
-    ax.set_ylim(0.0, last)
+    _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
+    is_something = canvas.stands_out(found.power, axis=0)
+    ax.set_ylim(0.0, canvas.range_end(recording, max_range, found.range, is_something))
+    ax.set_title(f"Range{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Range [m]")
     _draw_truth(ax, recording, "range", names)
     return ax
@@ -78,8 +79,9 @@ def spectrogram(
     names: Sequence[str] = (),
     remove_static: bool = False,
     dynamic_range_db: float | None = None,
+    max_velocity: float | None = None,
 ) -> Axes:
-    """Power over time [s] and velocity [m/s, receding positive], in dB below the largest.
+    """Power over time [s] and velocity [m/s, receding positive], in dB over the noise where it is known.
 
     Parameters
     ----------
@@ -92,7 +94,9 @@ def spectrogram(
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional
-        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
+        Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
+    max_velocity : float, optional
+        End of the velocity axis to either side [m/s]; default: a little beyond all that stands out, and the truth.
     """
     check_recording(recording)
     wf = recording.radar.waveform
@@ -108,8 +112,11 @@ def spectrogram(
         num_velocity_bins=canvas.padded(length),
     )
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.velocity, found.power, dynamic_range_db)
-    ax.set_ylim(-wf.max_velocity, wf.max_velocity)
+    _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
+    is_something = canvas.stands_out(found.power, axis=0)
+    fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
+    ax.set_ylim(-fastest, fastest)
+    ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")
     _draw_truth(ax, recording, "velocity", names)
     return ax
@@ -233,13 +240,14 @@ def _draw_power(
     time: NDArray[np.float64],
     values: NDArray[np.float64],
     power: NDArray[np.float64],
+    noise: float | None,
     dynamic_range_db: float | None,
 ) -> None:
     """Power (column, value) over time; a pause much longer than that between frames is grey."""
-    floor = canvas.floor_db(dynamic_range_db, power)
+    scale = canvas.scale(power, noise, dynamic_range_db)
     # Columns of frames that overlap are in disorder.
     order = np.argsort(time, kind="stable")
-    time, level = time[order], canvas.relative_db(power[order], floor)
+    time, level = time[order], scale.level_db(power[order])
 
     # A column reaches half way to its neighbours, in a pause as far as it would in an ordinary one.
     usual = _frame_interval(recording)
@@ -253,11 +261,16 @@ def _draw_power(
 
     rows = np.linspace(*canvas.edges(values, 1.0), len(values) + 1)
     picture = ax.pcolorfast(
-        edges, rows, np.ma.masked_invalid(columns.T), cmap=canvas.color_map("inferno"), vmin=floor, vmax=0.0
+        edges,
+        rows,
+        np.ma.masked_invalid(columns.T),
+        cmap=canvas.color_map("inferno"),
+        vmin=scale.low,
+        vmax=scale.high,
     )
     ax.set_xlim(float(edges[0]), float(edges[-1]))
     ax.set_xlabel("Time [s]")
-    canvas.color_bar(ax, picture, "Power [dB re maximum]")
+    canvas.color_bar(ax, picture, scale.label)
 
 
 def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[str] | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,20 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
-from radarcore.processing.constant_false_alarm import (
-    DEFAULT_RANK,
-    METHODS,
-    checked_rate,
-    per_axis,
-    scaled_ranks,
-    tabulated,
-    training_counts,
-    training_sums,
-)
-from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
+from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import directions
-from radarcore.processing.false_alarms import averaging_factor, ordered_factor
 from radarcore.processing.inputs import checked_samples, cube_and_radar
+from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import median_of_unit_mean, rounding_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
@@ -156,12 +145,15 @@ def detect(
     check.choice("method", method, METHODS)
     limits = _limits(wf, min_range, max_range)
     dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    guards = _pair("guard", guard)
+    trainings = None if training is None else _pair("training", training)
+    if trainings is not None and not any(trainings):
+        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
     if remove_static and wf.num_chirps < 2:
         raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
     layout = _layout(radar, window, doppler_window, remove_static, np.iscomplexobj(samples))
-    guards = _pair("guard", guard)
-    default = _TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D
-    trainings = _pair("training", default if training is None else training)
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
 
     # Power over velocity and range; the noise is the same in all cells.
     cells, power = _map(samples, wf, layout, window, doppler_window, remove_static)
@@ -206,7 +198,7 @@ def detect(
     seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
     covariance[:, 2:, 2:] = seen.covariance
     found = Detections(
-        range=range_,
+        range=range_ if layout.has_range else np.full(len(rows), np.nan),
         velocity=velocity,
         azimuth=seen.azimuth,
         elevation=seen.elevation,
@@ -264,7 +256,8 @@ class _Layout:
 
     def wrapped_row(self, row: Any) -> Any:
         """Rows from zero velocity on: half a row below the lowest velocity is the highest."""
-        return (row % self.num_rows) - self.num_rows // 2
+        half = 0.5 * self.num_rows
+        return (row - self.num_rows // 2 + half) % self.num_rows - half
 
     def wrapped_column(self, column: Any) -> Any:
         return column % len(self.fast) if self.is_iq and self.has_range else column
@@ -350,47 +343,6 @@ def _map(
     return cells, power
 
 
-@dataclass(frozen=True, eq=False)
-class _Test:
-    """Factors of the thresholds of a map."""
-
-    guards: tuple[int, int]
-    trainings: tuple[int, int]
-    factor: NDArray[np.float64]
-    """Threshold over the background, inf without training cells, (row, column)."""
-    per_sum: NDArray[np.float64]
-    """Threshold over the sum of the training cells, 0 without any, (row, column)."""
-    ranks: NDArray[np.float64] | None
-    """Of the ordered statistic, (row, column); None for averages."""
-
-    def passed(
-        self, power: NDArray[Any], is_candidate: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[Any]]:
-        """Rows, columns and thresholds of the candidates above it, and their training cells (inf for missing ones)."""
-        if self.ranks is None:
-            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
-            rows, columns = np.nonzero(is_candidate & (power > threshold) & (self.per_sum > 0.0))
-            return rows, columns, threshold[rows, columns], self._around(power, rows, columns)
-        rows, columns = np.nonzero(is_candidate & np.isfinite(self.factor))
-        around = self._around(power, rows, columns)
-        # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
-        limit = (power[rows, columns] / self.factor[rows, columns]).astype(power.dtype)
-        above = np.flatnonzero(np.count_nonzero(around < limit[:, None], axis=1) >= self.ranks[rows, columns])
-        rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
-        ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
-        return rows, columns, self.factor[rows, columns] * ordered, around
-
-    def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
-        """Training cells of some cells, inf where the map has none, (cell, training cell)."""
-        reach = [g + t for g, t in zip(self.guards, self.trainings, strict=True)]
-        padded = np.full([n + 2 * r for n, r in zip(power.shape, reach, strict=True)], np.inf, dtype=power.dtype)
-        padded[reach[0] : reach[0] + power.shape[0], reach[1] : reach[1] + power.shape[1]] = power
-        width = padded.shape[1]
-        middle = (rows + reach[0]) * width + columns + reach[1]
-        around: NDArray[Any] = padded.ravel()[middle[:, None] + _offsets(self.guards, self.trainings, width)]
-        return around
-
-
 def _test(
     shape: tuple[int, int],
     layout: _Layout,
@@ -398,54 +350,24 @@ def _test(
     trainings: tuple[int, int],
     rate: float,
     method: str,
-) -> _Test:
+) -> MapTest:
     windows = layout.slow.tobytes(), layout.fast.tobytes() if layout.has_range else np.ones(1).tobytes()
-    return _made_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
-
-
-@lru_cache(maxsize=16)
-def _made_test(
-    shape: tuple[int, int],
-    windows: tuple[bytes, bytes],
-    guards: tuple[int, int],
-    trainings: tuple[int, int],
-    rate: float,
-    method: str,
-    num_looks: int,
-) -> _Test:
-    slow, fast = map(np.frombuffer, windows)
-    rate = cell_rate(slow, fast, rate, num_looks)
-    counts = training_counts(shape, guards, trainings)
-    share = independent_part(slow, fast, guards, trainings, rate, num_looks)
-    ranks = None
-    if method == "ca":
-        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, num_looks)
-    else:
-        ranks = scaled_ranks(counts, DEFAULT_RANK)
-        share = independent_part_below(share, DEFAULT_RANK, num_looks)
-
-        def ordered(count: float) -> float:
-            """At the same quantile, of as many cells as are independent."""
-            independent = max(1.0, share * count)
-            rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
-            return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, num_looks)
-
-        factor = tabulated(counts, ordered)
-    per_sum = np.where(np.isfinite(factor), factor, 0.0) / np.maximum(counts, 1)
-    return _Test(guards, trainings, factor, per_sum, ranks)
+    return map_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
 
 
 def _local_maxima(power: NDArray[Any], is_iq: bool) -> NDArray[np.bool_]:
     """Cells that none of their eight neighbours exceeds; velocity is cyclic, range too with I/Q."""
     beside = _beside(power, is_iq)
     highest = np.maximum(np.maximum(beside[:, :-2], beside[:, 2:]), power)
-    around = np.maximum(np.roll(highest, 1, axis=0), np.roll(highest, -1, axis=0))
-    return np.asarray((power > 0.0) & (power >= highest) & (power >= around))
+    around = np.concatenate([highest[-1:], highest, highest[:1]])
+    highest = np.maximum(np.maximum(around[:-2], around[2:]), highest)
+    return np.asarray((power > 0.0) & (power >= highest))
 
 
 def _beside(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
     """The map with a column more on both sides; the spectrum of real samples is even about both its ends."""
-    return np.pad(power, ((0, 0), (1, 1)), mode="wrap" if is_iq or power.shape[1] < 2 else "reflect")
+    left, right = (-1, 0) if is_iq or power.shape[1] < 2 else (1, -2)
+    return np.concatenate([power[:, [left]], power, power[:, [right]]], axis=1)
 
 
 def _between_cells(
@@ -503,14 +425,6 @@ def _without_sidelobes(
             lobes = lobes * envelope(layout.fast, np.maximum(columns - near, 0.0))
         leaked += np.sqrt(height[index]) * lobes
     return np.array(kept, dtype=np.intp)
-
-
-@lru_cache(maxsize=16)
-def _offsets(guards: tuple[int, int], trainings: tuple[int, int], width: int) -> NDArray[np.intp]:
-    """Training cells relative to the one in the middle, in a map with rows of `width` cells laid end to end."""
-    rows, columns = (np.arange(-g - t, g + t + 1) for g, t in zip(guards, trainings, strict=True))
-    is_beside = (np.abs(rows)[:, None] > guards[0]) | (np.abs(columns) > guards[1])
-    return (rows[:, None] * width + columns)[is_beside]
 
 
 def _medians(around: NDArray[Any]) -> NDArray[np.float64]:

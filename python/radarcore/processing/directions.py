@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ _SHORTEST_EXTENT = 1e-3
 _CELLS_PER_LOBE = 4
 """Grid points per ``wavelength / extent``: the highest is within an eighth of the peak, where power is concave."""
 
+_FINER = 4
+"""Times as many for an array with an extent along x, whose lobes are narrow in sines far from the front."""
+
 _NUM_STEPS = 4
 """Newton steps from the grid, an eighth of a lobe off at most: errors of 1e-8 of a lobe and then of rounding."""
 
@@ -24,7 +27,7 @@ _AMBIGUOUS = 0.99
 """Power of a grating lobe over that of the main lobe above which noise decides between them."""
 
 _BLOCK = 2**20
-"""Grid cells of all detections worked on at a time, 16 MB."""
+"""Numbers of an array worked on at a time, 16 MB."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -64,7 +67,8 @@ def directions(
     the snapshot: the estimate of maximum likelihood for one target in white noise. An array without an extent along y
     tells no azimuth, one without an extent along z no elevation, and its targets count as being at elevation 0
     (azimuth 0). An array along an oblique line tells neither. Where antennas are so far apart that several directions
-    give the same phases (above half a wavelength between channels), the one nearest to the front is taken.
+    give the same phases (above half a wavelength between channels), the one nearest to the front is taken. With an
+    array that is not flat (an extent along x), directions more than 70 degrees from the front may be missed.
 
     Parameters
     ----------
@@ -99,7 +103,7 @@ def directions(
     # Take off what is not direction; what has no direction stays NaN.
     azimuth, elevation = np.full(number, np.nan), np.full(number, np.nan)
     covariance = np.full((number, 2, 2), np.nan)
-    array = _Array.of(radar)
+    array, ambiguities = _array(radar)
     size = np.abs(values).max(axis=1, initial=0.0)
     known = np.isfinite(size) & (size > 0.0)
     if not known.any() or not any(array.told):
@@ -110,7 +114,7 @@ def directions(
     # reaches beyond the horizon: what is near to it on one side may have its highest grid point on the other.
     grid = array.grid(1.0 if array.x.any() else 1.0 + float(array.step.max()))
     sines = _refined(waves, array, _highest(waves, array, grid))
-    sines = _nearest_to_front(sines, _ambiguities(array))
+    sines = _nearest_to_front(sines, ambiguities)
     sines = _refined(waves, array, _within(sines, 1.0), largest=1.0, num_steps=3)
 
     # Angles, and how sure they are.
@@ -156,21 +160,12 @@ class _Array:
     across: _Reals  # (channel, 2), along y and z; zero where nothing is told
     told: tuple[bool, bool]
 
-    @classmethod
-    def of(cls, radar: Radar) -> _Array:
-        positions = radar.virtual_array / radar.waveform.wavelength
-        across = positions[:, 1:] - positions[:, 1:].mean(axis=0)
-        told = np.ptp(across, axis=0) > _SHORTEST_EXTENT
-        if told.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
-            told[:] = False
-        k = 2.0 * np.pi
-        return cls(k * (positions[:, 0] - positions[:, 0].mean()), k * across * told, (bool(told[0]), bool(told[1])))
-
     @cached_property
     def step(self) -> _Reals:
         """Distance of grid points in both sines, (2,)."""
         extent = np.ptp(self.across, axis=0) / (2.0 * np.pi)
-        step: _Reals = 1.0 / (_CELLS_PER_LOBE * np.maximum(extent, 1.0))
+        cells_per_lobe = _CELLS_PER_LOBE * (_FINER if self.x.any() else 1)
+        step: _Reals = 1.0 / (cells_per_lobe * np.maximum(extent, 1.0))
         return step
 
     def grid(self, largest: float) -> _Reals:
@@ -202,12 +197,32 @@ class _Array:
         return slopes
 
 
+@lru_cache(maxsize=16)
+def _array(radar: Radar) -> tuple[_Array, _Reals]:
+    """The channels of a radar, and `_ambiguities`."""
+    positions = radar.virtual_array / radar.waveform.wavelength
+    along, across = (
+        2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
+        positions[:, 1:] - positions[:, 1:].mean(0),
+    )
+    told = np.ptp(across, axis=0) > _SHORTEST_EXTENT
+    if told.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
+        told[:] = False
+    array = _Array(along, 2.0 * np.pi * across * told, (bool(told[0]), bool(told[1])))
+    return array, _ambiguities(array)
+
+
 def _highest(waves: _Complexes, array: _Array, grid: _Reals) -> _Reals:
     """The grid's sines of most power, (detection, 2)."""
-    undo = np.exp(1j * array.phases(grid)).T
-    rows = max(1, _BLOCK // len(grid))
-    best = [np.abs(waves[i : i + rows] @ undo).argmax(axis=1) for i in range(0, len(waves), rows)]
-    highest: _Reals = grid[np.concatenate(best)]
+    highest, largest = np.zeros((len(waves), 2)), np.full(len(waves), -1.0)
+    block = max(1, _BLOCK // max(waves.shape))
+    for k in range(0, len(grid), block):
+        cells = grid[k : k + block]
+        power = np.abs(waves @ np.exp(1j * array.phases(cells)).T)
+        best = power.argmax(axis=1)
+        level = power[np.arange(len(waves)), best]
+        higher = level > largest
+        highest[higher], largest[higher] = cells[best[higher]], level[higher]
     return highest
 
 
@@ -260,16 +275,22 @@ def _ambiguities(array: _Array) -> _Reals:
     Of arrays across x; with an extent along x, phases of different directions are never quite the same.
     """
     none = np.zeros((1, 2))
-    if array.x.any():
+    if array.x.any() or not any(array.told):
         return none
     grid = array.grid(2.0)
     num_channels = len(array.across)
-    near = np.abs(np.exp(1j * array.phases(grid)).sum(axis=1)) ** 2 >= 0.7 * num_channels**2
-    ones = np.ones((np.count_nonzero(near), num_channels), np.complex128)
-    peaks = _refined(ones, array, grid[near])
-    power = np.abs(np.exp(1j * array.phases(peaks)).sum(axis=1)) ** 2
-    peaks = peaks[(power >= _AMBIGUOUS * num_channels**2) & (np.abs(peaks) > array.step).any(axis=1)]
+    block = max(1, _BLOCK // num_channels)
+    blocks = (grid[k : k + block] for k in range(0, len(grid), block))
+    near = np.concatenate([cells[_common_power(array, cells) >= 0.7] for cells in blocks])
+    peaks = _refined(np.ones((len(near), num_channels), np.complex128), array, near)
+    peaks = peaks[(_common_power(array, peaks) >= _AMBIGUOUS) & (np.abs(peaks) > array.step).any(axis=1)]
     return np.concatenate([none, np.unique(np.round(peaks, 9), axis=0)])
+
+
+def _common_power(array: _Array, differences: _Reals) -> _Reals:
+    """Power of a beam over that in its middle at such a difference of sines, (difference,)."""
+    power: _Reals = np.abs(np.exp(1j * array.phases(differences)).mean(axis=-1)) ** 2
+    return power
 
 
 def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:

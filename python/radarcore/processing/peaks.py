@@ -121,10 +121,10 @@ def strongest_peak(
         raise ValueError(
             f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
-    range_limits = _limits("range", "m", min_range, max_range)
+    range_limits = limits("range", "m", min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
         waveform.require_range()
-    velocity_limits = _limits("velocity", "m/s", min_velocity, max_velocity)
+    velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
     least_snr_db = None if min_snr_db is None else check.number("min_snr_db", min_snr_db, "dB")
 
     # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
@@ -219,8 +219,8 @@ def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> 
     return float(10.0 * np.log10(factor * median_of_unit_mean(num_channels)))
 
 
-def _limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
-    """Both limits of a search; None: no limit."""
+def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
+    """Both limits of a search, in order; None: no limit."""
     lowest = -np.inf if low is None else check.number(f"min_{name}", low, unit)
     highest = np.inf if high is None else check.number(f"max_{name}", high, unit)
     if lowest > highest:

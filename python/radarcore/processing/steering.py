@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 
+_UNEQUAL = 1e-3
+"""Steps between elements that differ by less than this part of their mean are equal: rounded positions."""
+
 
 def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
     """Directions (..., 3) in the sensor frame (x forward, y left, z up) of angles [rad], broadcast together."""
@@ -53,6 +56,20 @@ def steering_weights(
     places = check.array("positions", positions, (None, 3))
     length = check.positive("wavelength", wavelength, "m")
     return steering_vectors(places, length, unit_vectors(*checked_angles(azimuth, elevation))).conj()
+
+
+def uniform_row(positions: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]] | None:
+    """Order of elements along a line and the step (3,) [m] from one to the next; None unless all steps are equal."""
+    if len(positions) < 2:
+        return None
+    from_first = positions - positions[0]
+    line = from_first[np.square(from_first).sum(axis=1).argmax()]
+    order = np.argsort(from_first @ line, kind="stable")
+    steps = np.diff(positions[order], axis=0)
+    step = steps.mean(axis=0)
+    length = float(np.linalg.norm(step))
+    is_uniform = length > 0.0 and bool((np.linalg.norm(steps - step, axis=1) <= _UNEQUAL * length).all())
+    return (order, step) if is_uniform else None
 
 
 def checked_angles(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
