@@ -56,8 +56,8 @@ from radarcore.processing.tracker_settings import TrackerSettings as TrackerSett
 from radarcore.processing.tracking import Tracker as Tracker
 from radarcore.processing.tracking import track as track
 from radarcore.processing.tracks import Track as Track
-from radarcore.processing.tracks import TrackState as TrackState
 from radarcore.processing.tracks import Tracks as Tracks
+from radarcore.processing.tracks import TrackState as TrackState
 from radarcore.processing.tracks import assign_to_truth as assign_to_truth
 from radarcore.processing.velocity import chirp_rate_velocity as chirp_rate_velocity
 from radarcore.processing.velocity import doppler_velocity as doppler_velocity
