@@ -78,7 +78,6 @@ def recording(ways: list[list[list[float]]], duration: float) -> rc.Recording:
         rc.Scene([*walls, cylinder, *limbs]),
         rc.bgt60tr13c(),
         radar_motion=rc.Pose([0.0, 0.0, 1.0]),
-        field_of_view_deg=(120.0, 60.0),
         sampling="fast",
     )
     return simulator.record(0.0, duration, rate=RATE, progress=False)
