@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,10 +109,12 @@ def directions(
     covariance = np.full((number, 2, 2), np.nan)
     array, ambiguities = _array(radar)
     size = np.abs(values).max(axis=1, initial=0.0)
-    known = np.isfinite(size) & (size > 0.0)
+    known: Any = np.isfinite(size) & (size > 0.0)
     if not known.any() or not any(array.told):
         return Directions(azimuth, elevation, covariance)
-    waves = values[known] / size[known, None] * (corrections if corrections.ndim == 1 else corrections[known])
+    if known.all():
+        known = slice(None)
+    waves = values[known] / size[known][:, None] * (corrections if corrections.ndim == 1 else corrections[known])
 
     # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
     sines = _aligned(waves, array)
@@ -182,8 +185,10 @@ class _Array:
 
     @cached_property
     def front(self) -> _Reals:
-        """The grid that is searched: it reaches beyond the horizon, as what is near to that on one side may have its
-        highest grid point on the other."""
+        """The grid that is searched.
+
+        It reaches beyond the horizon: what is near to that on one side may have its highest grid point on the other.
+        """
         return self.grid(1.0 if self.x.any() else 1.0 + float(self.step.max()))
 
     @cached_property
@@ -209,6 +214,11 @@ class _Array:
     def products(self) -> _Reals:
         """Products of the slopes of a flat array, see `_products`."""
         return _products(self.across)
+
+    @cached_property
+    def variances(self) -> tuple[_Reals, _Reals, _Reals]:
+        """Of the sines by a flat array, see `_variances`."""
+        return _variances(self.across, self.told)
 
     def forward(self, sines: _Reals) -> _Reals:
         """The direction's part along x."""
@@ -251,7 +261,8 @@ def _aligned(waves: _Complexes, array: _Array) -> _Reals:
     undone, shifts = array.aligning
     over_first = waves[:, 1:] * waves[:, :1].conj()
     sines = _nearest_to_front(np.angle(over_first) @ undone, shifts)
-    sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
+    if not over_first.all():
+        sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
     return sines
 
 
@@ -285,10 +296,8 @@ def _refined(
     for _ in range(num_steps):
         # Power |b|^2 and its derivatives; b is the sum of the channels with the wave's phases undone.
         terms = waves * np.exp(1j * array.phases(sines))
-        if array.x.any():
-            sums = (terms[:, None] @ _products(array.slopes(sines)))[:, 0]
-        else:
-            sums = terms @ array.products
+        products = _products(array.slopes(sines)) if array.x.any() else array.products
+        sums = (terms[:, None] @ products)[:, 0]
         total, first, second = sums[:, :1].conj(), sums[:, 1:3], sums[:, 3:]
         gradient = -(total * first).imag
         yy, zz, yz = (first[:, [0, 1, 0]] * first[:, [0, 1, 1]].conj() - total * second).real.T
@@ -296,7 +305,7 @@ def _refined(
         larger = 0.5 * (yy + zz) + np.hypot(0.5 * (yy - zz), yz) if has_both else yy + zz
         shift = 1.5 * np.maximum(larger, 0.0)
         yy, zz = yy - shift * along - (1.0 - along), zz - shift * up - (1.0 - up)
-        step = np.clip(-_solved(yy, zz, yz, gradient), -array.step, array.step)
+        step = np.minimum(np.maximum(-_solved(yy, zz, yz, gradient), -array.step), array.step)
         sines = _within(sines + step, largest)
         if not (np.abs(step) > _SMALL_STEP * array.step).any():
             break
@@ -365,17 +374,25 @@ def _least_covariance(array: _Array, sines: _Reals, az: _Reals, el: _Reals, snr:
     The Fisher information of the sines is ``2 snr`` times the sum over the channels of the squared slopes of the phase
     about their mean (Van Trees, Optimum Array Processing, 8.4).
     """
-    # Variances of the sines: the inverse of the information, for each of both alone where only one is told.
-    slopes = array.slopes(sines) if array.x.any() else array.across
-    yy, zz, yz = np.moveaxis(_products(slopes - slopes.mean(axis=-2, keepdims=True))[..., 3:].sum(axis=-2), -1, 0)
-    yy, zz = yy + (not array.told[0]), zz + (not array.told[1])
-    scale = 1.0 / (2.0 * snr * (yy * zz - yz * yz))
-    yy, zz, yz = zz * scale, yy * scale, -yz * scale
-
+    yy, zz, yz = _variances(array.slopes(sines), array.told) if array.x.any() else array.variances
     # Angles by sines: u_y = cos(el) sin(az), u_z = sin(el).
-    across = np.cos(el)
-    by_y, by_z = 1.0 / (np.cos(az) * across), np.tan(az) * np.tan(el) / across
-    both = (by_y * yz + by_z * zz) / across
-    covariance = np.array([by_y**2 * yy + 2.0 * by_y * by_z * yz + by_z**2 * zz, both, both, zz / across**2])
-    covariance[[not array.told[0], not all(array.told), not all(array.told), not array.told[1]]] = np.nan
-    return covariance.T.reshape(-1, 2, 2)
+    along = 1.0 / np.cos(el)
+    by_y, by_z = along / np.cos(az), np.tan(az) * np.tan(el) * along
+    both = (by_y * yz + by_z * zz) * along
+    covariance = np.empty((len(snr), 2, 2))
+    covariance[:, 0, 0] = by_y * (by_y * yy + 2.0 * by_z * yz) + by_z * by_z * zz if array.told[0] else np.nan
+    covariance[:, 0, 1] = covariance[:, 1, 0] = both if all(array.told) else np.nan
+    covariance[:, 1, 1] = along * along * zz if array.told[1] else np.nan
+    return covariance * (0.5 / snr)[:, None, None]
+
+
+def _variances(slopes: _Reals, told: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
+    """Of both sines and their covariance (...,), times twice the SNR; slopes (..., channel, 2).
+
+    The inverse of the information; of the one sine alone where only one is told.
+    """
+    about_mean = slopes - slopes.mean(axis=-2, keepdims=True)
+    yy, zz, yz = np.moveaxis(_products(about_mean)[..., 3:].sum(axis=-2), -1, 0)
+    yy, zz = yy + (not told[0]), zz + (not told[1])
+    determinant = yy * zz - yz * yz
+    return zz / determinant, yy / determinant, -yz / determinant
