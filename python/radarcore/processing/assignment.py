@@ -57,7 +57,7 @@ def assign(
     num_measured = (~np.isnan(between)).sum(axis=-1)
     inside = (squares <= limits[num_measured]) & (num_measured > 0)
     rows, columns, cost = rows[inside], columns[inside], (squares + log_determinant)[inside]
-    if len(rows) < 2:
+    if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no two want the same
         return rows, columns
 
     from scipy.optimize import linear_sum_assignment  # here: as above

@@ -177,7 +177,7 @@ def detect(
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
     offset, height = _between_cells(power, rows, columns + first, layout)
     peaks = offset + np.array([rows, columns + first])
-    kept = _without_sidelobes(*peaks, height, searched[rows, columns], least, layout, dynamic_range)
+    kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, dynamic_range)
     if len(kept) == 0:
         return _none(time)
 
@@ -392,7 +392,7 @@ def _local_maxima(power: NDArray[Any], layout: _Layout) -> NDArray[np.bool_]:
     highest = np.maximum(around[:, :-2], around[:, 2:])
     np.maximum(highest, around[:, 1:-1], out=highest)
     beside = np.maximum(highest[:-2], highest[2:])
-    is_maximum = power >= np.maximum(beside, highest[1:-1], out=beside)
+    is_maximum = np.asarray(power >= np.maximum(beside, highest[1:-1], out=beside))
     is_maximum &= power > 0.0
     if not layout.is_tested.all():
         is_maximum &= layout.is_tested[:, None]
@@ -430,20 +430,22 @@ def _between_cells(
 
 
 def _without_sidelobes(
-    row: NDArray[np.float64],
-    column: NDArray[np.float64],
+    peaks: NDArray[np.float64],
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
     layout: _Layout,
     dynamic_range_db: float,
 ) -> NDArray[np.intp]:
-    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first."""
+    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
+
+    `peaks` are their rows and columns (axis, peak).
+    """
     least = np.sqrt(np.maximum(threshold, height.max() * 10.0 ** (-0.1 * dynamic_range_db)))
     margin = np.sqrt(cell.astype(np.float64)) - least
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
-    row, column, margin = row[order], column[order], margin[order]
+    (row, column), margin = peaks[:, order], margin[order]
     # The distance that a target crosses in a frame widens its lobes along both axes alike.
     near = _OFF_PEAK + 0.5 * layout.smear * np.abs(layout.wrapped_row(row))
     amplitude = np.sqrt(height[order])
@@ -463,7 +465,7 @@ def _without_sidelobes(
             if leaked[index] < margin[index]:
                 kept.append(index)
                 leaked[first:] += lobe
-    return order[np.array(kept, dtype=np.intp)]
+    return np.asarray(order[np.array(kept, dtype=np.intp)])
 
 
 def _fitted(

@@ -109,5 +109,5 @@ def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Arr
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    squares = np.einsum("...i,...ij,...j->...", innovation, np.linalg.inv(covariance), innovation)
+    squares = (innovation * np.linalg.solve(covariance, innovation[..., None])[..., 0]).sum(axis=-1)
     return squares, np.log(np.linalg.det(covariance))

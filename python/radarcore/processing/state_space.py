@@ -47,9 +47,9 @@ def observe(state: Array) -> tuple[Array, Array]:
     if d == 1:
         return state, np.broadcast_to(np.eye(2), (number, 2, 2))
     position, motion = state[:, :d], state[:, d:]
-    distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", position, position)), SHORTEST_RANGE)
+    distance = np.maximum(np.sqrt((position * position).sum(axis=1)), SHORTEST_RANGE)
     towards = position / distance[:, None]
-    rate = np.einsum("ij,ij->i", towards, motion)
+    rate = (towards * motion).sum(axis=1)
     value, jacobian = np.empty((number, d + 1)), np.zeros((number, d + 1, 2 * d))
     value[:, 0], value[:, 1] = distance, rate
     jacobian[:, 0, :d] = jacobian[:, 1, d:] = towards
@@ -97,8 +97,9 @@ def expect(state: Array, covariance: Array) -> Expected:
 
     # Half the traces of their products with the covariance, and of the products of two of those.
     spread = second @ covariance[:, None]
-    value[:, :2] += 0.5 * np.einsum("nkii->nk", spread)
-    curvature[:, :2, :2] = 0.5 * np.einsum("nkij,nlji->nkl", spread, spread)
+    value[:, :2] += 0.5 * spread.trace(axis1=2, axis2=3)
+    flat = (number, 2, 4 * d * d)
+    curvature[:, :2, :2] = 0.5 * (spread.reshape(flat) @ spread.mT.reshape(flat).mT)
     return Expected(value, jacobian, first_order, curvature)
 
 

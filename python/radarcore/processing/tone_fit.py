@@ -53,7 +53,8 @@ class Axes:
 
     @property
     def num_cells(self) -> int:
-        return self.inverse.shape[-1]
+        """Cells of each axis."""
+        return len(self.inverse[0, 0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,7 +102,7 @@ class Tracker:
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
             )
         values, covariance = coordinates(detections), covariances(detections)
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        variance = covariance.diagonal(axis1=1, axis2=2)
         if ((variance < 0.0) | (variance == np.inf)).any():
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
@@ -136,7 +136,7 @@ class Tracker:
         s, told = self.settings, values.shape[1]
 
         # The usual errors where detections do not tell theirs.
-        unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+        unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
         if unknown.any():
             usual = self._usual[:told, :told]
             covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
