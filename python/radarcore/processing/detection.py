@@ -44,6 +44,9 @@ _OFF_PEAK = 0.1
 _LEAST_GAIN = 0.05
 """Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
 
+_FLAT = 1e-30
+"""Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
+
 _BLOCK = 64
 """Maxima whose sidelobes are worked out at a time."""
 
@@ -167,7 +170,8 @@ def detect(
     searched = power[:, first:last]
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
     test = map_test(searched.shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
-    is_maximum = _local_maxima(power, layout)[:, first:last]
+    around = _surrounded(power, layout.is_iq)
+    is_maximum = _local_maxima(around, layout)[:, first:last]
     rows, columns, least = test.passed(searched, is_maximum)
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
@@ -175,7 +179,7 @@ def detect(
 
     # Without sidelobes, and without what rounding of the samples may be.
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
-    offset, height = _between_cells(power, rows, columns + first, layout)
+    offset, height = _between_cells(around, rows, columns + first)
     peaks = offset + np.array([rows, columns + first])
     kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, dynamic_range)
     if len(kept) == 0:
@@ -268,22 +272,27 @@ class _Layout:
         return float(np.sign(self.coordinates.waveform.slope)) * self.beat_step
 
     @cached_property
-    def by_cell(self) -> NDArray[np.float64]:
-        """Derivatives of range and velocity by column and row, (2, 2); NaN for what is not told."""
+    def per_variance(self) -> NDArray[np.float64]:
+        """Covariance of range and velocity by the variances of row and column [cells^2], (2, 4)."""
         slopes = np.asarray(self.coordinates.slopes() * (self.signed_beat_step, self.doppler_step))
         slopes[[not self.has_range, not self.has_velocity]] = np.nan
-        return slopes
+        return np.array([np.outer(slope, slope).ravel() for slope in slopes.T[::-1]])
+
+    @cached_property
+    def metres_per_column(self) -> float:
+        """Range from one column to the next [m]."""
+        return abs(float(self.beat_step * self.coordinates.slopes()[0, 0]))
 
     @property
     def num_rows(self) -> int:
+        """Rows of the map."""
         return len(self.row_gain)
 
     def searched(self, lowest: float) -> tuple[int, int]:
         """First and last column (exclusive) to be searched."""
         if not self.has_range or self.num_columns <= 2 * _MAIN_LOBE:
             return 0, self.num_columns
-        nearest = abs(float(self.by_cell[0, 0]))  # [m] per column
-        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / nearest))
+        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
@@ -386,9 +395,9 @@ def _map(
     return cells, power
 
 
-def _local_maxima(power: NDArray[Any], layout: _Layout) -> NDArray[np.bool_]:
-    """Cells to be tested that none of their eight neighbours exceeds."""
-    around = _surrounded(power, layout.is_iq)
+def _local_maxima(around: NDArray[Any], layout: _Layout) -> NDArray[np.bool_]:
+    """Cells to be tested that none of their eight neighbours exceeds; `around`: the map as `_surrounded`."""
+    power = around[1:-1, 1:-1]
     highest = np.maximum(around[:, :-2], around[:, 2:])
     np.maximum(highest, around[:, 1:-1], out=highest)
     beside = np.maximum(highest[:-2], highest[2:])
@@ -413,20 +422,17 @@ def _surrounded(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
 
 
 def _between_cells(
-    power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: _Layout
+    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Offsets of local maxima along rows and columns (axis, peak) and heights, by parabolas through the log power."""
-    around = _surrounded(power, layout.is_iq)
     width = around.shape[1]
     cross = np.array([[0], [-width], [-1], [width], [1]])
     levels = around.ravel()[(rows + 1) * width + columns + 1 + cross].astype(np.float64)
     levels = np.log(np.maximum(levels, 1e-30 * levels[0]))
-    before, after = levels[1:3] - levels[0], levels[3:] - levels[0]
-    curvature = before + after
-    is_peak = curvature < 0.0
-    offset = 0.5 * (before - after) / np.where(is_peak, curvature, -1.0) * is_peak
-    offset = np.minimum(np.maximum(offset, -0.5), 0.5)
-    return offset, np.exp(levels[0] - 0.25 * ((before - after) * offset).sum(axis=0))
+    levels[1:] -= levels[0]
+    slope, curvature = levels[1:3] - levels[3:], np.minimum(levels[1:3] + levels[3:], -_FLAT)
+    offset = np.minimum(np.maximum(0.5 * slope / curvature, -0.5), 0.5)
+    return offset, np.exp(levels[0] - 0.25 * (slope * offset).sum(axis=0))
 
 
 def _without_sidelobes(
@@ -445,22 +451,23 @@ def _without_sidelobes(
     margin = np.sqrt(cell.astype(np.float64)) - least
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
-    (row, column), margin = peaks[:, order], margin[order]
+    peaks, margin = peaks[:, order], margin[order]
+    cell_of = np.rint(peaks)
     # The distance that a target crosses in a frame widens its lobes along both axes alike.
-    near = _OFF_PEAK + 0.5 * layout.smear * np.abs(layout.wrapped_row(row))
+    near = _OFF_PEAK + 0.5 * layout.smear * np.abs(layout.wrapped_row(peaks[0]))
     amplitude = np.sqrt(height[order])
     leaked = np.zeros(len(order))
     kept = []
     for first in range(0, len(order), _BLOCK):
         some = slice(first, first + _BLOCK)
-        rows = np.abs(np.rint(row[first:]) - row[some, None])
-        columns = np.abs(np.rint(column[first:]) - column[some, None])
-        rows = np.minimum(rows, layout.num_rows - rows)
+        rows, columns = apart = np.abs(cell_of[:, None, first:] - peaks[:, some, None])
+        np.minimum(rows, layout.num_rows - rows, out=rows)
         if layout.is_iq:
-            columns = np.minimum(columns, layout.num_columns - columns)
-        lobes = amplitude[some, None] * envelope(layout.slow, np.maximum(rows - near[some, None], 0.0))
+            np.minimum(columns, layout.num_columns - columns, out=columns)
+        rows, columns = np.maximum(apart - near[some, None], 0.0)
+        lobes = amplitude[some, None] * envelope(layout.slow, rows)
         if layout.has_range:
-            lobes *= envelope(layout.fast, np.maximum(columns - near[some, None], 0.0))
+            lobes *= envelope(layout.fast, columns)
         for index, lobe in enumerate(lobes, first):
             if leaked[index] < margin[index]:
                 kept.append(index)
@@ -487,9 +494,8 @@ def _covariance(layout: _Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArra
     """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
     some = np.where(tones.information > 0.0, tones.information, np.inf)  # what is not told has none
     variance = 0.5 / (snr[:, None] * some)  # in cells^2
-    by_column, by_row = variance[:, 1, None, None], variance[:, 0, None, None]
-    per_column, per_row = layout.by_cell.T
-    return by_column * np.outer(per_column, per_column) + by_row * np.outer(per_row, per_row)
+    covariance: NDArray[np.float64] = (variance @ layout.per_variance).reshape(-1, 2, 2)
+    return covariance
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:

@@ -19,6 +19,9 @@ from radarcore.processing.constant_false_alarm import (
 from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
 from radarcore.processing.false_alarms import averaging_factor, ordered_factor
 
+_MOST_BY_PRODUCTS = 128
+"""Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
+
 
 @dataclass(frozen=True, eq=False)
 class MapTest:
@@ -45,7 +48,7 @@ class MapTest:
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
         """Rows, columns and thresholds of the candidates above it."""
         if self.ranks is None:
-            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
+            threshold = self._sums(power) * self.per_sum.astype(power.dtype)
             rows, columns = np.nonzero((power > threshold) & is_candidate & self.has_training)
             return rows, columns, threshold[rows, columns]
         rows, columns = np.nonzero(is_candidate & self.has_training)
@@ -56,6 +59,24 @@ class MapTest:
         rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
         ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
         return rows, columns, self.factor[rows, columns] * ordered
+
+    def _sums(self, power: NDArray[Any]) -> NDArray[Any]:
+        """Sums of the training cells, (row, column), see `training_sums`: of small maps by two products of matrices."""
+        if max(power.shape) > _MOST_BY_PRODUCTS:
+            return training_sums(power, self.guards, self.trainings)
+        over_columns, over_rows = self._bands
+        parts = (power @ over_columns.astype(power.dtype)).reshape(-1, power.shape[1])  # of every row two
+        return np.asarray(over_rows.astype(power.dtype) @ parts)
+
+    @cached_property
+    def _bands(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Ones for what is added: columns beside the guard cells, and of the whole window; then rows of both."""
+        rows, columns = (np.abs(np.subtract.outer(*2 * [np.arange(length)])) for length in self.counts.shape)
+        (row_guard, column_guard), (row_training, column_training) = self.guards, self.trainings
+        across, along = columns <= column_guard + column_training, rows <= row_guard + row_training
+        over_columns = np.concatenate([across & (columns > column_guard), across], axis=1)
+        over_rows = np.stack([rows <= row_guard, along & (rows > row_guard)], axis=2).reshape(len(rows), -1)
+        return over_columns.astype(np.float32), over_rows.astype(np.float32)
 
     def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells that have any."""
