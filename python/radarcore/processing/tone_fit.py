@@ -138,26 +138,28 @@ def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64]
     each = np.arange(number)[:, None]
     offset = start.copy()
     for _ in range(_NUM_STEPS):
-        # Tone and derivative in the cells, both through the inverse, and their products with each other and the cells.
+        # Tone and derivative in the cells, both through the inverse; their products with each other and the cells.
         pair = _tones(offset, axes)[_BOTH, each, :, wanted]
         through = (axes.inverse @ pair).conj()  # (axis, tone, cell, 2)
-        square, cross, change = _products(pair, through)
+        products = pair.mT @ through  # (axis, tone, 2, 2)
         in_columns = through[0, :, :num_rows].mT @ by_row  # (tone, 2, channel, column), the last two in one
         found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :num_columns]
-        found = found.reshape(number, 2, num_channels, 2)
+        found = found.reshape(number, 2, num_channels, 2).swapaxes(1, 2).reshape(number, num_channels, 4)
 
-        # Fisher's scoring: a change of phase is none of frequency, and is taken off.
-        matched = found[:, 0, :, 0]
-        energy = np.maximum((matched.real**2 + matched.imag**2).sum(axis=1), _TINY)
-        by_offset = np.array([found[:, 1, :, 0], found[:, 0, :, 1]])
-        slope = (matched.conj() * by_offset).real.sum(axis=2) / energy - cross.real
-        step = slope / np.where(change > 0.0, change, 1.0)
-        offset += np.minimum(np.maximum(step.T, -0.5), 0.5)
-    lost = (np.abs(offset - start) > _FARTHEST).any(axis=1)
-    offset[lost] = start[lost]
+        # What of the derivatives is across the tone: a change of phase is none of frequency.
+        along = products / products[..., :1, :1]
+        across = (along[..., 1, 1] - along[..., 1, 0] * along[..., 0, 1]).real.T
+        # Fisher's scoring.
+        energies = found[:, :, :1].conj().mT @ found
+        slope = (energies[:, 0, 2:0:-1] / np.maximum(energies[:, 0, :1], _TINY) - along[..., 1, 0].T).real
+        step = slope / np.maximum(across, _TINY)
+        offset += np.minimum(np.maximum(step, -0.5), 0.5)
+    lost = np.abs(offset - start) > _FARTHEST
+    if lost.any():
+        offset = np.where(lost.any(axis=1, keepdims=True), start, offset)
     # The last step is too small to change the amplitude, whose slope is zero at the peak.
-    gain = square[0] * square[1]
-    return Fit(offset, matched / gain[:, None], gain, change.T)
+    gain = products[:, :, 0, 0].real.prod(axis=0)
+    return Fit(offset, found[:, :, 0] / gain[:, None], gain, across)
 
 
 def _tones(offset: NDArray[np.float64], axes: Axes) -> NDArray[np.complex128]:
@@ -168,13 +170,3 @@ def _tones(offset: NDArray[np.float64], axes: Axes) -> NDArray[np.complex128]:
     np.multiply.accumulate(powers, axis=2, out=powers)
     values = (powers @ axes.series).view(np.complex128)
     return values.reshape(2, len(offset), 2, -1)
-
-
-def _products(
-    pair: NDArray[np.complex128], through: NDArray[np.complex128]
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
-    """Square of each tone; over that, its product with the derivative, and the square of what is across it of that."""
-    products = pair.mT @ through
-    square = products[..., 0, 0].real
-    cross = products[..., 1, 0] / square
-    return square, cross, products[..., 1, 1].real / square - cross.real**2 - cross.imag**2
