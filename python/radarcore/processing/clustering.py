@@ -189,7 +189,7 @@ def pairs_within(
         near = np.ones((number, number), dtype=bool)
         if distance is not None:
             apart = points[:, None] - points
-            near = np.einsum("ijk,ijk->ij", apart, apart) <= distance**2
+            near = (apart * apart).sum(axis=2) <= distance**2
         if velocity is not None:
             near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
         near.flat[:: number + 1] = True  # those whose range is not told, too

@@ -141,7 +141,8 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    if not np.isfinite(samples).all():
+    energy = np.vdot(samples, samples)  # no number either if a sample is none
+    if not np.isfinite(energy) and not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(
             f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"

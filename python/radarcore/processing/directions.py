@@ -118,12 +118,12 @@ def directions(
 
     # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
     sines = _aligned(waves, array)
-    lost = ~(np.square(sines).sum(axis=1) <= 1.0)
+    lost = ~((sines * sines).sum(axis=1) <= 1.0)
     if lost.any():
         sines[lost] = _searched(waves[lost], array, ambiguities)
 
     # Angles, and how sure they are.
-    el = np.arcsin(np.clip(sines[:, 1], -1.0, 1.0))
+    el = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
     az = np.arctan2(sines[:, 0], array.forward(sines))
     if array.told[0]:
         azimuth[known] = az
@@ -222,7 +222,8 @@ class _Array:
 
     def forward(self, sines: _Reals) -> _Reals:
         """The direction's part along x."""
-        forward: _Reals = np.sqrt(np.maximum(1.0 - np.square(sines).sum(axis=-1), 0.0))
+        y, z = sines[..., 0], sines[..., 1]
+        forward: _Reals = np.sqrt(np.maximum(1.0 - y * y - z * z, 0.0))
         return forward
 
     def phases(self, sines: _Reals) -> _Reals:
@@ -364,7 +365,7 @@ def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
     """Of the directions that give the same phases, the one nearest to the front."""
     candidates = sines[:, None] + ambiguities
     which = np.square(candidates).sum(axis=-1).argmin(axis=1)
-    nearest: _Reals = candidates[np.arange(len(sines)), which]
+    nearest: _Reals = sines + ambiguities[which]
     return nearest
 
 
@@ -376,14 +377,15 @@ def _least_covariance(array: _Array, sines: _Reals, az: _Reals, el: _Reals, snr:
     """
     yy, zz, yz = _variances(array.slopes(sines), array.told) if array.x.any() else array.variances
     # Angles by sines: u_y = cos(el) sin(az), u_z = sin(el).
-    along = 1.0 / np.cos(el)
-    by_y, by_z = along / np.cos(az), np.tan(az) * np.tan(el) * along
+    along, slope = 1.0 / np.cos(el), np.tan(az)
+    by_y, by_z = along / np.cos(az), slope * np.tan(el) * along
     both = (by_y * yz + by_z * zz) * along
-    covariance = np.empty((len(snr), 2, 2))
-    covariance[:, 0, 0] = by_y * (by_y * yy + 2.0 * by_z * yz) + by_z * by_z * zz if array.told[0] else np.nan
-    covariance[:, 0, 1] = covariance[:, 1, 0] = both if all(array.told) else np.nan
-    covariance[:, 1, 1] = along * along * zz if array.told[1] else np.nan
-    return covariance * (0.5 / snr)[:, None, None]
+    first = by_y * (by_y * yy + 2.0 * by_z * yz) + by_z * by_z * zz
+    covariance = (np.array([first, both, both, along * along * zz]) * (0.5 / snr)).T.reshape(-1, 2, 2)
+    if not all(array.told):
+        untold = int(array.told[0])
+        covariance[:, [untold, 0, 1], [untold, 1, 0]] = np.nan
+    return covariance
 
 
 def _variances(slopes: _Reals, told: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
