@@ -1,6 +1,7 @@
 """Run time from samples to tracks, stage by stage: people who walk in a room with a cylinder.
 
-python benches/processing.py         print the table
+python benches/processing.py         print the tables
+python benches/processing.py --write also write the section of docs/tracking.md
 python benches/processing.py --tiny  a few frames
 
 Every frame goes through ``rc.detect(frame)`` and ``Tracker.update`` with their defaults, on one thread. Times are those
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from page import table
+from page import DOCS, machine, table, write_section
 from radarcore.processing import detection, map_test
 
 RATE = 40.0
@@ -39,6 +40,17 @@ STAGES: dict[str, tuple[Any, str]] = {
     "directions": (detection, "directions"),
 }
 """Where the functions of the stages of `rc.detect` are looked up."""
+
+TEXT = """\
+## Speed
+
+From samples to tracks, `rc.detect(frame)` and `Tracker.update`, with the defaults of both and of `rc.bgt60tr13c()`, on
+one thread ({machine}, shared with others). People walk in front of three walls and a metal cylinder. Processor time
+per frame; "x real time" is the interval of {rate:.0f} frames per second over the mean. Written by
+`python benches/processing.py --write`.
+
+{tables}
+"""
 
 Array = NDArray[np.float64]
 
@@ -72,7 +84,7 @@ def recording(ways: list[list[list[float]]], duration: float) -> rc.Recording:
         motion=rc.Pose([2.4, 0.5, 1.0]),
         name="cylinder",
     )
-    people = [rc.models.Human(height=1.75, speed=1.1, path=way) for way in ways]
+    people = [rc.models.Human(height=1.75, speed=0.85, path=way) for way in ways]
     limbs = [body for k, person in enumerate(people) for body in person.bodies(name=f"person {k}")]
     simulator = rc.Simulator(
         rc.Scene([*walls, cylinder, *limbs]),
@@ -126,8 +138,8 @@ def measure(rec: rc.Recording, num_rounds: int, *, by_stage: bool) -> tuple[dict
     return times, *counts
 
 
-def print_times(name: str, rec: rc.Recording, num_rounds: int) -> None:
-    """Table of the stages."""
+def times_of(name: str, rec: rc.Recording, num_rounds: int) -> str:
+    """Table of the stages, with what was in the frames."""
     whole, num_detections, num_tracks = measure(rec, num_rounds, by_stage=False)
     stages, *_ = measure(rec, num_rounds, by_stage=True)
     parts = {stage: stages[stage] for stage in STAGES}
@@ -135,9 +147,9 @@ def print_times(name: str, rec: rc.Recording, num_rounds: int) -> None:
     parts["tracker"] = stages["track"]
     parts["all"] = whole["all"]
     shape = " x ".join(map(str, rec.cube.shape[1:]))
-    print(f"\n{name}: {len(rec)} frames of {shape} float32, {num_rounds} rounds, one thread")
+    lines = [f"{name.capitalize()}: {len(rec)} frames of {shape} float32, {num_rounds} rounds;"]
     for kind, counts in (("detections", num_detections), ("tracks", num_tracks)):
-        print(f"{counts.mean():.1f} {kind} a frame, {counts.min():.0f} to {counts.max():.0f}")
+        lines.append(f"{counts.mean():.1f} {kind} a frame ({counts.min():.0f} to {counts.max():.0f})")
     # What else the machine does makes rounds slower, none faster: the best one is what the work takes.
     header = ["stage", "mean [ms]", "median", "worst", "mean of best round", "x real time"]
     rows = []
@@ -145,15 +157,20 @@ def print_times(name: str, rec: rc.Recording, num_rounds: int) -> None:
         mean, best = each.mean(), each.mean(axis=1).min()
         values = (mean, np.median(each), each.max(), best)
         rows.append([stage, *(f"{1e3 * value:.3f}" for value in values), f"{1.0 / (RATE * mean):.0f}"])
-    print(table(header, rows))
+    return f"{lines[0]} {', '.join(lines[1:])}.\n\n{table(header, rows)}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tiny", action="store_true")
+    parser.add_argument("--write", action="store_true", help="write the section of docs/tracking.md")
     options = parser.parse_args()
-    for name, ways in WAYS.items():
-        print_times(name, recording(ways, 0.1 if options.tiny else 3.0), 1 if options.tiny else 10)
+    duration, num_rounds = (0.1, 1) if options.tiny else (3.0, 10)
+    tables = [times_of(name, recording(ways, duration), num_rounds) for name, ways in WAYS.items()]
+    print("\n\n".join(tables))
+    if options.write:
+        text = TEXT.format(machine=machine(), rate=RATE, tables="\n\n".join(tables))
+        write_section(DOCS / "tracking.md", "processing", text)
 
 
 if __name__ == "__main__":
