@@ -85,8 +85,8 @@ class Tracker:
         Parameters
         ----------
         detections : Detections
-            At a later time than those before. Values that are NaN are left out; those that lack one of the coordinates
-            but the velocity begin no track.
+            At a later time than those before. Values that are NaN are left out, and angles of a variance above
+            pi^2 / 3, which may be any; those that lack one of the coordinates but the velocity begin no track.
 
         Returns
         -------
