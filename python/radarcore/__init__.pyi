@@ -39,6 +39,7 @@ from radarcore.recording.recording import Recording as Recording
 from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget
+from radarcore.scene.interferer import Interferer as Interferer
 from radarcore.scene.library import materials as materials
 from radarcore.scene.material import Material as Material
 from radarcore.scene.permittivity import ColeCole as ColeCole

@@ -308,6 +308,18 @@ class RadarTable(Table):
     )
 
 
+class InterfererTable(PlacedTable):
+    """Another radar, which transmits; it looks along its x axis."""
+
+    name: str | None = _key(None, "", "for pictures and messages")
+    radar: RadarTable = _key(..., "", "the other radar; its receivers do not matter")
+    start: float = _key(0.0, "s", "time at which one of its frames starts")
+    rate: float | None = _key(None, "Hz", "frames per second; default: one per frame_interval of its radar")
+    drift_ppm: float = _key(0.0, "ppm", "how much faster its clock runs")
+    start_phase: Literal["chirp", "frame"] = _key("chirp", "", "its oscillator has a random phase anew in every")
+    bounces: int = _key(1, "", "0: the direct path alone; 1: paths over one body as well")
+
+
 class RunTable(Table):
     """Times and settings of the simulation."""
 
@@ -351,3 +363,4 @@ class SceneTable(Table):
     point: list[PointTable] = _key([], "", "ideal point targets")
     human: list[HumanTable] = _key([], "", "walking people")
     arm: list[ArmTable] = _key([], "", "robot arms")
+    interferer: list[InterfererTable] = _key([], "", "other radars")

@@ -34,6 +34,9 @@ _FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
 """Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
 
 
+_COMPRESSES = 1e-4
+"""Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
+
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
 
@@ -223,6 +226,14 @@ class Doubts:
             notice.warn(
                 f"adaptive sampling ended at its finest cells or its ray_budget: {cells_not_split} cells have a larger "
                 "residual error than rcs_floor asks for"
+            )
+
+    def of_interference(self, power: float) -> None:
+        """Warn of an interferer whose power at a receiver [W] drives real ones out of their linear range."""
+        if power > _COMPRESSES and self._is_new("interference"):
+            notice.warn(
+                f"an interferer is received with {10.0 * np.log10(power) + 30.0:.0f} dBm: real receivers compress what "
+                "is above about -10 dBm, this one is linear"
             )
 
     def _is_new(self, kind: str) -> bool:

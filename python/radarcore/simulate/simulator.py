@@ -25,6 +25,7 @@ from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.doubts import Doubts
+from radarcore.simulate.interference import Interference
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, whole_tiles
@@ -269,10 +270,11 @@ class Simulator(Settings):
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
         engines = [self._engine, *(self._new_engine() for _ in range(side_by_side - 1))]
-        for start, ideal, cube in in_order(self._received, placed, engines, _core.Simulator.stop):
+        for start, ideal, cube, others in in_order(self._received, placed, engines, _core.Simulator.stop):
             self._doubts.of_frame(ideal, self.scene.names)
-            stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg}
+            stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg} | others
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
+            self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
             assert ideal.truth is not None  # as every scene has one
             self._doubts.of_velocities(self.scene.names, ideal.truth[1])
             yield Frame(cube, start, self.radar, Truth.from_rows(self.scene.names, ideal.truth), stats)
@@ -292,15 +294,20 @@ class Simulator(Settings):
         if self.field_of_view_deg is not None:
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
-    def _received(self, engine: _core.Simulator, placed: Placed) -> tuple[float, _core.IdealFrame, NDArray[Any]]:
-        """Start [s], ideal frame and cube as received, of a placed motion."""
+    def _received(
+        self, engine: _core.Simulator, placed: Placed
+    ) -> tuple[float, _core.IdealFrame, NDArray[Any], dict[str, Any]]:
+        """Start [s], ideal frame, cube as received and counts of interference, of a placed motion."""
         start, motion = placed
         rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
         ideal, num_times = engine.frame(motion, rates), _NUM_TIMES
         while ideal is None:  # too few times for the motion
             num_times = 2 * num_times - 1
             ideal = engine.frame(next(self._placement.frames([start], num_times)), None)
-        return start, ideal, receive(ideal.cube, self.radar, start, seed=self.seed)
+        cube, counts = ideal.cube, dict[str, Any]()
+        if self.scene.interferers:
+            counts = self._interference.add_to(cube, engine, start)
+        return start, ideal, receive(cube, self.radar, start, seed=self.seed), counts
 
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
@@ -347,6 +354,10 @@ class Simulator(Settings):
         )
 
     @cached_property
+    def _interference(self) -> Interference:
+        return Interference(self.scene, self.radar, self._motion, self._placement, self, self.view_deg)
+
+    @cached_property
     def _doubts(self) -> Doubts:
         return Doubts(self.radar, self.tolerance)
 
@@ -368,10 +379,11 @@ class Simulator(Settings):
     def _source(self) -> dict[str, Any]:
         """Origin of the samples, for the recording."""
         bodies = list(self.scene.names)
-        return {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **self.to_dict()}
+        others = {"interferers": list(self.scene.interferer_names)} if self.scene.interferers else {}
+        return {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **others, **self.to_dict()}
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_engine", "_placement", "_materials")
+        made = ("_engine", "_placement", "_materials", "_interference")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
 

@@ -1,0 +1,229 @@
+"""Other radars of a scene at the receivers of ours: where they are, what they send, how it arrives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import _core
+from radarcore.motion.protocol import Motion, poses_at
+from radarcore.radar.pattern import Pattern
+from radarcore.radar.radar import Radar
+from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
+from radarcore.receive.low_pass import LowPass
+from radarcore.scene.interferer import Interferer
+from radarcore.scene.scene import Scene
+from radarcore.simulate.directions import angles
+from radarcore.simulate.first_bounce import FirstBounce
+from radarcore.simulate.placement import Placement
+from radarcore.simulate.sectors import Angles
+from radarcore.simulate.settings import Settings
+from radarcore.units import SPEED_OF_LIGHT
+
+_CLEARANCE = 1e-3
+"""Smallest distance of an antenna of an interferer from ours [m]."""
+
+_SHORTEST = 1e-6
+"""Shortest time over which delays are taken as linear [s]."""
+
+Floats = NDArray[np.float64]
+
+
+class Interference:
+    """Signals of the interferers of a scene at the receivers of a radar.
+
+    Parameters
+    ----------
+    scene : Scene
+    radar : Radar
+    motion : Motion
+        Sensor to world.
+    placement : Placement
+        Of the same scene and motion.
+    settings : Settings
+        Of the simulator.
+    view_deg : (float, float)
+        Field of view of the simulator [degrees].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        radar: Radar,
+        motion: Motion,
+        placement: Placement,
+        settings: Settings,
+        view_deg: Angles,
+    ) -> None:
+        self._scene, self._radar, self._motion, self._placement = scene, radar, motion, placement
+        self._seed = settings.seed
+        self._low_pass = LowPass(0.5 * radar.waveform.sample_rate)
+        self._bounces = [
+            FirstBounce(scene, radar, interferer, motion, placement, settings, view_deg) if interferer.bounces else None
+            for interferer in scene.interferers
+        ]
+        # Channels of the same receiver whose chirps start together get the same.
+        offsets, self._offset = np.unique(radar.channel_offsets, return_inverse=True)
+        self._receiver = np.arange(radar.num_channels) % len(radar.rx)
+        self._starts = radar.waveform.chirp_times + offsets[:, None]  # (offset, chirp)
+
+    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> dict[str, Any]:
+        """Add the signals to the ideal samples (channel, chirp, sample) of a frame that starts at a time [s].
+
+        `engine`: the counterpart of the simulator in the core, which finds what is occluded. Returns counts.
+        """
+        num_offsets, num_chirps = self._starts.shape
+        shape = num_offsets, len(self._radar.rx), num_chirps, self._radar.waveform.num_samples
+        total, is_hit = np.zeros(shape, dtype=np.complex128), np.zeros(shape[:3], dtype=np.bool_)
+        rows, strongest = np.repeat(self._starts, shape[1], axis=0), 0.0
+        for number, interferer in enumerate(self._scene.interferers):
+            chirps = self._chirps(interferer, number, start)
+            for arrivals in self._arrivals(interferer, number, engine, start):
+                samples, hit = beat_of_chirps(chirps, arrivals, self._radar.waveform, rows, self._low_pass)
+                total += samples.reshape(shape)
+                is_hit |= hit.reshape(shape[:3])
+                strongest = max(strongest, float(np.abs(arrivals.amplitude).max(initial=0.0)) ** 2)
+        cube += total[self._offset, self._receiver].astype(cube.dtype)
+        return {
+            "interferers": len(self._scene.interferers),
+            "chirps_hit": int(is_hit.any(axis=1).sum()),
+            "interference_power": float(np.mean(np.abs(total) ** 2)),
+            "strongest_interferer": strongest,
+        }
+
+    def _chirps(self, interferer: Interferer, number: int, start: float) -> Chirps:
+        """Chirps of an interferer around a frame that starts at a time [s]."""
+        wf, clock = interferer.radar.waveform, interferer.clock
+        end = float(self._starts.max() + self._radar.waveform.sample_times[-1])
+        # Delays of up to as long as the frame, some chirps before it.
+        reach = self._low_pass.settling_time + end + interferer.ramp_duration
+        starts, frame, chirp = interferer.chirps_between(-reach, end, start)
+        if wf.is_cw:
+            phases = wf.start_frequency * clock * starts + _turns(self._seed, number, np.zeros(1, dtype=np.int64))
+        else:
+            anew = chirp if interferer.start_phase == "chirp" else np.zeros_like(chirp)
+            phases = _turns(self._seed, number, frame, anew)
+        return Chirps(
+            starts=starts,
+            phases=phases % 1.0,
+            start_frequency=wf.start_frequency * clock,
+            slope=wf.slope * clock**2,
+            duration=interferer.ramp_duration / clock,
+        )
+
+    def _arrivals(
+        self, interferer: Interferer, number: int, engine: _core.Simulator, start: float
+    ) -> Iterator[Arrivals]:
+        """The direct paths, and those over bodies, of a frame."""
+        middle = start + 0.5 * self._radar.waveform.duration
+        yield self._direct(interferer, engine, start, middle)
+        if (bounce := self._bounces[number]) is not None:
+            found = bounce.paths(start)
+            since = np.repeat(self._starts, len(self._radar.rx), axis=0) - (middle - start)  # (receiver, chirp)
+            again = len(self._starts)
+            delay, rate = (np.tile(values, (again, 1))[:, :, None] for values in (found.delay, found.delay_rate))
+            amplitude = np.tile(found.amplitude, (again, 1))[:, :, None]
+            later = delay + rate * since[:, None, :]
+            yield Arrivals(
+                delay=later,
+                delay_rate=np.broadcast_to(rate, later.shape),
+                amplitude=np.broadcast_to(amplitude, later.shape),
+                sent_after=interferer.sent_after[found.transmitter] / interferer.clock,
+            )
+
+    def _direct(self, interferer: Interferer, engine: _core.Simulator, start: float, middle: float) -> Arrivals:
+        """Paths from transmitters to receivers by Friis' formula."""
+        ours, other = self._radar, interferer.radar
+        span = max(float(ours.waveform.sample_times[-1]), _SHORTEST)
+        times = start + np.array([[0.0], [span]]) + self._starts.ravel()  # (end, chirp of an offset)
+        sensor, sender = (
+            poses_at(motion, times.ravel()).reshape(*times.shape, 3, 4) for motion in (self._motion, interferer.motion)
+        )
+        rx, tx = _in_world(sensor, ours.rx)[..., :, None, :], _in_world(sender, other.tx)[..., None, :, :]
+        offsets = tx - rx  # (end, chirp, rx, tx, 3)
+        distance = np.linalg.norm(offsets, axis=-1)
+        if distance.min() < _CLEARANCE:
+            raise ValueError(
+                f"interferer: expected antennas at least {1e3 * _CLEARANCE:g} mm from ours, got "
+                f"{1e3 * distance.min():.2g} mm at {start:g} s"
+            )
+
+        # Amplitudes at the starts of the chirps: gains, polarisation, and transmitters that a body occludes.
+        to_tx = offsets[0] / distance[0, ..., None]
+        at_rx, at_tx = _turned(sensor[0], to_tx), _turned(sender[0], -to_tx)
+        gains = _gains(ours.rx_patterns, at_rx, 1) * _gains(other.tx_patterns, at_tx, 2)
+        amplitude: Floats = np.sqrt(other.tx_power * gains) * other.waveform.wavelength / (4.0 * np.pi * distance[0])
+        amplitude *= _match(ours, other, sensor[0], sender[0], to_tx)
+        amplitude[..., self._is_hidden(interferer, engine, middle)] = 0.0
+
+        delay = distance / SPEED_OF_LIGHT
+        rows = (len(self._starts), -1, len(ours.rx), len(other.tx))
+
+        def by_receiver(values: Floats) -> Floats:  # from (chirp of an offset, rx, tx)
+            ordered = values.reshape(rows).transpose(0, 2, 3, 1)
+            return ordered.reshape(-1, *ordered.shape[2:])
+
+        return Arrivals(
+            delay=by_receiver(delay[0]),
+            delay_rate=by_receiver((delay[1] - delay[0]) / span),
+            amplitude=by_receiver(amplitude).astype(np.complex128),
+            sent_after=interferer.sent_after / interferer.clock,
+        )
+
+    def _is_hidden(self, interferer: Interferer, engine: _core.Simulator, middle: float) -> NDArray[np.bool_]:
+        """True for transmitters that a body occludes from the centre of our array, at the middle of a frame [s]."""
+        if not self._scene.parts.meshed:
+            return np.zeros(len(interferer.radar.tx), dtype=np.bool_)
+        sensor, sender = (poses_at(motion, [middle])[0] for motion in (self._motion, interferer.motion))
+        seen = (_in_world(sender, interferer.radar.tx) - sensor[:, 3]) @ sensor[:, :3] - self._radar.array_center
+        is_hidden, _ = engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
+        return is_hidden
+
+
+def _in_world(poses: Floats, points: Floats) -> Floats:
+    """Points (n, 3) of a sensor frame in the world at poses (..., 3, 4), (..., n, 3)."""
+    world: Floats = points @ np.swapaxes(poses[..., :3], -1, -2) + poses[..., None, :, 3]
+    return world
+
+
+def _turned(poses: Floats, directions: Floats) -> Floats:
+    """Directions of the world (time, rx, tx, 3) in sensor frames at poses (time, 3, 4)."""
+    turned: Floats = directions @ poses[:, None, :, :3]
+    return turned
+
+
+def _gains(patterns: tuple[Pattern, ...], directions: Floats, axis: int) -> Floats:
+    """Gains of antennas, one per entry of an axis, in directions (time, rx, tx, 3) of their frame."""
+    of_each = np.moveaxis(directions, axis, 0)
+    return np.stack([pattern.gain(*angles(seen)) for pattern, seen in zip(patterns, of_each, strict=True)], axis=axis)
+
+
+def _match(ours: Radar, other: Radar, sensor: Floats, sender: Floats, to_tx: Floats) -> Floats | float:
+    """Part of the field that our antennas take: product of the polarisations, as far as they are across the path."""
+    if ours.polarization_vector is None or other.polarization_vector is None:
+        return 1.0
+    fields = [
+        (pose[:, :, :3] @ np.array(radar.polarization_vector))[:, None, None, :]
+        for pose, radar in ((sensor, ours), (sender, other))
+    ]
+    across = [field - (field * to_tx).sum(axis=-1, keepdims=True) * to_tx for field in fields]
+    match: Floats = (across[0] * across[1]).sum(axis=-1)
+    return match
+
+
+def _turns(seed: int, *counters: Any) -> Floats:
+    """Random phases [turns] that belong to a seed and to counters, by the mixer of SplitMix64.
+
+    G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
+    """
+    state = np.array([seed], dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for counter in counters:
+            state = state * np.uint64(0x9E3779B97F4A7C15) + np.asarray(counter).astype(np.uint64)
+            state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            state ^= state >> np.uint64(31)
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
