@@ -242,7 +242,9 @@ def test_schema_is_text_or_json() -> None:
     text = run("schema").stdout
     assert "body[].shape.radius" in text
     found = json.loads(run("schema", "--json").stdout)
-    assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm"} == set(found["properties"])
+    assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm", "interferer"} == set(
+        found["properties"]
+    )
 
 
 def test_reader_that_leaves_early_is_no_error() -> None:

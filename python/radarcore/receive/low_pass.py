@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.radar.radar import Radar
 
 _SETTLED = 1e-5
 """Gain below which frequencies, and what is left after the settling time, are nothing beside the passband."""
 
-_HIGHEST_ORDER = 12
+_HIGHEST_ORDER = 16
 """Largest order: partial fractions of higher ones cancel each other."""
 
 _FAR = 50.0
@@ -33,7 +34,7 @@ class LowPass:
     cutoff : float
         Frequency of half the power [Hz].
     order : int
-        Number of poles, 1 to 12.
+        Number of poles, 1 to 16.
     """
 
     cutoff: float
@@ -118,3 +119,11 @@ class LowPass:
             sign, root = -np.sign(slope)[rows], np.sqrt(4j * np.pi * slope)[rows]
             modes[is_near] = sign * np.sqrt(np.pi) / (1j * root) * wofz(sign * rate[is_near] / root)
         return self.residues * modes
+
+
+def low_pass_of(radar: Radar) -> LowPass:
+    """Low-pass of the radar's receiver; one at half the sample rate for a receiver that has no filter set."""
+    cutoff = getattr(radar.receiver, "low_pass", None)
+    if cutoff is None:
+        return LowPass(0.5 * radar.waveform.sample_rate)
+    return LowPass(cutoff, getattr(radar.receiver, "low_pass_order", LowPass.order))

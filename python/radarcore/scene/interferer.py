@@ -116,7 +116,9 @@ class Interferer:
     @property
     def sent_after(self) -> NDArray[np.float64]:
         """Time from the start of a chirp to that of every transmitter [s of its clock], (tx,)."""
-        return self.radar.channel_offsets.reshape(len(self.radar.tx), -1)[:, 0]
+        offsets, num_tx = self.radar.channel_offsets, len(self.radar.tx)
+        # A radar whose transmitters send at once may have channels of its receivers alone.
+        return offsets[:: len(self.radar.rx)] if len(offsets) == num_tx * len(self.radar.rx) else np.zeros(num_tx)
 
     def chirps_between(
         self, begin: float, end: float, origin: float

@@ -23,6 +23,9 @@ from radarcore.units import SPEED_OF_LIGHT
 _NUM_TIMES = 17
 """Times of a frame at which motion is placed."""
 
+_NUM_RAYS = 2**18
+"""Rays across the field of view."""
+
 _STEP = 1e-2
 """Distance of antennas by which scattering points are located [m]."""
 
@@ -77,7 +80,8 @@ class FirstBounce:
 
     Rays from the centre of our array find the surfaces; physical optics (docs/theory.md, eqs. (2) and (3)) gives what
     each reflects from a transmitter at the interferer's place, by footprint sampling, which holds for transmitters
-    anywhere. What the interferer does not see is left out. Points follow the bistatic radar equation.
+    anywhere; curved bodies of whose Fresnel zone a pixel is a large part are off by some dB, or lost. What the
+    interferer does not see is left out. Points follow the bistatic radar equation.
 
     Parameters
     ----------
@@ -111,6 +115,7 @@ class FirstBounce:
         self._waveform = radar.waveform.replace(start_frequency=self._frequency, slope=0.0)
         self._settings = Settings(
             sampling="footprint",
+            resolution=_pixels(view_deg),
             field_of_view_deg=view_deg,
             gain_floor_db=np.inf,
             max_bounces=1,
@@ -241,6 +246,15 @@ class FirstBounce:
         reached = np.cumsum(strength[order]) <= (1.0 - _DROPPED) * strength.sum()
         kept = order[: min(int(reached.sum()) + 1, _MOST)]
         return mean_delay[:, kept], mean_rate[:, kept], total[:, kept]
+
+
+def _pixels(view_deg: Angles) -> tuple[int, int]:
+    """Rows and columns of `_NUM_RAYS` pixels across a field of view, about as wide as high."""
+    horizontal, vertical = view_deg
+    rows, columns = (
+        max(1, round((_NUM_RAYS * ratio) ** 0.5)) for ratio in (vertical / horizontal, horizontal / vertical)
+    )
+    return rows, columns
 
 
 def _located(lengths: Floats) -> Floats:

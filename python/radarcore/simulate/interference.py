@@ -13,7 +13,7 @@ from radarcore.motion.protocol import Motion, poses_at
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
-from radarcore.receive.low_pass import LowPass
+from radarcore.receive.low_pass import low_pass_of
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.scene import Scene
 from radarcore.simulate.directions import angles
@@ -60,7 +60,7 @@ class Interference:
     ) -> None:
         self._scene, self._radar, self._motion, self._placement = scene, radar, motion, placement
         self._seed = settings.seed
-        self._low_pass = LowPass(0.5 * radar.waveform.sample_rate)
+        self._low_pass = low_pass_of(radar)
         self._bounces = [
             FirstBounce(scene, radar, interferer, motion, placement, settings, view_deg) if interferer.bounces else None
             for interferer in scene.interferers
@@ -86,7 +86,8 @@ class Interference:
                 total += samples.reshape(shape)
                 is_hit |= hit.reshape(shape[:3])
                 strongest = max(strongest, float(np.abs(arrivals.amplitude).max(initial=0.0)) ** 2)
-        cube += total[self._offset, self._receiver].astype(cube.dtype)
+        # The first rows are the channels.
+        cube[: len(self._receiver)] += total[self._offset, self._receiver].astype(cube.dtype)
         return {
             "interferers": len(self._scene.interferers),
             "chirps_hit": int(is_hit.any(axis=1).sum()),
