@@ -35,10 +35,16 @@ def one_path(num_chirps: int, delay: float = 0.0, rate: float = 0.0, amplitude: 
     return Arrivals(np.full(shape, delay), np.full(shape, rate), np.full(shape, amplitude + 0j), np.zeros(1))
 
 
-def beat(chirps: Chirps, wf: rc.Waveform, arrivals: Arrivals | None = None, low_pass: LowPass | None = None) -> Array:
+def beat(
+    chirps: Chirps,
+    wf: rc.Waveform,
+    arrivals: Arrivals | None = None,
+    low_pass: LowPass | None = None,
+    strongest: float | None = None,
+) -> Array:
     """Samples (chirp, sample) of one receiver."""
     paths = one_path(wf.num_chirps) if arrivals is None else arrivals
-    return beat_of_chirps(chirps, paths, wf, wf.chirp_times[None], low_pass or LowPass(0.5 * RATE))[0][0]
+    return beat_of_chirps(chirps, paths, wf, wf.chirp_times[None], low_pass or LowPass(0.5 * RATE), strongest)[0][0]
 
 
 # --- The filter
@@ -52,7 +58,9 @@ def test_filter_is_that_of_butterworth(order: int) -> None:
     # Partial fractions of order 16 are as large as 1e3: their sum is off by as many roundings.
     np.testing.assert_allclose(low_pass.gain(frequency), expected, rtol=0.0, atol=1e-11)
     assert abs(low_pass.gain(np.array(2e5))) ** 2 == pytest.approx(0.5, rel=1e-9)
-    assert abs(low_pass.gain(np.array(low_pass.band))) == pytest.approx(1e-5, rel=1e-3)
+    band = low_pass.band(np.array([1.0, 1e-2, 1e-4, 1e-6]))
+    np.testing.assert_allclose(np.abs(low_pass.gain(band[:2])), [1e-4, 1e-2], rtol=1e-9)
+    assert band[2:].tolist() == [0.0, 0.0]
 
 
 def test_filter_of_a_receiver_without_one_is_at_half_the_sample_rate() -> None:
@@ -75,7 +83,7 @@ def test_response_to_a_chirp_solves_the_equation_of_the_filter(slope: float) -> 
     values = np.stack([modes(u[:, k]) for k in range(5)])
     change = (values[0] - 8.0 * values[1] + 8.0 * values[3] - values[4]) / (12.0 * step)
     driven = low_pass.poles * values[2] + low_pass.residues * np.exp(1j * np.pi * slope * times**2)[:, None]
-    # (2 pi / 20)^4 / 30 of the rate; the series is off by 1e-7, and by the free decay below 1e-5.
+    # (2 pi / 20)^4 / 30 of the rate; the series is off by 1e-7, and by the free decay below 1e-4.
     assert np.abs(change - driven).max() <= 1e-3 * np.abs(low_pass.residues).max()
 
 
@@ -94,8 +102,9 @@ def test_equal_slopes_give_a_tone_with_the_gain_of_the_filter_there(offset: floa
         own = F0 * t + 0.5e11 * t**2
         gain = LowPass(0.5 * RATE).gain(np.array(-offset - 1e11 * start))
         expected = np.conj(amplitude) * gain * np.exp(2j * np.pi * ((own - other) % 1.0))
-        # Phases of 1e8 turns are rounded to 1e-8 turns, on both sides.
-        np.testing.assert_allclose(samples[chirp], expected, rtol=0.0, atol=1e-6 * abs(amplitude))
+        # Phases of 1e8 turns are rounded to 1e-8 turns, on both sides. Less than -80 dB is left out.
+        error = 1e-6 if abs(gain) > 1e-4 else 1e-4
+        np.testing.assert_allclose(samples[chirp], expected, rtol=0.0, atol=error * abs(amplitude))
 
 
 @pytest.mark.parametrize(("shift", "lag"), [(0.0, 1.5e-6), (1e5, 0.0), (-5e4, 2e-6)])
@@ -225,11 +234,11 @@ def test_samples_are_those_of_a_sum_of_small_steps(seed: int) -> None:
         rng.normal(size=shape) + 1j * rng.normal(size=shape),
         np.array([0.0, rng.uniform(0.0, 5e-6)]),
     )
-    low_pass = LowPass(rng.uniform(2e5, 5e5), int(rng.integers(1, 5)))
+    low_pass = LowPass(rng.uniform(2e5, 5e5), int(rng.integers(1, 4)))
     got = beat(chirps, wf, arrivals, low_pass)
     expected = stepped(chirps, arrivals, wf, low_pass, 64)
     # Edges fall between steps: up to a step of a chirp is missing, 1/64 of a sample beside bursts of many. Edges
-    # beyond the filter's band, more than 17 cut-offs away, make clicks of up to 1/17 for a sample in the sum alone.
+    # beyond the filter's band, more than 21 cut-offs away, make clicks of up to 1/21 for a sample in the sum alone.
     allowed = 0.02 * max(np.linalg.norm(expected), 2.0)
     assert np.linalg.norm(got - expected) <= allowed, f"seed {seed}"
 
@@ -243,7 +252,7 @@ def test_paths_add_up() -> None:
         np.concatenate([path.amplitude for path in paths], axis=1),
         np.zeros(2),
     )
-    apart = sum(beat(chirps, wf, path) for path in paths)
+    apart = sum(beat(chirps, wf, path, strongest=1.0) for path in paths)
     np.testing.assert_allclose(beat(chirps, wf, both), apart, rtol=0.0, atol=1e-12)
 
 

@@ -63,15 +63,20 @@ class Arrivals:
 
 
 def beat_of_chirps(
-    chirps: Chirps, arrivals: Arrivals, waveform: Waveform, starts: Floats, low_pass: LowPass
+    chirps: Chirps,
+    arrivals: Arrivals,
+    waveform: Waveform,
+    starts: Floats,
+    low_pass: LowPass,
+    strongest: float | None = None,
 ) -> tuple[Complex, NDArray[np.bool_]]:
     """Samples of chirps of another radar that a receiver mixes with its own chirps.
 
     A chirp that arrives with the phase ``phi(t - tau)`` has the beat phase ``psi = phi_own(t) - phi(t - tau)`` in the
     convention of echoes, the frequency of which sweeps with the difference of the slopes. The response of the low-pass
-    filter to it is exact, for any slopes, while the difference is within the filter's `band`; beyond, where less than a
-    millionth passes, it is zero: transmitters that are switched on or off there make no click. Our ramps are taken to
-    have begun before their start for as long as the filter settles.
+    filter to it is exact, for any slopes, while more than -80 dB of the strongest path pass the filter; beyond it is
+    zero: transmitters that are switched on or off there make no click. Our ramps are taken to have begun before their
+    start for as long as the filter settles.
 
     Parameters
     ----------
@@ -82,6 +87,8 @@ def beat_of_chirps(
     starts : (receiver, chirp) float64
         Starts of the receiver's own chirps after that of the frame [s].
     low_pass : LowPass
+    strongest : float, optional
+        Amplitude of the strongest path [sqrt(W)]; default: of these.
 
     Returns
     -------
@@ -90,7 +97,9 @@ def beat_of_chirps(
     is_hit : (receiver, chirp) bool
         True for chirps of the receiver in which the difference was within the filter's passband.
     """
-    beats = _Beats.of(chirps, arrivals, waveform, starts, low_pass)
+    if strongest is None:
+        strongest = float(np.abs(arrivals.amplitude).max(initial=0.0))
+    beats = _Beats.of(chirps, arrivals, waveform, starts, low_pass, max(strongest, np.finfo(np.float64).tiny))
     samples = np.zeros((starts.size * waveform.num_samples,), dtype=np.complex128)
     is_hit = np.zeros(starts.shape, dtype=np.bool_)
     is_hit.ravel()[beats.place[beats.passes(low_pass.cutoff)]] = True
@@ -134,7 +143,15 @@ class _Beats:
     """Times from and to which its difference is within the filter's band, too."""
 
     @classmethod
-    def of(cls, chirps: Chirps, arrivals: Arrivals, waveform: Waveform, starts: Floats, low_pass: LowPass) -> _Beats:
+    def of(
+        cls,
+        chirps: Chirps,
+        arrivals: Arrivals,
+        waveform: Waveform,
+        starts: Floats,
+        low_pass: LowPass,
+        strongest: float,
+    ) -> _Beats:
         # Chirps that arrive between the settling time before an own chirp and its last sample.
         lag = arrivals.delay + arrivals.sent_after[:, None] - starts[:, None, :]  # (receiver, path, chirp)
         last = float(waveform.sample_times[-1])
@@ -144,7 +161,8 @@ class _Beats:
         flat = lag.ravel()
         lowest = np.searchsorted(chirps.starts, settled - chirps.duration - flat - slack, side="left")
         highest = np.searchsorted(chirps.starts, last - flat + slack, side="right")
-        numbers = np.where(arrivals.amplitude.ravel() != 0.0, highest - lowest, 0)
+        band = low_pass.band(np.abs(arrivals.amplitude.ravel()) / strongest)
+        numbers = np.where(band > 0.0, highest - lowest, 0)
         pair = np.repeat(np.arange(len(flat)), numbers)
         sent = np.arange(len(pair)) + np.repeat(lowest - np.cumsum(numbers) + numbers, numbers)
 
@@ -160,13 +178,13 @@ class _Beats:
         c2 = 0.5 * (waveform.slope - slope * g * g)
 
         # When the chirp is on, and when the difference is within the band of the filter.
-        on, off = delayed / g, (delayed + chirps.duration) / g
+        on, off, band = delayed / g, (delayed + chirps.duration) / g, band[pair]
         with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.array([-low_pass.band - c1, low_pass.band - c1]) / (2.0 * c2)
-        always = np.where(np.abs(c1) <= low_pass.band, np.inf, -np.inf)
+            ends = np.array([-band - c1, band - c1]) / (2.0 * c2)
+        always = np.where(np.abs(c1) <= band, np.inf, -np.inf)
         enter, leave = np.where(c2 == 0.0, [-always, always], np.sort(ends, axis=0))
         begin, end = np.maximum(np.maximum(on, enter), settled), np.minimum(np.minimum(off, leave), last)
-        clicks_on, clicks_off = (np.abs(c1 + 2.0 * c2 * edge) < low_pass.band for edge in (on, off))
+        clicks_on, clicks_off = (np.abs(c1 + 2.0 * c2 * edge) < band for edge in (on, off))
         amplitude = arrivals.amplitude.ravel()[pair].conj()
         kept = begin < end
         all_of = (place, amplitude, c0 % 1.0, c1, c2, on, off, clicks_on, clicks_off, begin, end)

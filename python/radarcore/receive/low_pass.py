@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 
-_SETTLED = 1e-5
+_SETTLED = 1e-4
 """Gain below which frequencies, and what is left after the settling time, are nothing beside the passband."""
 
 _HIGHEST_ORDER = 16
@@ -61,14 +61,15 @@ class LowPass:
         residues: Complex = rate / apart.prod(axis=1)
         return residues
 
-    @cached_property
-    def band(self) -> float:
-        """Frequency [Hz] beyond which the gain is below -100 dB."""
-        return float(self.cutoff * _SETTLED ** (-1.0 / self.order))
+    def band(self, amplitude: Floats) -> Floats:
+        """Frequencies [Hz] beyond which less than -80 dB of 1 are left of amplitudes; zero if it was less before."""
+        attenuation = np.maximum(amplitude / _SETTLED, 1.0)
+        band: Floats = self.cutoff * (attenuation**2 - 1.0) ** (0.5 / self.order)
+        return band
 
     @cached_property
     def settling_time(self) -> float:
-        """Time [s] after which -100 dB are left of what was."""
+        """Time [s] after which -80 dB are left of what was."""
         return -log(_SETTLED) / self._slowest
 
     @property

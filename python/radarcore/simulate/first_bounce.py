@@ -115,7 +115,7 @@ class FirstBounce:
         self._waveform = radar.waveform.replace(start_frequency=self._frequency, slope=0.0)
         self._settings = Settings(
             sampling="footprint",
-            resolution=_pixels(view_deg),
+            resolution=_pixels(view_deg) if scene.parts.meshed else 1,
             field_of_view_deg=view_deg,
             gain_floor_db=np.inf,
             max_bounces=1,

@@ -80,12 +80,13 @@ class Interference:
         total, is_hit = np.zeros(shape, dtype=np.complex128), np.zeros(shape[:3], dtype=np.bool_)
         rows, strongest = np.repeat(self._starts, shape[1], axis=0), 0.0
         for number, interferer in enumerate(self._scene.interferers):
-            chirps = self._chirps(interferer, number, start)
+            chirps, amplitude = self._chirps(interferer, number, start), 0.0
             for arrivals in self._arrivals(interferer, number, engine, start):
-                samples, hit = beat_of_chirps(chirps, arrivals, self._radar.waveform, rows, self._low_pass)
+                amplitude = max(amplitude, float(np.abs(arrivals.amplitude).max(initial=0.0)))
+                samples, hit = beat_of_chirps(chirps, arrivals, self._radar.waveform, rows, self._low_pass, amplitude)
                 total += samples.reshape(shape)
                 is_hit |= hit.reshape(shape[:3])
-                strongest = max(strongest, float(np.abs(arrivals.amplitude).max(initial=0.0)) ** 2)
+            strongest = max(strongest, amplitude**2)
         # The first rows are the channels.
         cube[: len(self._receiver)] += total[self._offset, self._receiver].astype(cube.dtype)
         return {
