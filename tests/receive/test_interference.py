@@ -44,7 +44,7 @@ def beat(
 ) -> Array:
     """Samples (chirp, sample) of one receiver."""
     paths = one_path(wf.num_chirps) if arrivals is None else arrivals
-    return beat_of_chirps(chirps, paths, wf, wf.chirp_times[None], low_pass or LowPass(0.5 * RATE), strongest)[0][0]
+    return beat_of_chirps(chirps, paths, wf, wf.chirp_times, low_pass or LowPass(0.5 * RATE), strongest)[0][0]
 
 
 # --- The filter
@@ -179,7 +179,7 @@ def test_no_crossing_is_no_interference() -> None:
         one_chirp(-1e-3, F0, 1e11, 0.9e-3),  # over before
         one_chirp(66e-6, F0, 1e11, 15e-6),  # between two chirps, and over when the filter begins to settle
     ):
-        samples, is_hit = beat_of_chirps(chirps, one_path(3), wf, wf.chirp_times[None], LowPass(0.5 * RATE))
+        samples, is_hit = beat_of_chirps(chirps, one_path(3), wf, wf.chirp_times, LowPass(0.5 * RATE))
         assert not samples.any()
         assert not is_hit.any()
 
@@ -187,10 +187,10 @@ def test_no_crossing_is_no_interference() -> None:
 def test_only_chirps_that_are_hit_count() -> None:
     wf = waveform(num_chirps=4, chirp_interval=100e-6)
     samples, is_hit = beat_of_chirps(
-        one_chirp(210e-6, F0 + 1e6, 1e11, 20e-6), one_path(4), wf, wf.chirp_times[None], LowPass(0.5 * RATE)
+        one_chirp(210e-6, F0 + 1e6, 1e11, 20e-6), one_path(4), wf, wf.chirp_times, LowPass(0.5 * RATE)
     )
-    assert is_hit.tolist() == [[False, False, True, False]]
-    assert (np.abs(samples[0]).max(axis=1) > 0.0).tolist() == is_hit[0].tolist()
+    assert is_hit.tolist() == [False, False, True, False]
+    assert (np.abs(samples[0]).max(axis=1) > 0.0).tolist() == is_hit.tolist()
 
 
 # --- Against a sum of small steps
@@ -241,6 +241,25 @@ def test_samples_are_those_of_a_sum_of_small_steps(seed: int) -> None:
     # beyond the filter's band, more than 21 cut-offs away, make clicks of up to 1/21 for a sample in the sum alone.
     allowed = 0.02 * max(np.linalg.norm(expected), 2.0)
     assert np.linalg.norm(got - expected) <= allowed, f"seed {seed}"
+
+
+def test_receivers_near_each_other_have_the_samples_that_each_would_have_alone() -> None:
+    wf = waveform(num_chirps=3, chirp_interval=90e-6)
+    chirps = Chirps(np.array([-20e-6, 70e-6, 160e-6]), np.array([0.1, 0.2, 0.7]), F0 + 2e5, 0.7e11, 80e-6)
+    rng = np.random.default_rng(0)
+    shape = (4, 2, 3)
+    spread = rng.uniform(0.0, 1e-9, shape)  # 0.3 m: 100 Hz of 500 kHz
+    arrivals = Arrivals(
+        1e-7 + spread, 1e-7 + rng.uniform(0.0, 1e-9, shape), rng.normal(size=shape) + 0j, np.array([0.0, 3e-6])
+    )
+    together = beat_of_chirps(chirps, arrivals, wf, wf.chirp_times, LowPass(5e5), 1.0)[0]
+    for k in range(4):
+        one = Arrivals(
+            *(getattr(arrivals, name)[k : k + 1] for name in ("delay", "delay_rate", "amplitude")), arrivals.sent_after
+        )
+        alone = beat_of_chirps(chirps, one, wf, wf.chirp_times, LowPass(5e5), 1.0)[0][0]
+        # 2 pi times 180 Hz over 500 kHz, in a response of which the slopes are about one over the cut-off.
+        assert np.linalg.norm(together[k] - alone) <= 2e-3 * np.linalg.norm(alone)
 
 
 def test_paths_add_up() -> None:

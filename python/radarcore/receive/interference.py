@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,11 @@ from numpy.typing import NDArray
 from radarcore.radar.waveform import Waveform
 from radarcore.receive.low_pass import LowPass
 
-_SAMPLES_AT_ONCE = 2**17
+_SAMPLES_AT_ONCE = 2**16
 """Samples that are worked on together: their arrays stay in cache."""
+
+_ALIKE = 1e-3
+"""Difference of beat frequencies at several receivers, over the cut-off, at which they have one filter response."""
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
@@ -76,16 +80,17 @@ def beat_of_chirps(
     convention of echoes, the frequency of which sweeps with the difference of the slopes. The response of the low-pass
     filter to it is exact, for any slopes, while more than -80 dB of the strongest path pass the filter; beyond it is
     zero: transmitters that are switched on or off there make no click. Our ramps are taken to have begun before their
-    start for as long as the filter settles.
+    start for as long as the filter settles. Receivers at which the beat frequencies are equal within a thousandth of
+    the cut-off have one response to their mean.
 
     Parameters
     ----------
     chirps : Chirps
     arrivals : Arrivals
     waveform : Waveform
-        Of the receiver.
-    starts : (receiver, chirp) float64
-        Starts of the receiver's own chirps after that of the frame [s].
+        Of the receivers.
+    starts : (chirp,) float64
+        Starts of the receivers' own chirps after that of the frame [s].
     low_pass : LowPass
     strongest : float, optional
         Amplitude of the strongest path [sqrt(W)]; default: of these.
@@ -94,41 +99,56 @@ def beat_of_chirps(
     -------
     samples : (receiver, chirp, sample) complex128
         [sqrt(W)].
-    is_hit : (receiver, chirp) bool
-        True for chirps of the receiver in which the difference was within the filter's passband.
+    is_hit : (chirp,) bool
+        True for own chirps in which the difference was within the filter's passband.
     """
-    if strongest is None:
-        strongest = float(np.abs(arrivals.amplitude).max(initial=0.0))
-    beats = _Beats.of(chirps, arrivals, waveform, starts, low_pass, max(strongest, np.finfo(np.float64).tiny))
-    samples = np.zeros((starts.size * waveform.num_samples,), dtype=np.complex128)
-    is_hit = np.zeros(starts.shape, dtype=np.bool_)
-    is_hit.ravel()[beats.place[beats.passes(low_pass.cutoff)]] = True
+    magnitude = np.abs(arrivals.amplitude)
+    least = max(float(magnitude.max(initial=0.0)) if strongest is None else strongest, np.finfo(np.float64).tiny)
+    samples = np.zeros((len(magnitude), len(starts) * waveform.num_samples), dtype=np.complex128)
+    is_hit = np.zeros(len(starts), dtype=np.bool_)
+    for group in _alike(chirps, arrivals, low_pass):
+        delay, rate = (values[group].mean(axis=0) for values in (arrivals.delay, arrivals.delay_rate))
+        lag = delay + arrivals.sent_after[:, None] - starts  # (path, chirp)
+        band = low_pass.band(magnitude[group].max(axis=0, initial=0.0) / least)
+        beats = _Beats.of(chirps, lag, rate, band, waveform, starts, low_pass)
+        is_hit[beats.chirp[beats.passes(low_pass.cutoff)]] = True
+        for beat, sample in beats.blocks(waveform, low_pass):
+            times, path, chirp = waveform.sample_times[sample], beats.path[beat], beats.chirp[beat]
+            values, place = beats.filtered(beat, times, low_pass), chirp * waveform.num_samples + sample
+            for receiver in group:
+                # What the receiver's own delay adds to the phase of the mean, [turns] and [Hz].
+                more, faster = (arrivals.delay[receiver] - delay), (arrivals.delay_rate[receiver] - rate)
+                amplitude = arrivals.amplitude[receiver].conj()[path, chirp]
+                if len(group) > 1:
+                    shift = beats.received(beat) * more[path, chirp]
+                    drift = (beats.received(beat) * faster[path, chirp] + chirps.slope * more[path, chirp]) * times
+                    amplitude = amplitude * np.exp(2j * np.pi * ((shift + drift) % 1.0))
+                np.add.at(samples[receiver], place, amplitude * values)
+    return samples.reshape(len(samples), len(starts), waveform.num_samples), is_hit
 
-    # Which of their samples the beats reach, then these in blocks.
-    rate = waveform.sample_rate
-    first, last = ((time - waveform.adc_delay) * rate for time in (beats.begin, beats.end + low_pass.settling_time))
-    low = np.clip(np.ceil(first), 0, waveform.num_samples).astype(np.int64)
-    high = np.clip(np.floor(last) + 1, low, waveform.num_samples).astype(np.int64)
-    blocks = np.cumsum(high - low) // _SAMPLES_AT_ONCE
-    for block in np.split(np.arange(len(low)), np.flatnonzero(np.diff(blocks)) + 1):
-        numbers = high[block] - low[block]
-        beat = np.repeat(block, numbers)
-        sample = np.arange(len(beat)) + np.repeat(low[block] - np.cumsum(numbers) + numbers, numbers)
-        values = beats.filtered(beat, waveform.adc_delay + sample / rate, low_pass)
-        np.add.at(samples, beats.place[beat] * waveform.num_samples + sample, values)
-    return samples.reshape(*starts.shape, waveform.num_samples), is_hit
+
+def _alike(chirps: Chirps, arrivals: Arrivals, low_pass: LowPass) -> list[NDArray[np.int64]]:
+    """Receivers by groups of the same filter response: all, or each alone."""
+    every = np.arange(len(arrivals.delay))
+    if arrivals.delay.size == 0:
+        return []
+    delay, rate = (float(np.ptp(values, axis=0).max()) for values in (arrivals.delay, arrivals.delay_rate))
+    difference = abs(chirps.slope) * delay + chirps.start_frequency * rate
+    return [every] if difference <= _ALIKE * low_pass.cutoff else list(every[:, None])
 
 
 @dataclass(frozen=True, eq=False)
 class _Beats:
-    """Pairs of an own chirp and one that arrives during it: `amplitude` exp 2 pi j (c0 + c1 u + c2 u^2).
+    """Pairs of an own chirp and one that arrives during it, of phase c0 + c1 u + c2 u^2 [turns].
 
     u is the time since the start of the own chirp [s]; all arrays are (beat,).
     """
 
-    place: NDArray[np.int64]
-    """Index of receiver and chirp, receiver * num_chirps + chirp."""
-    amplitude: Complex
+    path: NDArray[np.int64]
+    chirp: NDArray[np.int64]
+    """Indices of the path and of the own chirp."""
+    arriving: Floats
+    """Frequency with which the chirp arrives at u = 0 [Hz]."""
     c0: Floats
     c1: Floats
     c2: Floats
@@ -137,58 +157,61 @@ class _Beats:
     """Times from and to which the chirp is received."""
     clicks_on: NDArray[np.bool_]
     clicks_off: NDArray[np.bool_]
-    """True where the difference is within the filter's band at these times."""
+    """True where the difference is within the band of interest at these times."""
     begin: Floats
     end: Floats
-    """Times from and to which its difference is within the filter's band, too."""
+    """Times from and to which the chirp is received with a difference within that band."""
 
     @classmethod
     def of(
         cls,
         chirps: Chirps,
-        arrivals: Arrivals,
+        lag: Floats,
+        delay_rate: Floats,
+        band: Floats,
         waveform: Waveform,
         starts: Floats,
         low_pass: LowPass,
-        strongest: float,
     ) -> _Beats:
+        """Beats of paths whose chirps arrive `lag` [s] after `Chirps.starts`, in the time of each own chirp.
+
+        `band`: largest difference of frequencies of interest [Hz]. All three are (path, chirp).
+        """
         # Chirps that arrive between the settling time before an own chirp and its last sample.
-        lag = arrivals.delay + arrivals.sent_after[:, None] - starts[:, None, :]  # (receiver, path, chirp)
-        last = float(waveform.sample_times[-1])
-        settled = -low_pass.settling_time
+        last, settled = float(waveform.sample_times[-1]), -low_pass.settling_time
         # Delays change by less than their rates times the duration of a ramp.
-        slack = (np.abs(arrivals.delay_rate) * (last - settled)).ravel()
+        slack = (np.abs(delay_rate) * (last - settled)).ravel()
         flat = lag.ravel()
         lowest = np.searchsorted(chirps.starts, settled - chirps.duration - flat - slack, side="left")
         highest = np.searchsorted(chirps.starts, last - flat + slack, side="right")
-        band = low_pass.band(np.abs(arrivals.amplitude.ravel()) / strongest)
-        numbers = np.where(band > 0.0, highest - lowest, 0)
-        pair = np.repeat(np.arange(len(flat)), numbers)
-        sent = np.arange(len(pair)) + np.repeat(lowest - np.cumsum(numbers) + numbers, numbers)
+        pair, sent = _ranges(lowest, np.where(band.ravel() > 0.0, highest, lowest))
 
         # Difference of the phases [turns]: own ramp minus the other one at g u - delayed.
-        num_paths, num_chirps = lag.shape[1:]
-        place = pair // (num_paths * num_chirps) * num_chirps + pair % num_chirps
-        g, delayed = 1.0 - arrivals.delay_rate.ravel()[pair], flat[pair] + chirps.starts[sent]
+        path, chirp = np.divmod(pair, len(starts))
+        g, delayed = 1.0 - delay_rate.ravel()[pair], flat[pair] + chirps.starts[sent]
         f, slope = chirps.start_frequency, chirps.slope
         c0 = (f - 0.5 * slope * delayed) * delayed - chirps.phases[sent]
         if waveform.is_cw:  # an oscillator that never starts again
-            c0 += waveform.start_frequency * starts.ravel()[place]
-        c1 = waveform.start_frequency - g * (f - slope * delayed)
+            c0 += waveform.start_frequency * starts[chirp]
+        arriving = f - slope * delayed
+        c1 = waveform.start_frequency - g * arriving
         c2 = 0.5 * (waveform.slope - slope * g * g)
 
-        # When the chirp is on, and when the difference is within the band of the filter.
-        on, off, band = delayed / g, (delayed + chirps.duration) / g, band[pair]
+        # When the chirp is on, and when the difference is within the band.
+        on, off, within = delayed / g, (delayed + chirps.duration) / g, band.ravel()[pair]
         with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.array([-band - c1, band - c1]) / (2.0 * c2)
-        always = np.where(np.abs(c1) <= band, np.inf, -np.inf)
+            ends = np.array([-within - c1, within - c1]) / (2.0 * c2)
+        always = np.where(np.abs(c1) <= within, np.inf, -np.inf)
         enter, leave = np.where(c2 == 0.0, [-always, always], np.sort(ends, axis=0))
         begin, end = np.maximum(np.maximum(on, enter), settled), np.minimum(np.minimum(off, leave), last)
-        clicks_on, clicks_off = (np.abs(c1 + 2.0 * c2 * edge) < band for edge in (on, off))
-        amplitude = arrivals.amplitude.ravel()[pair].conj()
+        clicks_on, clicks_off = (np.abs(c1 + 2.0 * c2 * edge) < within for edge in (on, off))
         kept = begin < end
-        all_of = (place, amplitude, c0 % 1.0, c1, c2, on, off, clicks_on, clicks_off, begin, end)
+        all_of = (path, chirp, arriving, c0 % 1.0, c1, c2, on, off, clicks_on, clicks_off, begin, end)
         return cls(*(values[kept] for values in all_of))
+
+    def received(self, beat: NDArray[np.int64]) -> Floats:
+        """Frequency with which chirps arrive [Hz]: what a longer delay turns the beat by."""
+        return self.arriving[beat]
 
     def frequency(self, beat: NDArray[np.int64], times: Floats) -> Floats:
         """Difference of the frequencies [Hz] at times of some beats [s]."""
@@ -197,10 +220,23 @@ class _Beats:
 
     def passes(self, cutoff: float) -> NDArray[np.bool_]:
         """True for beats whose frequency is below a cut-off [Hz] at some time from the first sample on."""
-        every = np.arange(len(self.place))
+        every = np.arange(len(self.path))
         low, high = self.frequency(every, np.maximum(self.begin, 0.0)), self.frequency(every, self.end)
         within: NDArray[np.bool_] = (np.minimum(low, high) < cutoff) & (np.maximum(low, high) > -cutoff)
         return within & (self.end > 0.0)
+
+    def blocks(self, waveform: Waveform, low_pass: LowPass) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Indices of beats and of the samples that they reach, ringing included, in blocks of some samples."""
+        first, last = (
+            (time - waveform.adc_delay) * waveform.sample_rate
+            for time in (self.begin, self.end + low_pass.settling_time)
+        )
+        low = np.clip(np.ceil(first), 0, waveform.num_samples).astype(np.int64)
+        high = np.clip(np.floor(last) + 1, low, waveform.num_samples).astype(np.int64)
+        ends = np.cumsum(high - low) // _SAMPLES_AT_ONCE
+        for block in np.split(np.arange(len(low)), np.flatnonzero(np.diff(ends)) + 1):
+            beat, sample = _ranges(low[block], high[block])
+            yield block[beat], sample
 
     def filtered(self, beat: NDArray[np.int64], times: Floats, low_pass: LowPass) -> Complex:
         """Beats behind the filter at some times [s]; `beat` has the index of each, in order."""
@@ -219,7 +255,7 @@ class _Beats:
             modes[clicks] -= at_start[row] * np.exp(low_pass.poles * since)
         decays = times > held
         modes[decays] *= np.exp(low_pass.poles * (times - held)[decays, None])
-        values: Complex = self.amplitude[beat] * modes.sum(axis=1)
+        values: Complex = modes.sum(axis=1)
         return values
 
     def _modes(self, beat: NDArray[np.int64], times: Floats, low_pass: LowPass) -> Complex:
@@ -228,3 +264,10 @@ class _Beats:
         phasor = np.exp(2j * np.pi * (turns % 1.0))
         modes: Complex = low_pass.modes(self.frequency(beat, times), 2.0 * self.c2[beat]) * phasor[:, None]
         return modes
+
+
+def _ranges(low: NDArray[np.int64], high: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of ranges and the numbers in them, from `low` to below `high`, one after another."""
+    numbers = high - low
+    index = np.repeat(np.arange(len(low)), numbers)
+    return index, np.arange(len(index)) + np.repeat(low - np.cumsum(numbers) + numbers, numbers)

@@ -17,7 +17,7 @@ from radarcore.receive.low_pass import low_pass_of
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.scene import Scene
 from radarcore.simulate.directions import angles
-from radarcore.simulate.first_bounce import FirstBounce
+from radarcore.simulate.first_bounce import BouncePaths, FirstBounce
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles
 from radarcore.simulate.settings import Settings
@@ -77,21 +77,21 @@ class Interference:
         """
         num_offsets, num_chirps = self._starts.shape
         shape = num_offsets, len(self._radar.rx), num_chirps, self._radar.waveform.num_samples
-        total, is_hit = np.zeros(shape, dtype=np.complex128), np.zeros(shape[:3], dtype=np.bool_)
-        rows, strongest = np.repeat(self._starts, shape[1], axis=0), 0.0
+        total, is_hit, strongest = np.zeros(shape, dtype=np.complex128), np.zeros((num_offsets, num_chirps), bool), 0.0
         for number, interferer in enumerate(self._scene.interferers):
             chirps, amplitude = self._chirps(interferer, number, start), 0.0
-            for arrivals in self._arrivals(interferer, number, engine, start):
-                amplitude = max(amplitude, float(np.abs(arrivals.amplitude).max(initial=0.0)))
-                samples, hit = beat_of_chirps(chirps, arrivals, self._radar.waveform, rows, self._low_pass, amplitude)
-                total += samples.reshape(shape)
-                is_hit |= hit.reshape(shape[:3])
+            for several in self._arrivals(interferer, number, engine, start):
+                amplitude = max([amplitude, *(float(np.abs(each.amplitude).max(initial=0.0)) for each in several)])
+                for offset, (starts, arrivals) in enumerate(zip(self._starts, several, strict=True)):
+                    found = beat_of_chirps(chirps, arrivals, self._radar.waveform, starts, self._low_pass, amplitude)
+                    total[offset] += found[0]
+                    is_hit[offset] |= found[1]
             strongest = max(strongest, amplitude**2)
         # The first rows are the channels.
         cube[: len(self._receiver)] += total[self._offset, self._receiver].astype(cube.dtype)
         return {
             "interferers": len(self._scene.interferers),
-            "chirps_hit": int(is_hit.any(axis=1).sum()),
+            "chirps_hit": int(is_hit.sum()),
             "interference_power": float(np.mean(np.abs(total) ** 2)),
             "strongest_interferer": strongest,
         }
@@ -118,26 +118,30 @@ class Interference:
 
     def _arrivals(
         self, interferer: Interferer, number: int, engine: _core.Simulator, start: float
-    ) -> Iterator[Arrivals]:
-        """The direct paths, and those over bodies, of a frame."""
+    ) -> Iterator[list[Arrivals]]:
+        """The direct paths, and those over bodies, of a frame: for chirps at each offset."""
         middle = start + 0.5 * self._radar.waveform.duration
         yield self._direct(interferer, engine, start, middle)
         if (bounce := self._bounces[number]) is not None:
-            found = bounce.paths(start)
-            since = np.repeat(self._starts, len(self._radar.rx), axis=0) - (middle - start)  # (receiver, chirp)
-            again = len(self._starts)
-            delay, rate = (np.tile(values, (again, 1))[:, :, None] for values in (found.delay, found.delay_rate))
-            amplitude = np.tile(found.amplitude, (again, 1))[:, :, None]
-            later = delay + rate * since[:, None, :]
-            yield Arrivals(
-                delay=later,
-                delay_rate=np.broadcast_to(rate, later.shape),
-                amplitude=np.broadcast_to(amplitude, later.shape),
-                sent_after=interferer.sent_after[found.transmitter] / interferer.clock,
-            )
+            yield self._bounced(interferer, bounce.paths(start), middle - start)
 
-    def _direct(self, interferer: Interferer, engine: _core.Simulator, start: float, middle: float) -> Arrivals:
-        """Paths from transmitters to receivers by Friis' formula."""
+    def _bounced(self, interferer: Interferer, paths: BouncePaths, middle: float) -> list[Arrivals]:
+        """Paths over bodies, from what they are at the middle of a frame [s after its start]."""
+        found = []
+        for starts in self._starts:
+            delay = paths.delay[..., None] + paths.delay_rate[..., None] * (starts - middle)
+            found.append(
+                Arrivals(
+                    delay=delay,
+                    delay_rate=np.broadcast_to(paths.delay_rate[..., None], delay.shape),
+                    amplitude=np.broadcast_to(paths.amplitude[..., None], delay.shape),
+                    sent_after=interferer.sent_after[paths.transmitter] / interferer.clock,
+                )
+            )
+        return found
+
+    def _direct(self, interferer: Interferer, engine: _core.Simulator, start: float, middle: float) -> list[Arrivals]:
+        """Paths from transmitters to receivers by Friis' formula, for chirps at each offset."""
         ours, other = self._radar, interferer.radar
         span = max(float(ours.waveform.sample_times[-1]), _SHORTEST)
         times = start + np.array([[0.0], [span]]) + self._starts.ravel()  # (end, chirp of an offset)
@@ -162,18 +166,19 @@ class Interference:
         amplitude[..., self._is_hidden(interferer, engine, middle)] = 0.0
 
         delay = distance / SPEED_OF_LIGHT
-        rows = (len(self._starts), -1, len(ours.rx), len(other.tx))
-
-        def by_receiver(values: Floats) -> Floats:  # from (chirp of an offset, rx, tx)
-            ordered = values.reshape(rows).transpose(0, 2, 3, 1)
-            return ordered.reshape(-1, *ordered.shape[2:])
-
-        return Arrivals(
-            delay=by_receiver(delay[0]),
-            delay_rate=by_receiver((delay[1] - delay[0]) / span),
-            amplitude=by_receiver(amplitude).astype(np.complex128),
-            sent_after=interferer.sent_after / interferer.clock,
+        rate, sent_after = (delay[1] - delay[0]) / span, interferer.sent_after / interferer.clock
+        delays, rates, amplitudes = (  # per offset (chirp, rx, tx)
+            np.split(values, len(self._starts)) for values in (delay[0], rate, amplitude.astype(np.complex128))
         )
+        return [
+            Arrivals(
+                delay=delays[k].transpose(1, 2, 0),
+                delay_rate=rates[k].transpose(1, 2, 0),
+                amplitude=amplitudes[k].transpose(1, 2, 0),
+                sent_after=sent_after,
+            )
+            for k in range(len(self._starts))
+        ]
 
     def _is_hidden(self, interferer: Interferer, engine: _core.Simulator, middle: float) -> NDArray[np.bool_]:
         """True for transmitters that a body occludes from the centre of our array, at the middle of a frame [s]."""
