@@ -429,6 +429,21 @@ def test_interferer_at_our_antenna_is_refused() -> None:
         sim.frame()
 
 
+def test_interferer_inside_of_a_body_or_at_a_point_is_refused() -> None:
+    box = rc.Body(rc.shapes.box([0.2, 0.2, 0.2]), motion=rc.Pose([3.0, 4.0, 0.0]), name="box")
+    for part, message in ((box, "got them inside 'box'"), (rc.PointTarget([3.0, 4.0, 0.0]), "to 'point 0'")):
+        sim = rc.Simulator(rc.Scene([part, tone(0.0)]), rc.Radar(CW))
+        with pytest.raises(ValueError, match=f"motion of 'interferer 0': expected .* {message}"):
+            sim.frame()
+
+
+def test_picture_from_above_names_interferers() -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    other = rc.Interferer(rc.Radar(CW), rc.Pose([3.0, 1.0, 0.0]), name="other")
+    ax = rc.plot.scene_from_above(rc.Scene([rc.PointTarget([1.0, 0.0, 0.0]), other]))
+    assert {"other", "point 0", "radar"} <= {text.get_text() for text in ax.texts}
+
+
 TABLE = """
 [[interferer]]
 name = "other"

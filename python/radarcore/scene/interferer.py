@@ -37,7 +37,7 @@ class Interferer:
     start : float
         Time at which one of its frames starts [s].
     rate : float, optional
-        Frames per second [Hz]; default: one per `Waveform.frame_interval`.
+        Frames per second of its clock [Hz]; default: one per `Waveform.frame_interval`.
     drift_ppm : float
         How much faster its clock runs than ours [ppm]: frequencies are higher, times between its chirps shorter.
     start_phase : "chirp" or "frame"
@@ -123,7 +123,7 @@ class Interferer:
     def chirps_between(
         self, begin: float, end: float, origin: float
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """Starts of chirps that last into the time from `begin` to `end`, after `origin` [s], with a frame to spare.
+        """Starts of chirps that some transmitter sends between `begin` and `end` after `origin` [s].
 
         Returns
         -------

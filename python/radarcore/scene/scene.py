@@ -104,11 +104,13 @@ class Scene:
 
     def __init__(self, bodies: Iterable[Body | PointTarget | Interferer] = ()) -> None:
         if not isinstance(bodies, Iterable):
-            raise TypeError(f"bodies: expected a list of Body and PointTarget, got {type(bodies).__name__}")
+            raise TypeError(f"bodies: expected a list of Body, PointTarget and Interferer, got {type(bodies).__name__}")
         given = tuple(bodies)
         for i, body in enumerate(given):
             if not isinstance(body, Body | PointTarget | Interferer):
-                raise TypeError(f"bodies: expected Body and PointTarget, got {type(body).__name__} at index {i}")
+                raise TypeError(
+                    f"bodies: expected Body, PointTarget and Interferer, got {type(body).__name__} at index {i}"
+                )
         self.bodies = tuple(body for body in given if not isinstance(body, Interferer))
         self.interferers = tuple(body for body in given if isinstance(body, Interferer))
         self.names = tuple(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, notice
+from radarcore.motion.protocol import poses_at
 from radarcore.radar import beam
 from radarcore.radar.radar import Radar
 from radarcore.scene import library
@@ -103,9 +104,13 @@ class Doubts:
         )
 
     def of_place(self, scene: Scene, placement: Placement, time: float) -> None:
-        """Refuse antennas inside of a body or at its surface, at the first time [s] that is simulated."""
+        """Refuse antennas, interferers' too, inside of a body or at its surface at the first time [s] simulated."""
         if "place" not in self._told:
-            check_antennas(scene, placement.poses_at(time), self._radar, time)
+            poses = placement.poses_at(time)
+            check_antennas(scene, poses, self._radar, time)
+            for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
+                others = np.concatenate([poses[:-1], poses_at(interferer.motion, [time])])
+                check_antennas(scene, others, interferer.radar, time, name=f"motion of {name!r}")
             self._told.add("place")
 
     def of_corners(

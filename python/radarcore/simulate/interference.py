@@ -26,6 +26,12 @@ from radarcore.units import SPEED_OF_LIGHT
 _CLEARANCE = 1e-3
 """Smallest distance of an antenna of an interferer from ours [m]."""
 
+_LONGEST_DELAY = 1e-4
+"""Longest delay of a path [s], that of 30 km."""
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""Step of SplitMix64: 2^64 over the golden ratio."""
+
 _SHORTEST = 1e-6
 """Shortest time over which delays are taken as linear [s]."""
 
@@ -100,9 +106,8 @@ class Interference:
         """Chirps of an interferer around a frame that starts at a time [s]."""
         wf, clock = interferer.radar.waveform, interferer.clock
         end = float(self._starts.max() + self._radar.waveform.sample_times[-1])
-        # Delays of up to as long as the frame, some chirps before it.
-        reach = self._low_pass.settling_time + end + interferer.ramp_duration
-        starts, frame, chirp = interferer.chirps_between(-reach, end, start)
+        begin = -self._low_pass.settling_time - _LONGEST_DELAY
+        starts, frame, chirp = interferer.chirps_between(begin, end, start)
         if wf.is_cw:
             phases = wf.start_frequency * clock * starts + _turns(self._seed, number, np.zeros(1, dtype=np.int64))
         else:
@@ -166,7 +171,9 @@ class Interference:
         amplitude[..., self._is_hidden(interferer, engine, middle)] = 0.0
 
         delay = distance / SPEED_OF_LIGHT
-        rate, sent_after = (delay[1] - delay[0]) / span, interferer.sent_after / interferer.clock
+        # Absolute times are rounded: what lies between them is not quite the span.
+        rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
+        sent_after = interferer.sent_after / interferer.clock
         delays, rates, amplitudes = (  # per offset (chirp, rx, tx)
             np.split(values, len(self._starts)) for values in (delay[0], rate, amplitude.astype(np.complex128))
         )
@@ -229,7 +236,7 @@ def _turns(seed: int, *counters: Any) -> Floats:
     state = np.array([seed], dtype=np.uint64)
     with np.errstate(over="ignore"):
         for counter in counters:
-            state = state * np.uint64(0x9E3779B97F4A7C15) + np.asarray(counter).astype(np.uint64)
+            state = (state + np.asarray(counter).astype(np.uint64)) * _GOLDEN + _GOLDEN
             state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
             state ^= state >> np.uint64(31)
