@@ -26,9 +26,11 @@ from radarcore.processing.time_frequency import RangeTime as RangeTime
 from radarcore.processing.time_frequency import Spectrogram as Spectrogram
 from radarcore.processing.time_frequency import range_time as range_time
 from radarcore.processing.time_frequency import spectrogram as spectrogram
+from radarcore.radar.leakage import Leakage as Leakage
 from radarcore.radar.pattern import GaussianPattern as GaussianPattern
 from radarcore.radar.pattern import IsotropicPattern as IsotropicPattern
 from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern
+from radarcore.radar.preset_tr24 import bgt60tr24 as bgt60tr24
 from radarcore.radar.presets import bgt60tr13c as bgt60tr13c
 from radarcore.radar.radar import Radar as Radar
 from radarcore.radar.receiver import Receiver as Receiver

@@ -4,19 +4,113 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
+from radarcore.radar.baseband import phase_noise_delays
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.receive import adc
+from radarcore.receive.draws import Draws
+from radarcore.receive.imbalance import unbalance
+from radarcore.receive.leakage import leakage_step, leakage_tone
+from radarcore.receive.noise import kick, thermal_noise
+from radarcore.receive.phase_noise import phase_differences
 
 
 def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
     """Cube as the radar's receiver delivers it, in the precision of the ideal one, whose memory it takes over.
 
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
+
+    Parameters
+    ----------
+    ideal : (channel, chirp, sample) complex64 or complex128
+        Beat signal of the core: behind the filters, and with phase noise followed by its parts by delay, see
+        `radarcore.radar.baseband.responses`.
+    radar : Radar
+    start : float
+        Start of the frame [s].
+    seed : int
     """
     receiver = radar.receiver or Receiver()
-    # White noise of an I/Q receiver has half of its power in either part.
-    variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
-    return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
+    if receiver.is_plain:
+        # White noise of an I/Q receiver has half of its power in either part.
+        variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
+        return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
+    draws = Draws(seed, start)
+    signal = _mixed(ideal, receiver, radar, draws)
+    samples = np.ascontiguousarray(signal.real) if receiver.output == "real" else signal
+    return _digitised(samples, receiver, radar, draws)
+
+
+def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+    """Signal (channel, chirp, sample) behind mixer and filters [sqrt(W)]: phase noise, receiver phases, leakage."""
+    blocks = ideal.reshape(-1, radar.num_channels, *ideal.shape[1:])
+    signal: NDArray[Any] = blocks[0]
+    phases = _phases(receiver, radar, draws)
+    for part, phase in zip(blocks[1:], phases, strict=False):
+        part *= _turn(phase)
+        signal += part
+    if receiver.rx_phase_deg is not None:
+        signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
+    if receiver.leakage is not None:
+        by_receiver = signal.reshape(len(radar.tx), len(radar.rx), *signal.shape[1:])
+        if receiver.leakage.level_db is not None:
+            tone = leakage_tone(receiver.leakage, receiver, radar)[:, None]
+            by_receiver += tone
+            if len(phases) > 0:
+                turn = _turn(phases[-1])
+                by_receiver += tone * (turn if len(turn) == 1 else turn.reshape(by_receiver.shape))
+        if receiver.leakage.step_db is not None:
+            by_receiver += leakage_step(receiver.leakage, radar)[:, None]
+    return signal
+
+
+def _turn(phase: NDArray[np.float32]) -> NDArray[np.complex64]:
+    """What turning by a phase [rad] adds to a phasor of 1: ``exp(j phase) - 1``, with all digits of small ones."""
+    turn = np.empty(phase.shape, np.complex64)
+    np.sin(phase, out=turn.imag)
+    half = np.sin(0.5 * phase)
+    turn.real = -2.0 * half * half
+    return turn
+
+
+def _phases(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.float32]:
+    """Phase noise [rad] at the delays of the parts of the signal and, last, at that of leakage.
+
+    Shape (delay, 1 or channel, chirp, sample): transmitters that take turns send at times of their own.
+    """
+    if receiver.phase_noise is None:
+        return np.zeros((0, 0, 0, 0), np.float32)
+    waveform = radar.waveform
+    leak = 0.0 if receiver.leakage is None else receiver.leakage.delay
+    delays = (*phase_noise_delays(receiver, waveform).tolist(), leak)
+    offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
+    starts = np.add.outer(offsets, waveform.chirp_times)
+    phases = phase_differences(receiver.phase_noise, delays, starts.ravel(), waveform.sample_times, draws)
+    phases = phases.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
+    return phases if len(offsets) == 1 else phases[:, of_channel]
+
+
+def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+    """Samples behind I/Q imbalance, noise, gain, offsets and ADC; in place."""
+    waveform, num_channels = radar.waveform, radar.num_channels
+    if receiver.iq_gain_db is not None or receiver.iq_phase_deg is not None:
+        unbalance(samples, receiver.iq_gain_db, receiver.iq_phase_deg)
+    if receiver.noise_figure_db is not None:
+        samples += thermal_noise(receiver, waveform, num_channels, draws)
+        if receiver.kick_db is not None:
+            samples += kick(receiver, waveform, num_channels, draws)
+    # I and Q go through the rest by themselves.
+    numbers = samples.view(samples.real.dtype)
+    if (gain := adc.gain(receiver)) != 1.0:
+        numbers *= gain
+    if receiver.dc_offset is not None:
+        adc.offset(receiver, numbers, len(radar.rx))
+    if receiver.adc_bits is not None:
+        adc.adc_noise(receiver, numbers, draws)
+    if receiver.full_scale is not None:
+        adc.quantise(receiver, numbers)
+    return samples

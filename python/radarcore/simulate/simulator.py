@@ -19,6 +19,7 @@ from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 from radarcore.receive.chain import receive
+from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
@@ -208,7 +209,7 @@ class Simulator(Settings):
         return Recording.load(path)
 
     def paths(self, time: float = 0.0) -> Paths:
-        """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them.
+        """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them, behind the receiver's filters.
 
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
@@ -219,6 +220,9 @@ class Simulator(Settings):
         place = self._placement
         frame = next(place.frames([start], _NUM_TIMES))
         delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
+        # With phase noise the core has more rows, see `Radar._core`.
+        own = slice(self.radar.num_channels)
+        delay, rate, amplitude = delay[own], rate[own], amplitude[own]
         channels = (len(delay), 1)
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
@@ -275,7 +279,8 @@ class Simulator(Settings):
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             assert ideal.truth is not None  # as every scene has one
             self._doubts.of_velocities(self.scene.names, ideal.truth[1])
-            yield Frame(cube, start, self.radar, Truth.from_rows(self.scene.names, ideal.truth), stats)
+            truth = Truth.from_rows(self.scene.names, ideal.truth)
+            yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
@@ -368,7 +373,9 @@ class Simulator(Settings):
     def _source(self) -> dict[str, Any]:
         """Origin of the samples, for the recording."""
         bodies = list(self.scene.names)
-        return {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **self.to_dict()}
+        source = {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **self.to_dict()}
+        receiver = self.radar.receiver
+        return source if receiver is None or receiver.unit is None else {**source, "cube_unit": receiver.unit}
 
     def __getstate__(self) -> dict[str, Any]:
         made = ("_engine", "_placement", "_materials")

@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from radarcore.radar.leakage import Leakage
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
+from radarcore.radar.preset_tr24 import bgt60tr24
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.tables import PatternTable, RadarTable
+from radarcore.scenefile.tables import PatternTable, RadarTable, ReceiverTable
 
 _WAVEFORM_KEYS = (
     "start_frequency",
@@ -45,14 +47,36 @@ def radar_of(table: RadarTable, directory: Path) -> Radar:
                     others[name].append(_pattern(entry, directory))
     if table.receiver is not None:
         with located("receiver."):
-            others["receiver"] = Receiver(**table.receiver.model_dump())
+            others["receiver"] = _receiver(table.receiver)
+    measured = _measured(table)
     if table.preset is not None:
-        preset = bgt60tr13c(**waveform)
+        preset = bgt60tr24(**waveform) if table.preset == "bgt60tr24" else bgt60tr13c(**waveform, **measured)
         kept = {
             name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
         }
         return Radar(preset.waveform, **(kept | others))
     return Radar(_waveform(waveform), **others)
+
+
+def _measured(table: RadarTable) -> dict[str, Any]:
+    """Keywords of the preset for its measured receiver."""
+    if not table.measured_receiver:
+        if table.if_gain_db is not None:
+            raise ValueError(f"if_gain_db: expected none unless measured_receiver is true, got {table.if_gain_db}")
+        return {}
+    if table.preset != "bgt60tr13c":
+        raise ValueError("measured_receiver: expected false without the preset bgt60tr13c, got true")
+    if table.receiver is not None:
+        raise ValueError("measured_receiver: expected false where there is a table of the receiver, got true")
+    return {"receiver": "measured", "if_gain_db": table.if_gain_db}
+
+
+def _receiver(table: ReceiverTable) -> Receiver:
+    values = table.model_dump(exclude={"leakage"})
+    if table.leakage is not None:
+        with located("leakage."):
+            values["leakage"] = Leakage(**table.leakage.model_dump())
+    return Receiver(**values)
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:

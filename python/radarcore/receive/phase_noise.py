@@ -1,0 +1,119 @@
+"""Phase noise of the oscillator: of now against that of a delay ago, as a mixer of echoes has it.
+
+With a phase ``phi(t)`` of the oscillator an echo of delay tau is turned by ``phi(t) - phi(t - tau)``, whose power
+spectral density is ``4 sin^2(pi f tau)`` times that of phi (Budge, Burt, Range correlation effects in radars, 1993).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore.receive.draws import Draws
+from radarcore.receive.spectrum import even_length, real_noise
+
+_SLOW_PER_DECADE = 16
+"""Tones per decade of the offsets that turn by less than half a turn in a chirp."""
+
+_LONGEST = 8.0
+"""Longest period of a tone [frames]: slower ones are the same for the whole frame, and nearly none."""
+
+Pairs = tuple[tuple[float, float], ...]
+
+
+def phase_density(pairs: Pairs, offset: ArrayLike) -> NDArray[np.float64]:
+    """One-sided power spectral density of the phase [rad^2/Hz] at offsets [Hz]: twice the single-sideband level."""
+    logarithms = np.log10(np.asarray(offset, np.float64))
+    at, levels = np.log10([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+    if len(at) == 1:
+        decibels = levels[0] - 20.0 * (logarithms - at[0])
+    else:
+        part = np.clip(np.searchsorted(at, logarithms) - 1, 0, len(at) - 2)
+        slope = np.diff(levels) / np.diff(at)
+        decibels = levels[part] + slope[part] * (logarithms - at[part])
+    density: NDArray[np.float64] = 2.0 * 10.0 ** (decibels / 10.0)
+    return density
+
+
+def phase_differences(
+    pairs: Pairs,
+    delays: tuple[float, ...],
+    starts: NDArray[np.float64],
+    sample_times: NDArray[np.float64],
+    draws: Draws,
+) -> NDArray[np.float32]:
+    """Phase of now against that of `delays` ago [rad], (delay, chirp, sample), all of one oscillator.
+
+    Offsets from those of `_LONGEST` frames to half the sample rate. Those that turn by more than half a turn within
+    twice a chirp are drawn anew for every chirp; slower ones are tones that run through the frame.
+
+    Parameters
+    ----------
+    pairs : ((offset [Hz], level [dBc/Hz]), ...)
+    delays : tuple of float
+        Delays of echoes [s].
+    starts : (chirp,) array
+        Starts of the chirps [s].
+    sample_times : (sample,) array
+        Times of the samples in a chirp [s], evenly spaced.
+    """
+    num_chirps, num_samples = len(starts), len(sample_times)
+    step = float(sample_times[1] - sample_times[0]) if num_samples > 1 else _interval(starts)
+    fast = _fast_roots(pairs, delays, 1.0 / step, num_samples)
+    normal = draws.normal("phase noise", (num_chirps, fast.spread.shape[-1] * 2))
+    spread = (normal.view(np.complex64) * fast.spread[:, None]).view(np.float32)
+    result = real_noise(spread, np.ones(fast.spread.shape[-1], np.float32), num_samples)
+    # Slow offsets: the phase of a tone at a sample is the sum of those of its chirp and of its place in it.
+    span = float(starts[-1] - starts[0]) + num_samples * step
+    frequency, deviation = _slow_tones(pairs, delays, fast.least, span)
+    tones = draws.complex_normal("slow phase noise", (len(frequency),))
+    of_chirps = np.exp(2j * np.pi * np.multiply.outer(starts, frequency)).astype(np.complex64)
+    of_samples = np.exp(2j * np.pi * np.multiply.outer(frequency, sample_times)).astype(np.complex64)
+    result += ((deviation[:, None] * tones * of_chirps) @ of_samples).real
+    return result
+
+
+class _Fast(NamedTuple):
+    spread: NDArray[np.complex64]
+    least: float
+
+
+def _interval(starts: NDArray[np.float64]) -> float:
+    """Time of a single sample per chirp: that from chirp to chirp [s]."""
+    return float(np.diff(starts).mean()) if len(starts) > 1 else 1e-6
+
+
+@lru_cache(maxsize=16)
+def _fast_roots(pairs: Pairs, delays: tuple[float, ...], sample_rate: float, num_samples: int) -> _Fast:
+    """Complex deviations of the offsets drawn for every chirp (delay, offset), and the least offset among them [Hz]."""
+    length = even_length(2 * num_samples)
+    width = sample_rate / length
+    frequency = width * np.arange(length // 2 + 1)
+    # Not the mean, which is slow; the band at the upper end is half as wide.
+    deviation = np.zeros(len(frequency))
+    deviation[1:] = np.sqrt(phase_density(pairs, frequency[1:]) * width)
+    deviation[-1] *= 0.5**0.5
+    return _Fast((deviation * _differences(frequency, delays)).astype(np.complex64), 0.5 * width)
+
+
+def _slow_tones(
+    pairs: Pairs, delays: tuple[float, ...], highest: float, span: float
+) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
+    """Frequencies [Hz] (tone,), and complex deviations (delay, tone), of the offsets below `highest`."""
+    lowest = min(1.0 / (_LONGEST * span), 0.5 * highest)
+    number = max(1, round(_SLOW_PER_DECADE * np.log10(highest / lowest)))
+    edges = np.geomspace(lowest, highest, number + 1)
+    frequency: NDArray[np.float64] = np.sqrt(edges[1:] * edges[:-1])
+    deviation = np.sqrt(phase_density(pairs, frequency) * np.diff(edges))
+    return frequency, (deviation * _differences(frequency, delays)).astype(np.complex64)
+
+
+def _differences(frequency: NDArray[np.floating], delays: tuple[float, ...]) -> NDArray[np.complex128]:
+    """``1 - exp(-j 2 pi f tau)``, (delay, frequency): of now against that of a delay ago."""
+    angle = np.pi * np.multiply.outer(np.asarray(delays), frequency)
+    # Without the cancellation of near delays.
+    differences: NDArray[np.complex128] = 2j * np.sin(angle) * np.exp(-1j * angle)
+    return differences
