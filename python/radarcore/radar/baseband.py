@@ -70,7 +70,7 @@ def phase_noise_delays(receiver: Receiver, waveform: Waveform) -> NDArray[np.flo
 
 
 def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.complex128], float] | None:
-    """Gains of echoes over the length of their paths, (1 + delay, step), and the longest length [m].
+    """Gains of the amplitudes of echoes over the length of their paths, (1 + delay, step), and the longest length [m].
 
     The first row holds the filters. The others, one for every delay of `phase_noise_delays`, are those times the share
     that this delay has in the phase noise of an echo. None if there is neither.
@@ -86,7 +86,8 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
             break
         steps *= 2
     delay = np.linspace(0.0, longest, steps + 1)
-    gain = filter_gain(receiver, waveform.slope * delay)
+    # Samples are TX times the conjugate of RX, so that of an amplitude; shares are real.
+    gain = filter_gain(receiver, waveform.slope * delay).conj()
     nodes = np.concatenate([[0.0], delays])
     shares = [np.interp(delay, nodes, np.eye(len(nodes))[k]) for k in range(1, len(nodes))]
     rows = np.stack([gain, *(share * gain for share in shares)])

@@ -100,10 +100,11 @@ def measured_receiver(if_gain_db: int = 23, high_pass: float = 80e3, *, bandwidt
         kick_time=2e-6,
         gain_db=gain_db,
         full_scale=_FULL_SCALE,
-        dc_offset=(-0.058, 0.045, 0.071),
+        dc_offset=(-0.049, 0.051, 0.075),
         adc_bits=_BITS,
         adc_noise_lsb=0.9,
-        chirp_offset_lsb=0.7,
+        chirp_offset_lsb=(0.78, 1.02, 0.18),
+        segment_offset_lsb=0.5,
     )
 
 
@@ -122,13 +123,13 @@ def _leakage(bandwidth: float) -> Leakage:
 
     if abs(bandwidth) < _NARROW_SWEEP:
         return Leakage(step_db=level_db(700.0, 50.0), step_time=1.125e-6)
-    # Behind the high-pass of 80 kHz, which leaves 0.19 of a tone of 15.7 kHz.
-    tone = [level_db(lsb / 0.192, 23.0) for lsb in (759.0, 335.0, 205.0)]
-    step = [level_db(lsb, 23.0) for lsb in (373.0, 22.0, 266.0)]
+    # Before the high-pass of 80 kHz, which leaves 0.19 of a tone of 15.7 kHz.
+    tone = [level_db(lsb, 23.0) for lsb in (4042.0, 1803.0, 1105.0)]
+    step = [level_db(lsb, 23.0) for lsb in (384.0, 15.0, 270.0)]
     return Leakage(
         level_db=tuple(tone),
         delay=0.10e-9,
-        phase_deg=(0.0, 0.0, 0.0),
+        phase_deg=(107.0, 39.0, 38.0),
         step_db=tuple(step),
         step_phase_deg=(0.0, 0.0, 180.0),
         step_time=2.5e-6,

@@ -63,8 +63,13 @@ class Receiver:
         Bits of the ADC; codes are spread evenly from -1 to 1, both included.
     adc_noise_lsb : float, optional
         Deviation of the ADC's own white noise before rounding, in steps of the ADC; no filter or gain changes it.
-    chirp_offset_lsb : float, optional
-        Deviation of offsets that hold for a chirp of one receiver, in steps of the ADC.
+    chirp_offset_lsb : float or sequence of float, optional
+        Deviation of offsets that hold for a chirp of one receiver, in steps of the ADC; one, or one per receiver.
+    segment_offset_lsb : float, optional
+        Deviation of offsets that hold for a chirp of one receiver and a sixteenth of the ADC's codes, in its steps.
+    adc_odd_width : float, optional
+        Width of the odd codes, in steps, from a quarter of the codes on; of the even ones below. The others are as much
+        wider. None: 1.
     """
 
     output: str = "iq"
@@ -85,7 +90,9 @@ class Receiver:
     dc_offset: PerReceiver | None = None
     adc_bits: int | None = None
     adc_noise_lsb: float | None = None
-    chirp_offset_lsb: float | None = None
+    chirp_offset_lsb: PerReceiver | None = None
+    segment_offset_lsb: float | None = None
+    adc_odd_width: float | None = None
 
     def __post_init__(self) -> None:
         check.choice("output", self.output, ("iq", "real"))
@@ -98,9 +105,13 @@ class Receiver:
         for name, unit in (("high_pass", "Hz"), ("low_pass", "Hz"), ("full_scale", "V")):
             if (value := getattr(self, name)) is not None:
                 put(self, name, check.positive(name, value, unit))
-        for name in ("adc_noise_lsb", "chirp_offset_lsb"):
+        for name in ("adc_noise_lsb", "segment_offset_lsb"):
             if (value := getattr(self, name)) is not None:
                 put(self, name, check.non_negative(name, value, "steps of the ADC"))
+        if self.adc_odd_width is not None:
+            put(self, "adc_odd_width", check.non_negative("adc_odd_width", self.adc_odd_width, "steps of the ADC"))
+            if self.adc_odd_width > 2.0:
+                raise ValueError(f"adc_odd_width: expected at most 2 [steps of the ADC], got {self.adc_odd_width:g}")
         for name in ("high_pass_order", "low_pass_order"):
             put(self, name, _at_most(name, getattr(self, name), MAX_ORDER))
         put(self, "kick_time", check.positive("kick_time", self.kick_time, "s"))
@@ -110,6 +121,11 @@ class Receiver:
             put(self, "adc_bits", _at_most("adc_bits", self.adc_bits, MAX_BITS))
         if self.dc_offset is not None:
             put(self, "dc_offset", per_receiver("dc_offset", self.dc_offset, ""))
+        if self.chirp_offset_lsb is not None:
+            offsets = per_receiver("chirp_offset_lsb", self.chirp_offset_lsb, "steps of the ADC")
+            for offset in offsets if isinstance(offsets, tuple) else (offsets,):
+                check.non_negative("chirp_offset_lsb", offset, "steps of the ADC")
+            put(self, "chirp_offset_lsb", offsets)
         if self.phase_noise is not None:
             put(self, "phase_noise", _phase_noise(self.phase_noise))
         if self.rx_phase_deg is not None:
@@ -128,6 +144,8 @@ class Receiver:
             "adc_bits": "full_scale",
             "adc_noise_lsb": "adc_bits",
             "chirp_offset_lsb": "adc_bits",
+            "segment_offset_lsb": "adc_bits",
+            "adc_odd_width": "adc_bits",
         }
         for name, needed in needs.items():
             if getattr(self, name) is not None and getattr(self, needed) is None:
@@ -140,6 +158,7 @@ class Receiver:
         """Refuse settings with one number per receiver for another number of receivers."""
         check_per_receiver("receiver.rx_phase_deg", self.rx_phase_deg, num_rx)
         check_per_receiver("receiver.dc_offset", self.dc_offset, num_rx)
+        check_per_receiver("receiver.chirp_offset_lsb", self.chirp_offset_lsb, num_rx)
         if self.leakage is not None:
             for name in ("level_db", "phase_deg", "step_db", "step_phase_deg"):
                 check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)

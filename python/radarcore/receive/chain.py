@@ -87,9 +87,12 @@ def _phases(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.float3
     waveform = radar.waveform
     leak = 0.0 if receiver.leakage is None else receiver.leakage.delay
     delays = (*phase_noise_delays(receiver, waveform).tolist(), leak)
-    offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
-    starts = np.add.outer(offsets, waveform.chirp_times)
-    phases = phase_differences(receiver.phase_noise, delays, starts.ravel(), waveform.sample_times, draws)
+    offsets = radar.channel_offsets[:1]
+    of_channel = np.zeros(radar.num_channels, np.intp)
+    if np.ptp(radar.channel_offsets) > 0.0:
+        offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
+    starts = np.add.outer(offsets, waveform.chirp_times).ravel()
+    phases = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
     phases = phases.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
     return phases if len(offsets) == 1 else phases[:, of_channel]
 
@@ -110,7 +113,7 @@ def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: D
     if receiver.dc_offset is not None:
         adc.offset(receiver, numbers, len(radar.rx))
     if receiver.adc_bits is not None:
-        adc.adc_noise(receiver, numbers, draws)
+        adc.adc_errors(receiver, numbers, len(radar.rx), draws)
     if receiver.full_scale is not None:
         adc.quantise(receiver, numbers)
     return samples

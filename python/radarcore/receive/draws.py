@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 
-_EFFECTS = ("thermal noise", "phase noise", "slow phase noise", "kick", "chirp offset", "ADC noise")
+_EFFECTS = ("thermal noise", "phase noise", "slow phase noise", "kick", "chirp offset", "ADC noise", "segment offset")
 _WORD = 2**64
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,6 +13,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 
 
+@lru_cache(maxsize=16)
 def leakage_tone(leakage: Leakage, receiver: Receiver, radar: Radar) -> NDArray[np.complex64]:
     """Tone behind the filters (rx, sample) [sqrt(W)], an echo of its delay, docs/theory.md eq. (1)."""
     assert leakage.level_db is not None
@@ -20,16 +23,23 @@ def leakage_tone(leakage: Leakage, receiver: Receiver, radar: Radar) -> NDArray[
     )
     gain = filter_gain(receiver, np.array(waveform.slope * tau))
     tone = gain * _phasors(leakage.level_db, leakage.phase_deg, radar)[:, None] * np.exp(2j * np.pi * phase)
-    return np.asarray(tone, np.complex64)
+    return _read_only(tone)
 
 
+@lru_cache(maxsize=16)
 def leakage_step(leakage: Leakage, radar: Radar) -> NDArray[np.complex64]:
     """Step of turning on (rx, sample) [sqrt(W)], from the first sample on."""
     assert leakage.step_db is not None
     waveform = radar.waveform
     decay = np.exp(-np.arange(waveform.num_samples) / (waveform.sample_rate * leakage.step_time))
     step = _phasors(leakage.step_db, leakage.step_phase_deg, radar)[:, None] * decay
-    return np.asarray(step, np.complex64)
+    return _read_only(step)
+
+
+def _read_only(values: NDArray[np.complex128]) -> NDArray[np.complex64]:
+    single = values.astype(np.complex64)
+    single.flags.writeable = False
+    return single
 
 
 def _phasors(level_db: ArrayLike, phase_deg: ArrayLike, radar: Radar) -> NDArray[np.complex128]:

@@ -19,7 +19,7 @@ from radarcore.units import power_from_db
 _MEMORY = 10.0
 """Times in which the slowest part of the low-pass falls to 1/e after which noise has forgotten: to 5e-5."""
 
-_ALIASES = 8
+_ALIASES = 64
 """Bands above and below the sampled one from which noise is folded into it."""
 
 

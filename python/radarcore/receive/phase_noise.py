@@ -7,7 +7,6 @@ spectral density is ``4 sin^2(pi f tau)`` times that of phi (Budge, Burt, Range 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,8 +46,8 @@ def phase_differences(
 ) -> NDArray[np.float32]:
     """Phase of now against that of `delays` ago [rad], (delay, chirp, sample), all of one oscillator.
 
-    Offsets from those of `_LONGEST` frames to half the sample rate. Those that turn by more than half a turn within
-    twice a chirp are drawn anew for every chirp; slower ones are tones that run through the frame.
+    Offsets from those of `_LONGEST` frames to half the sample rate. Those that turn by more than a quarter of
+    a turn in the samples of a chirp are drawn anew for every chirp; slower ones are tones that run through the frame.
 
     Parameters
     ----------
@@ -60,55 +59,62 @@ def phase_differences(
     sample_times : (sample,) array
         Times of the samples in a chirp [s], evenly spaced.
     """
-    num_chirps, num_samples = len(starts), len(sample_times)
-    step = float(sample_times[1] - sample_times[0]) if num_samples > 1 else _interval(starts)
-    fast = _fast_roots(pairs, delays, 1.0 / step, num_samples)
-    normal = draws.normal("phase noise", (num_chirps, fast.spread.shape[-1] * 2))
-    spread = (normal.view(np.complex64) * fast.spread[:, None]).view(np.float32)
-    result = real_noise(spread, np.ones(fast.spread.shape[-1], np.float32), num_samples)
-    # Slow offsets: the phase of a tone at a sample is the sum of those of its chirp and of its place in it.
-    span = float(starts[-1] - starts[0]) + num_samples * step
-    frequency, deviation = _slow_tones(pairs, delays, fast.least, span)
-    tones = draws.complex_normal("slow phase noise", (len(frequency),))
-    of_chirps = np.exp(2j * np.pi * np.multiply.outer(starts, frequency)).astype(np.complex64)
-    of_samples = np.exp(2j * np.pi * np.multiply.outer(frequency, sample_times)).astype(np.complex64)
-    result += ((deviation[:, None] * tones * of_chirps) @ of_samples).real
+    chirps, samples = tuple(starts.tolist()), tuple(sample_times.tolist())
+    fast, num_samples = _fast_offsets(pairs, delays, chirps, samples), len(samples)
+    normal = draws.normal("phase noise", (len(chirps), 2 * fast.shape[-1]))
+    # The same draws for all delays.
+    parts = (normal.view(np.complex64) * fast[:, None]).view(np.float32)
+    result = real_noise(parts, np.ones(fast.shape[-1], np.float32), num_samples)
+    deviation, of_chirps, of_samples = _slow_offsets(pairs, delays, chirps, samples)
+    tones = deviation * draws.complex_normal("slow phase noise", deviation.shape[-1:])
+    result += ((tones[:, None] * of_chirps) @ of_samples).real
     return result
 
 
-class _Fast(NamedTuple):
-    spread: NDArray[np.complex64]
-    least: float
-
-
-def _interval(starts: NDArray[np.float64]) -> float:
-    """Time of a single sample per chirp: that from chirp to chirp [s]."""
-    return float(np.diff(starts).mean()) if len(starts) > 1 else 1e-6
-
-
 @lru_cache(maxsize=16)
-def _fast_roots(pairs: Pairs, delays: tuple[float, ...], sample_rate: float, num_samples: int) -> _Fast:
-    """Complex deviations of the offsets drawn for every chirp (delay, offset), and the least offset among them [Hz]."""
-    length = even_length(2 * num_samples)
-    width = sample_rate / length
+def _fast_offsets(
+    pairs: Pairs, delays: tuple[float, ...], starts: tuple[float, ...], sample_times: tuple[float, ...]
+) -> NDArray[np.complex64]:
+    """Complex deviations (delay, offset) of the offsets that are drawn for every chirp."""
+    length, width = _bands(starts, sample_times)
     frequency = width * np.arange(length // 2 + 1)
     # Not the mean, which is slow; the band at the upper end is half as wide.
     deviation = np.zeros(len(frequency))
     deviation[1:] = np.sqrt(phase_density(pairs, frequency[1:]) * width)
     deviation[-1] *= 0.5**0.5
-    return _Fast((deviation * _differences(frequency, delays)).astype(np.complex64), 0.5 * width)
+    return (deviation * _differences(frequency, delays)).astype(np.complex64)
 
 
-def _slow_tones(
-    pairs: Pairs, delays: tuple[float, ...], highest: float, span: float
-) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
-    """Frequencies [Hz] (tone,), and complex deviations (delay, tone), of the offsets below `highest`."""
+@lru_cache(maxsize=16)
+def _slow_offsets(
+    pairs: Pairs, delays: tuple[float, ...], starts: tuple[float, ...], sample_times: tuple[float, ...]
+) -> tuple[NDArray[np.complex64], NDArray[np.complex64], NDArray[np.complex64]]:
+    """Complex deviations (delay, tone) of the slow tones, and their phasors at chirps and at samples in them.
+
+    The phase of a tone at a sample is the sum of those of its chirp and of its place in that.
+    """
+    _, width = _bands(starts, sample_times)
+    highest = 0.5 * width
+    span = starts[-1] - starts[0] + 0.5 / width
     lowest = min(1.0 / (_LONGEST * span), 0.5 * highest)
     number = max(1, round(_SLOW_PER_DECADE * np.log10(highest / lowest)))
     edges = np.geomspace(lowest, highest, number + 1)
-    frequency: NDArray[np.float64] = np.sqrt(edges[1:] * edges[:-1])
+    frequency = np.sqrt(edges[1:] * edges[:-1])
     deviation = np.sqrt(phase_density(pairs, frequency) * np.diff(edges))
-    return frequency, (deviation * _differences(frequency, delays)).astype(np.complex64)
+    of_chirps = np.exp(2j * np.pi * np.multiply.outer(np.array(starts), frequency))
+    of_samples = np.exp(2j * np.pi * np.multiply.outer(frequency, np.array(sample_times)))
+    deviations = (deviation * _differences(frequency, delays)).astype(np.complex64)
+    return deviations, of_chirps.astype(np.complex64), of_samples.astype(np.complex64)
+
+
+def _bands(starts: tuple[float, ...], sample_times: tuple[float, ...]) -> tuple[int, float]:
+    """Number and width [Hz] of the bands of the sample rate that are drawn for every chirp, finer than it resolves."""
+    length = even_length(2 * len(sample_times))
+    if len(sample_times) > 1:
+        step = sample_times[1] - sample_times[0]
+    else:  # one sample per chirp: their rate is that of the chirps
+        step = (starts[-1] - starts[0]) / (len(starts) - 1) if len(starts) > 1 else 1e-6
+    return length, 1.0 / (length * step)
 
 
 def _differences(frequency: NDArray[np.floating], delays: tuple[float, ...]) -> NDArray[np.complex128]:

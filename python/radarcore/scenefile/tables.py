@@ -309,7 +309,13 @@ class ReceiverTable(Table):
     dc_offset: float | list[float] | None = _key(None, "", "added to samples, in their unit; default: none")
     adc_bits: int | None = _key(None, "", "bits of the ADC; default: not rounded")
     adc_noise_lsb: float | None = _key(None, "", "deviation of the ADC's noise, in steps; default: none")
-    chirp_offset_lsb: float | None = _key(None, "", "deviation of offsets of chirps, in steps; default: none")
+    chirp_offset_lsb: float | list[float] | None = _key(
+        None, "", "deviation of offsets of chirps, in steps; default: none"
+    )
+    segment_offset_lsb: float | None = _key(
+        None, "", "deviation of offsets of chirps and sixteenths of the ADC's codes, in steps; default: none"
+    )
+    adc_odd_width: float | None = _key(None, "", "width of odd codes of the ADC, in steps; default: 1")
 
 
 class RadarTable(Table):
