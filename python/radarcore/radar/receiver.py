@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from radarcore import check
@@ -162,6 +163,19 @@ class Receiver:
         if self.leakage is not None:
             for name in ("level_db", "phase_deg", "step_db", "step_phase_deg"):
                 check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)
+
+    def of_receivers(self, indices: Sequence[int]) -> Receiver:
+        """The same for some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
+
+        def own(value: Any) -> Any:
+            return tuple(value[i] for i in indices) if isinstance(value, tuple) else value
+
+        chosen = {name: own(getattr(self, name)) for name in ("rx_phase_deg", "dc_offset", "chirp_offset_lsb")}
+        if self.leakage is not None:
+            names = ("level_db", "phase_deg", "step_db", "step_phase_deg")
+            leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in names})
+            return replace(self, leakage=leakage, **chosen)
+        return replace(self, **chosen)
 
     @property
     def is_plain(self) -> bool:

@@ -67,7 +67,7 @@ def phase_differences(
     result = real_noise(parts, np.ones(fast.shape[-1], np.float32), num_samples)
     deviation, of_chirps, of_samples = _slow_offsets(pairs, delays, chirps, samples)
     tones = deviation * draws.complex_normal("slow phase noise", deviation.shape[-1:])
-    result += ((tones[:, None] * of_chirps) @ of_samples).real
+    result += (tones[:, None] * of_chirps).view(np.float32) @ of_samples
     return result
 
 
@@ -88,10 +88,11 @@ def _fast_offsets(
 @lru_cache(maxsize=16)
 def _slow_offsets(
     pairs: Pairs, delays: tuple[float, ...], starts: tuple[float, ...], sample_times: tuple[float, ...]
-) -> tuple[NDArray[np.complex64], NDArray[np.complex64], NDArray[np.complex64]]:
+) -> tuple[NDArray[np.complex64], NDArray[np.complex64], NDArray[np.float32]]:
     """Complex deviations (delay, tone) of the slow tones, and their phasors at chirps and at samples in them.
 
-    The phase of a tone at a sample is the sum of those of its chirp and of its place in that.
+    The phase of a tone at a sample is the sum of those of its chirp and of its place in that, so the real part of the
+    product of both phasors is wanted: those of samples are (2 tone, sample), cosine and negative sine in turn.
     """
     _, width = _bands(starts, sample_times)
     highest = 0.5 * width
@@ -102,9 +103,10 @@ def _slow_offsets(
     frequency = np.sqrt(edges[1:] * edges[:-1])
     deviation = np.sqrt(phase_density(pairs, frequency) * np.diff(edges))
     of_chirps = np.exp(2j * np.pi * np.multiply.outer(np.array(starts), frequency))
-    of_samples = np.exp(2j * np.pi * np.multiply.outer(frequency, np.array(sample_times)))
+    angle = 2.0 * np.pi * np.multiply.outer(frequency, np.array(sample_times))
+    of_samples = np.stack([np.cos(angle), -np.sin(angle)], axis=1).reshape(2 * len(frequency), -1)
     deviations = (deviation * _differences(frequency, delays)).astype(np.complex64)
-    return deviations, of_chirps.astype(np.complex64), of_samples.astype(np.complex64)
+    return deviations, of_chirps.astype(np.complex64), of_samples.astype(np.float32)
 
 
 def _bands(starts: tuple[float, ...], sample_times: tuple[float, ...]) -> tuple[int, float]:
