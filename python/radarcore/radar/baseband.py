@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
@@ -69,6 +69,18 @@ def phase_noise_delays(receiver: Receiver, waveform: Waveform) -> NDArray[np.flo
     return longest * np.arange(1, number + 1) / number
 
 
+def phase_noise_shares(receiver: Receiver, waveform: Waveform, delay: ArrayLike) -> NDArray[np.float64]:
+    """Shares that the delays of `phase_noise_delays` have in the phase noise of echoes of other delays [s].
+
+    Rows are the delays that are drawn; linear between them and zero, and those of the last beyond it.
+    """
+    nodes = np.concatenate([[0.0], phase_noise_delays(receiver, waveform)])
+    shares: NDArray[np.float64] = np.empty((len(nodes) - 1, *np.shape(delay)))
+    for k in range(len(shares)):
+        shares[k] = np.interp(np.asarray(delay, np.float64), nodes, np.eye(len(nodes))[k + 1])
+    return shares
+
+
 def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.complex128], float] | None:
     """Gains of the amplitudes of echoes over the length of their paths, (1 + delay, step), and the longest length [m].
 
@@ -88,7 +100,5 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
     delay = np.linspace(0.0, longest, steps + 1)
     # Samples are TX times the conjugate of RX, so that of an amplitude; shares are real.
     gain = filter_gain(receiver, waveform.slope * delay).conj()
-    nodes = np.concatenate([[0.0], delays])
-    shares = [np.interp(delay, nodes, np.eye(len(nodes))[k]) for k in range(1, len(nodes))]
-    rows = np.stack([gain, *(share * gain for share in shares)])
+    rows = np.concatenate([gain[None], phase_noise_shares(receiver, waveform, delay) * gain])
     return rows, longest * SPEED_OF_LIGHT

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.radar.baseband import phase_noise_delays
+from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.receive import adc
@@ -49,52 +49,48 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) 
     """Signal (channel, chirp, sample) behind mixer and filters [sqrt(W)]: phase noise, receiver phases, leakage."""
     blocks = ideal.reshape(-1, radar.num_channels, *ideal.shape[1:])
     signal: NDArray[Any] = blocks[0]
-    phases = _phases(receiver, radar, draws)
-    for part, phase in zip(blocks[1:], phases, strict=False):
-        part *= _turn(phase)
+    turns = _turns(receiver, radar, draws)
+    for part, turn in zip(blocks[1:], turns, strict=True):
+        part *= turn
         signal += part
     if receiver.rx_phase_deg is not None:
         signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
-    if receiver.leakage is not None:
+    if (leakage := receiver.leakage) is not None:
         by_receiver = signal.reshape(len(radar.tx), len(radar.rx), *signal.shape[1:])
-        if receiver.leakage.level_db is not None:
-            tone = leakage_tone(receiver.leakage, receiver, radar)[:, None]
+        if leakage.level_db is not None:
+            tone = leakage_tone(leakage, receiver, radar)[:, None]
             by_receiver += tone
-            if len(phases) > 0:
-                turn = _turn(phases[-1])
-                by_receiver += tone * (turn if len(turn) == 1 else turn.reshape(by_receiver.shape))
-        if receiver.leakage.step_db is not None:
-            by_receiver += leakage_step(receiver.leakage, radar)[:, None]
+            # The phase noise of an echo of its delay.
+            for share, turn in zip(phase_noise_shares(receiver, radar.waveform, leakage.delay), turns, strict=True):
+                added = np.float32(share) * turn
+                by_receiver += tone * (added if len(added) == 1 else added.reshape(by_receiver.shape))
+        if leakage.step_db is not None:
+            by_receiver += leakage_step(leakage, radar)[:, None]
     return signal
 
 
-def _turn(phase: NDArray[np.float32]) -> NDArray[np.complex64]:
-    """What turning by a phase [rad] adds to a phasor of 1: ``exp(j phase) - 1``, with all digits of small ones."""
-    turn = np.empty(phase.shape, np.complex64)
-    np.sin(phase, out=turn.imag)
-    half = np.sin(0.5 * phase)
-    turn.real = -2.0 * half * half
-    return turn
-
-
-def _phases(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.float32]:
-    """Phase noise [rad] at the delays of the parts of the signal and, last, at that of leakage.
+def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex64]:
+    """What phase noise adds to an echo of 1 at the delays of the parts of the signal: ``exp(j phase) - 1``.
 
     Shape (delay, 1 or channel, chirp, sample): transmitters that take turns send at times of their own.
     """
     if receiver.phase_noise is None:
-        return np.zeros((0, 0, 0, 0), np.float32)
+        return np.zeros((0, 1, 1, 1), np.complex64)
     waveform = radar.waveform
-    leak = 0.0 if receiver.leakage is None else receiver.leakage.delay
-    delays = (*phase_noise_delays(receiver, waveform).tolist(), leak)
+    delays = tuple(phase_noise_delays(receiver, waveform).tolist())
     offsets = radar.channel_offsets[:1]
     of_channel = np.zeros(radar.num_channels, np.intp)
     if np.ptp(radar.channel_offsets) > 0.0:
         offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
     starts = np.add.outer(offsets, waveform.chirp_times).ravel()
-    phases = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
-    phases = phases.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
-    return phases if len(offsets) == 1 else phases[:, of_channel]
+    phase = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
+    turns: NDArray[np.complex64] = np.empty(phase.shape, np.complex64)
+    np.sin(phase, out=turns.imag)
+    # With all digits of small ones.
+    half = np.sin(0.5 * phase)
+    turns.real = -2.0 * half * half
+    by_offset = turns.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
+    return by_offset if len(offsets) == 1 else by_offset[:, of_channel]
 
 
 def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
