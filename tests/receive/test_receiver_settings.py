@@ -195,3 +195,50 @@ def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: typ
 def test_other_numbers_than_receivers_are_refused_by_the_radar(settings: dict[str, Any], name: str) -> None:
     with pytest.raises(ValueError, match=rf"receiver\.{name}: expected one number, or 2, one per receiver, got"):
         rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**settings))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
+@pytest.mark.parametrize("output", ["iq", "real"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"num_samples": 1},
+        {"num_chirps": 1},
+        {"num_samples": 1, "num_chirps": 1},
+        {"slope": -50e12},
+        {"slope": 0.0, "sample_rate": 1e4},
+        {"slope": 5e10},
+        {"adc_delay": 5e-6},
+        {"chirp_times": [0.0, 60e-6, 200e-6, 300e-6]},
+    ],
+    ids=str,
+)
+def test_all_effects_work_with_any_waveform_and_precision(
+    output: str, tolerance: float, changes: dict[str, Any]
+) -> None:
+    basic = {"start_frequency": 60e9, "slope": 50e12, "sample_rate": 2e6, "num_samples": 32, "num_chirps": 4}
+    waveform = rc.Waveform(**(basic | changes))
+    settings = ALL | {"output": output}
+    if output == "real":
+        settings |= {"iq_gain_db": None, "iq_phase_deg": None}
+    if waveform.slope == 0.0:
+        settings["high_pass"] = None
+    radar = rc.Radar(waveform, rx=RX, receiver=rc.Receiver(**settings))
+    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
+    cube = rc.Simulator(scene, radar, resolution=8, tolerance=tolerance).frame().cube
+    assert cube.shape == (2, waveform.num_chirps, waveform.num_samples)
+    assert cube.dtype.kind == {"iq": "c", "real": "f"}[output]
+    assert cube.real.dtype == (np.float32 if tolerance == 1e-3 else np.float64)
+    assert np.isfinite(cube).all()
+    assert cube.base is None or cube.base.size <= 2 * cube.size
+    assert abs(cube.real).max() <= 1.0
+
+
+def test_depth_images_are_received_too() -> None:
+    distance = np.full((16, 16), 0.5)
+    radar = rc.bgt60tr13c(receiver="measured", num_chirps=4)
+    frame = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
+    assert frame.raw is not None
+    assert frame.cube.shape == frame.raw.shape == (3, 4, 64)
+    again = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
+    np.testing.assert_array_equal(again.raw, frame.raw)

@@ -220,8 +220,10 @@ class Receiver:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Receiver:
         """The receiver that `to_dict` described."""
-        leakage = values.get("leakage")
-        return cls(**(values | {"leakage": None if leakage is None else Leakage(**leakage)}))
+        given = dict(values)
+        if (leakage := given.get("leakage")) is not None:
+            given["leakage"] = Leakage(**leakage)
+        return cls(**given)
 
 
 _MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")

@@ -41,8 +41,11 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> ND
         return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
     draws = Draws(seed, start)
     signal = _mixed(ideal, receiver, radar, draws)
-    samples = np.ascontiguousarray(signal.real) if receiver.output == "real" else signal
-    return _digitised(samples, receiver, radar, draws)
+    if receiver.output == "real":
+        signal = np.ascontiguousarray(signal.real)
+    elif signal.size < ideal.size:
+        signal = signal.copy()  # without the memory of the parts
+    return _digitised(signal, receiver, radar, draws)
 
 
 def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
