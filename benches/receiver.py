@@ -122,6 +122,31 @@ def milliseconds(repeats: int) -> float:
     return 1e3 * float(np.median(times))
 
 
+def frame_milliseconds(repeats: int) -> dict[str, float]:
+    """Median time of a frame of a ball and a box that move, one thread, by receiver."""
+    bodies = [
+        rc.Body(rc.shapes.sphere(0.3), motion=rc.Linear(rc.Pose([1.0, 0.0, 0.0]), velocity=[0.3, 0.0, 0.0])),
+        rc.Body(rc.shapes.box([0.3, 0.3, 0.3]), motion=rc.Linear(rc.Pose([1.1, 0.7, 0.0]), velocity=[-0.3, 0.0, 0.0])),
+    ]
+    thermal = rc.Receiver(output="real", noise_figure_db=12.0)
+    receivers = {
+        "thermal noise": thermal,
+        "filters": replace(thermal, high_pass=80e3, low_pass=515e3),
+        "phase noise": replace(thermal, phase_noise=[(100e3, -80.0)]),
+        "all, as measured": "measured",
+    }
+    radars = {name: rc.bgt60tr13c(num_samples=128, receiver=receiver) for name, receiver in receivers.items()}
+    scene = rc.Scene(bodies)
+    simulators = {name: rc.Simulator(scene, radar, threads=1, max_bounces=1) for name, radar in radars.items()}
+    times: dict[str, list[float]] = {name: [] for name in simulators}
+    for k in range(repeats):
+        for name, simulator in simulators.items():
+            began = time.perf_counter()
+            simulator.frame(0.03 * k)
+            times[name].append(time.perf_counter() - began)
+    return {name: 1e3 * float(np.median(some)) for name, some in times.items()}
+
+
 def print_table(columns: dict[str, Statistics]) -> None:
     print(f"{'RX1 / RX2 / RX3':<44}" + "".join(f"{name:>26}" for name in columns))
     for row, form in ROWS.items():
@@ -197,6 +222,8 @@ def main() -> None:
     for distance, got, expected in zip((0.3, 1.2), found, formula, strict=True):
         print(f"phase noise at {distance} m: {got:.4f} degrees, by the formula {expected:.4f}")
     print(f"whole chain, 3 x 64 x 128 samples: {milliseconds(5 if options.tiny else 300):.2f} ms")
+    frames = frame_milliseconds(1 if options.tiny else 30)
+    print("frame of two bodies, one thread: " + ", ".join(f"{name} {ms:.1f} ms" for name, ms in frames.items()))
     if options.picture:
         draw(columns, waveform, 1 if options.tiny else 20)
 
