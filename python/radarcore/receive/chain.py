@@ -59,9 +59,9 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) 
     if receiver.rx_phase_deg is not None:
         signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
     if (leakage := receiver.leakage) is not None:
-        by_receiver = signal.reshape(len(radar.tx), len(radar.rx), *signal.shape[1:])
+        by_receiver = signal.reshape(-1, len(radar.rx), *signal.shape[1:])
         if leakage.level_db is not None:
-            tone = leakage_tone(leakage, receiver, radar)[:, None]
+            tone = leakage_tone(leakage, receiver, radar)[:, None] * _leaking(radar)
             by_receiver += tone
             # The phase noise of an echo of its delay.
             for share, turn in zip(phase_noise_shares(receiver, radar.waveform, leakage.delay), turns, strict=True):
@@ -70,6 +70,16 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) 
         if leakage.step_db is not None:
             by_receiver += leakage_step(leakage, radar)[:, None]
     return signal
+
+
+def _leaking(radar: Radar) -> NDArray[np.complex64]:
+    """Field that leaks into the receivers over that of one transmitter, (chirp, 1): several at once add up."""
+    schedule, waveform = radar.schedule, radar.waveform
+    if schedule is None or not schedule.is_sum:
+        return np.ones((waveform.num_chirps, 1), np.complex64)
+    weights = schedule.tx_weights(radar.tx, waveform.wavelength, waveform.num_chirps)
+    total: NDArray[np.complex64] = weights.conj().sum(axis=1, keepdims=True).astype(np.complex64)
+    return total
 
 
 def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex64]:

@@ -318,6 +318,48 @@ class ReceiverTable(Table):
     adc_odd_width: float | None = _key(None, "", "width of odd codes of the ADC, in steps; default: 1")
 
 
+class TdmTable(Table):
+    """Transmitters in turn."""
+
+    kind: Literal["tdm"]
+    interval: float | None = _key(None, "s", "from one turn to the next; default: the chirp interval over their number")
+    order: list[int] | None = _key(None, "", "numbers of the transmitters in their order; default: 0, 1, 2, ...")
+
+
+class DdmTable(Table):
+    """Transmitters at once, apart by their Doppler frequency."""
+
+    kind: Literal["ddm"]
+    turns: list[float] | None = _key(
+        None, "turns", "advance of the phase of every transmitter per chirp; default: its number over their number"
+    )
+
+
+class SteeredTable(Table):
+    """Transmitters at once as one beam; `azimuth_deg` and `elevation_deg`, or `phases_deg`."""
+
+    kind: Literal["steered"]
+    azimuth_deg: float | list[float] | None = _key(
+        None, "degrees", "of the beam, or one per chirp; positive to the left; default: 0"
+    )
+    elevation_deg: float | list[float] | None = _key(
+        None, "degrees", "of the beam, or one per chirp; positive up; default: 0"
+    )
+    phases_deg: list[float] | list[list[float]] | None = _key(
+        None, "degrees", "of every transmitter, or a list of them per chirp; default: those of the angles"
+    )
+
+
+class SequenceTable(Table):
+    """A further sub-sequence of every frame: what differs from the first, and when it comes."""
+
+    delay: float = _key(..., "s", "from the start of the frame to its first chirp")
+    start_frequency: float | None = _key(None, "Hz", "at the start of the ramp; default: as the first")
+    slope: float | None = _key(None, "Hz/s", "of the ramp; default: as the first")
+    num_chirps: int | None = _key(None, "", "chirps; default: as the first")
+    chirp_interval: float | None = _key(None, "s", "from chirp to chirp; default: as the first")
+
+
 class RadarTable(Table):
     """The radar; given keys override those of a preset."""
 
@@ -332,6 +374,18 @@ class RadarTable(Table):
     chirp_times: list[float] | None = _key(None, "s", "start of every chirp, increasing; in place of chirp_interval")
     frame_interval: float | None = _key(None, "s", "from frame to frame; default: back to back, or the preset's")
     adc_delay: float | None = _key(None, "s", "from ramp start to first sample; default: 0, or the preset's")
+    max_range: float | None = _key(
+        None, "m", "wish in place of slope and num_samples: largest range of real samples; default: none"
+    )
+    range_resolution: float | None = _key(None, "m", "wish in place of slope and num_samples: range bin; default: none")
+    max_velocity: float | None = _key(None, "m/s", "wish in place of chirp_interval: largest velocity; default: none")
+    velocity_resolution: float | None = _key(None, "m/s", "wish in place of num_chirps: velocity bin; default: none")
+    rate: float | None = _key(None, "Hz", "wish in place of frame_interval: frames per second; default: none")
+    alternating: bool = _key(False, "", "chirps with odd numbers go the other way: two sub-sequences, up and down")
+    sequences: list[SequenceTable] | None = _key(None, "", "further sub-sequences of every frame; default: none")
+    schedule: Annotated[TdmTable | DdmTable | SteeredTable, Field(discriminator="kind")] | None = _key(
+        None, "", "when and in which phase transmitters send; default: apart as if by magic"
+    )
     tx: list[Vector] | None = _key(None, "m", "transmit antennas in the sensor frame; default: origin, or the preset's")
     rx: list[Vector] | None = _key(None, "m", "receive antennas in the sensor frame; default: origin, or the preset's")
     tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
