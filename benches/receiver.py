@@ -27,6 +27,9 @@ from radarcore.units import SPEED_OF_LIGHT
 
 PICTURE = Path(__file__).resolve().parents[1] / "docs" / "receiver.png"
 
+WIDE = {"start_frequency": 58e9, "stop_frequency": 63.5e9, "chirp_interval": 591.125e-6, "frame_interval": 77.26885e-3}
+"""Sweep and times of the chip at power-up, with which recordings of quiet scenes are made."""
+
 ROWS = {
     "mean code": "{:.0f}",
     "leakage, peak to peak [LSB]": "{:.0f}",
@@ -95,8 +98,8 @@ def measured_like(waveform: rc.Waveform, *, as_codes: bool = False) -> rc.Radar:
 def residual_phase(ranges: NDArray[np.float64], num_frames: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Phase noise of echoes at ranges [degrees rms]: simulated, and by the formula."""
     pairs = ((100e3, -80.0),)
-    quiet = rc.bgt60tr13c(num_samples=128, num_chirps=16, receiver=rc.Receiver())
-    noisy = rc.bgt60tr13c(num_samples=128, num_chirps=16, receiver=rc.Receiver(phase_noise=pairs))
+    quiet = rc.bgt60tr13c(**WIDE, num_chirps=16, receiver=rc.Receiver())
+    noisy = rc.bgt60tr13c(**WIDE, num_chirps=16, receiver=rc.Receiver(phase_noise=pairs))
     found = []
     for distance in ranges:
         scene = rc.Scene([rc.PointTarget([distance, 0.0, 0.0])])
@@ -112,7 +115,7 @@ def residual_phase(ranges: NDArray[np.float64], num_frames: int) -> tuple[NDArra
 
 def milliseconds(repeats: int) -> float:
     """Median time of the whole chain for 3 x 64 x 128 samples, behind the core."""
-    radar = rc.bgt60tr13c(receiver="measured", num_chirps=64, num_samples=128)
+    radar = rc.bgt60tr13c(**WIDE, receiver="measured")
     ideal = np.zeros((6, 64, 128), np.complex64)  # echoes, and their part with phase noise
     times = []
     for k in range(repeats):
@@ -135,7 +138,7 @@ def frame_milliseconds(repeats: int) -> dict[str, float]:
         "phase noise": replace(thermal, phase_noise=[(100e3, -80.0)]),
         "all, as measured": "measured",
     }
-    radars = {name: rc.bgt60tr13c(num_samples=128, receiver=receiver) for name, receiver in receivers.items()}
+    radars = {name: rc.bgt60tr13c(**WIDE, receiver=receiver) for name, receiver in receivers.items()}
     scene = rc.Scene(bodies)
     simulators = {name: rc.Simulator(scene, radar, threads=1, max_bounces=1) for name, radar in radars.items()}
     times: dict[str, list[float]] = {name: [] for name in simulators}
@@ -202,7 +205,11 @@ def main() -> None:
     parser.add_argument("--picture", action="store_true", help="draw docs/receiver.png")
     parser.add_argument("--tiny", action="store_true", help="a few frames")
     options = parser.parse_args()
-    columns, waveform, num_frames = {}, rc.bgt60tr13c(num_chirps=8).waveform, 4 if options.tiny else 256
+    columns, waveform, num_frames = (
+        {},
+        rc.bgt60tr13c(**WIDE, num_samples=64, num_chirps=8).waveform,
+        4 if options.tiny else 256,
+    )
     if options.recording is None:
         print("no recording given: numbers of the model alone; give the folder of one to compare")
     else:

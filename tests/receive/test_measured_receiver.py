@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from chip_settings import power_up
 from radarcore.radar.bgt60_receiver import gain_stages, highpass_index
 from radarcore.recording.codes import to_codes
 from radarcore.virtual.source import Simulated
@@ -21,7 +22,7 @@ LOWEST_OF_STEPS = (18, 21, 26, 29, 32, 34, 37, 39, 42, 44, 47, 49, 53, 58)
 
 
 def measured(if_gain_db: int = 23, **settings: Any) -> rc.Radar:
-    return rc.bgt60tr13c(receiver="measured", if_gain_db=if_gain_db, **settings)
+    return power_up(receiver="measured", if_gain_db=if_gain_db, **settings)
 
 
 def codes(radar: rc.Radar, num_frames: int, **changes: Any) -> NDArray[np.float64]:
@@ -107,8 +108,8 @@ def test_phase_noise_is_far_below_a_tenth_of_a_degree_at_short_range() -> None:
     receiver = measured().receiver
     assert receiver is not None
     scene = rc.Scene([rc.PointTarget([0.3, 0.0, 0.0])])
-    quiet = rc.Simulator(scene, rc.bgt60tr13c(receiver=rc.Receiver()), resolution=8).frame().cube
-    noisy = rc.bgt60tr13c(receiver=rc.Receiver(phase_noise=receiver.phase_noise))
+    quiet = rc.Simulator(scene, power_up(receiver=rc.Receiver()), resolution=8).frame().cube
+    noisy = power_up(receiver=rc.Receiver(phase_noise=receiver.phase_noise))
     turn = np.angle(rc.Simulator(scene, noisy, resolution=8).frame().cube / quiet)
     assert 0.0 < np.rad2deg(turn.std()) < 0.1
 
@@ -144,7 +145,7 @@ stop = 0.1
 def test_scene_files_have_the_receiver(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(SCENE_FILE)
-    assert rc.load_scene(path).radar == measured(33)
+    assert rc.load_scene(path).radar == rc.bgt60tr13c(receiver="measured", if_gain_db=33)
     table = """\
 [radar.receiver]
 output = "real"
@@ -191,7 +192,7 @@ def test_scene_files_that_contradict_themselves_are_refused(old: str, new: str, 
 def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_the_registers() -> None:
     scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
     source = Simulated(rc.Simulator(scene, measured(), resolution=8))
-    waveform = rc.bgt60tr13c(num_chirps=4)
+    waveform = power_up(num_chirps=4)
     part = rc.Radar(
         waveform.waveform, tx=waveform.tx, rx=waveform.rx[[0, 2]], pattern=waveform.pattern, tx_power_dbm=4.0
     )

@@ -239,6 +239,6 @@ def test_depth_images_are_received_too() -> None:
     radar = rc.bgt60tr13c(receiver="measured", num_chirps=4)
     frame = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
     assert frame.raw is not None
-    assert frame.cube.shape == frame.raw.shape == (3, 4, 64)
+    assert frame.cube.shape == frame.raw.shape == (3, 4, 128)
     again = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
     np.testing.assert_array_equal(again.raw, frame.raw)
