@@ -90,9 +90,11 @@ def main() -> None:
     options = parser.parse_args()
     print(f"{'frame [rx x chirp x sample]':<28} {'board':>8} {'cdc':>16} {'vendor':>16} {'driver':>16}")
     for name, (chirps, samples) in FRAMES.items():
-        wanted = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples)
-        shortest = chirps * wanted.waveform.chirp_interval + 2e-3
-        radar = rc.bgt60tr13c(num_chirps=chirps, num_samples=samples, frame_interval=max(25e-3, shortest))
+        interval = 591.125e-6  # as at power-up
+        frame_interval = max(25e-3, chirps * interval + 2e-3)
+        radar = rc.bgt60tr13c(
+            num_chirps=chirps, num_samples=samples, chirp_interval=interval, frame_interval=frame_interval
+        )
         board = 1.0 / achieved(Settings.from_radar(radar)).frame_time
         number = 20 if options.tiny else max(200, round(40 * board))
         rates = [frames_per_second(transport, radar, number) for transport in ("cdc", "vendor")]

@@ -35,6 +35,6 @@ if __name__ == "__main__":
     profile = np.abs(rc.range_profile(frame.cube, waveform)[0, 0])  # [range]
     noise = np.median(profile)
     for name, distance in zip(frame.truth.names, frame.truth.range, strict=True):
-        peak = rc.strongest_peak(frame.cube, waveform, min_range=distance - 0.3, max_range=distance + 0.3)
+        peak = rc.strongest_peak(frame, min_range=distance - 0.3, max_range=distance + 0.3)
         level = profile[round(peak.range / waveform.range_resolution)]
         print(f"{name}: {peak.range:.3f} m, truth {distance:.3f} m; {20 * np.log10(level / noise):.0f} dB above noise")

@@ -30,5 +30,5 @@ simulator = rc.Simulator(rc.Scene([ball, cart, corner, drone]), radar, field_of_
 if __name__ == "__main__":
     recording = simulator.record(0.0, 1.0, rate=20.0)
     for frame in recording.frames():
-        peak = rc.strongest_peak(frame.cube, waveform)
+        peak = rc.strongest_peak(frame)
         print(f"{frame.time:.2f} s: strongest echo at {peak.range:.2f} m, {peak.velocity:+.2f} m/s")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import radarcore as rc
 
-radar = rc.bgt60tr13c(num_samples=128, num_chirps=16)
+radar = rc.bgt60tr13c(max_range=1.5, range_resolution=0.03, num_chirps=16)
 
 part = rc.Body(
     rc.load_mesh(Path(__file__).with_name("wedge.obj"), scale=1e-3),

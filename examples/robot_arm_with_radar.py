@@ -32,5 +32,5 @@ if __name__ == "__main__":
     recording = simulator.record(0.0, 1.0, rate=10.0)
     truth = recording.truth.select(["cylinder"])
     for frame, distance in zip(recording.frames(), truth.range[:, 0], strict=True):
-        peak = rc.strongest_peak(frame.cube, radar.waveform, min_range=distance - 0.2, max_range=distance + 0.2)
+        peak = rc.strongest_peak(frame, min_range=distance - 0.2, max_range=distance + 0.2)
         print(f"{frame.time:.2f} s: {peak.range:.3f} m, {peak.velocity:+.2f} m/s; truth {distance:.3f} m")

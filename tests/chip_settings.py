@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hypothesis import assume
 from hypothesis import strategies as st
 
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.settings import Settings
 
 CLOCK = 80e6  # [Hz]
@@ -36,6 +40,15 @@ V3_SETTINGS = Settings(
     chirp_time=70e-6,
     frame_time=5e-3,
 )
+
+
+def power_up(**changes: Any) -> Radar:
+    """The radar that the chip is at power-up, with some other keywords of `bgt60tr13c`."""
+    settings = {"start_frequency": 58e9, "stop_frequency": 63.5e9, "num_samples": 64}
+    times = {"chirp_interval": 591.125e-6, "frame_interval": 77.26885e-3}
+    if "chirp_times" in changes:
+        del times["chirp_interval"]
+    return bgt60tr13c(**(settings | times | changes))
 
 
 def image(text: str) -> dict[int, int]:

@@ -62,7 +62,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(scene: Path, tmp_path: Path) -> None:
     done = run("simulate", scene, "-o", tmp_path / "new" / "recording", "--threads", "1")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "3 frames of 3 x 8 x 64 samples" in done.stdout
+    assert "3 frames of 3 x 8 x 128 samples" in done.stdout
     assert len(done.stdout.splitlines()) == 1
     recording = rc.Recording.load(tmp_path / "new" / "recording")
     assert np.array_equal(recording.cube, rc.load_scene(scene).record(progress=False).cube)
@@ -72,7 +72,7 @@ def test_simulate_prints_json(scene: Path, tmp_path: Path, capsys: pytest.Captur
     assert main(["simulate", str(scene), "-o", str(tmp_path / "recording"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["frames"] == 3
-    assert summary["cube_shape"] == [3, 3, 8, 64]
+    assert summary["cube_shape"] == [3, 3, 8, 128]
     assert summary["seconds"] > 0.0
     assert summary["real_time_factor"] == pytest.approx(0.3 / summary["seconds"])
 
@@ -137,7 +137,7 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
     )
     command = [sys.executable, "-c", program, "simulate", str(scene), "-o", str(output)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    row = 3 * 8 * 64 * 4  # bytes of a frame
+    row = 3 * 8 * 128 * 4  # bytes of a frame
     deadline = time.monotonic() + 60.0
     while not ((cube := output / "cube.npy").exists() and cube.stat().st_size > 3 * row):
         assert process.poll() is None
@@ -182,6 +182,11 @@ def test_help_names_every_picture() -> None:
     [
         (["--kind", "depth"], "expected a scene file for a picture of kind 'depth', got a recording"),
         (["--frame", "3"], "frame: expected an index below 3, got 3"),
+        (
+            ["--kind", "chirp", "--max-range", "3"],
+            "max_range: expected a picture of kind overview, range-profile, map,",
+        ),
+        (["--kind", "map", "--channel", "3"], "channel: expected an index below 3, got 3"),
         (["-o", "picture.txt"], "picture.txt: expected a picture (.png, .pdf, .svg, .jpg), got suffix '.txt'"),
     ],
 )
@@ -202,6 +207,30 @@ def test_plot_says_what_is_wrong(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("kind", plot.VIEWS)
+def test_pictures_take_what_can_be_chosen_of_them(scene: Path, recording: Path, tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    values = {"channel": ["1"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    chosen = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
+    source = scene if kind == "experiment" else recording
+    assert main(["plot", str(source), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen]) == 0
+
+
+def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
+    scene: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
+    picture = tmp_path / "picture.png"
+    for config in (scene, recording / "meta.json"):
+        assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture), "--config", str(config)]) == 0
+    capsys.readouterr()
+    assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cube [frame, channel, chirp, sample]"] == list(np.load(recording / "cube.npy").shape)
+    assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
+    assert "bare.npy: expected --config with the radar of a bare .npy file, got none" in capsys.readouterr().err
+
+
 # --- info, schema
 
 
@@ -215,7 +244,7 @@ def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
     of_scene, of_recording = facts
     assert of_scene["bodies"] == of_recording["bodies"] == ["ball"]
     assert of_scene["frames"] == of_recording["frames"] == 3
-    assert of_recording["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 64]
+    assert of_recording["cube [frame, channel, chirp, sample]"] == [3, 3, 8, 128]
     waveform = rc.load_scene(scene).radar.waveform
     for one in facts:
         assert one["range bin [m]"] == waveform.range_resolution

@@ -71,7 +71,7 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     assert "--overwrite" in capsys.readouterr().err
     again = ["--frames", "2", "--overwrite", "--radar", str(scene), "--chirps", "4"]
     assert main(["sensor", "record", port, "-o", str(output), *again]) == 0
-    assert rc.Recording.load(output).cube.shape == (2, 3, 4, 64)
+    assert rc.Recording.load(output).cube.shape == (2, 3, 4, 128)
 
 
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
@@ -134,7 +134,7 @@ def test_cube_of_a_view_may_be_any(tmp_path):
     """A window follows whatever a recording holds: one chirp, I/Q."""
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     waveform = rc.bgt60tr13c().waveform.replace(num_chirps=1)
-    cube = np.random.default_rng(0).normal(size=(3, 1, 1, 64)).astype(np.complex64)
+    cube = np.random.default_rng(0).normal(size=(3, 1, 1, 128)).astype(np.complex64)
     rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
     assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
     assert list((tmp_path / "out").glob("*.png"))

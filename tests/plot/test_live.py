@@ -147,13 +147,13 @@ def test_two_targets_are_listed_by_range_and_their_sidelobes_are_not() -> None:
 
 def test_level_is_power_over_the_noise_of_a_cell() -> None:
     # One real tone of amplitude a in white noise of variance s^2, Hann windows with the mean square 3/8: the cell
-    # has (a/2)^2 (N/2)^2 (M/2)^2 over s^2 (3/8) N (3/8) M, once per channel. The median of the sum of two
-    # exponential variables is 1.678 times the mean of one.
+    # has (a/2)^2 (N/2)^2 (M/2)^2 over s^2 (3/8) N (3/8) M, once per channel.
     levels = [stream([frame(number=i)], remove_static=False).detections[0].level_db for i in range(20)]
     wf = RADAR.waveform
     ratio = (0.5e-5) ** 2 * wf.num_samples * wf.num_chirps / 16.0 / (NOISE**2 * (3.0 / 8.0) ** 2)
-    expected = 10.0 * np.log10(2.0 * ratio / 1.678)
-    assert np.mean(levels) == pytest.approx(expected, abs=0.4)  # half a cell off the maximum costs 0.1 dB on each axis
+    expected = 10.0 * np.log10(ratio)
+    # The median of a few hundred training cells scatters by 4 % (0.2 dB); the fit is not off the maximum.
+    assert np.mean(levels) == pytest.approx(expected, abs=0.2)
 
 
 def test_noise_alone_has_no_detections() -> None:
@@ -338,7 +338,8 @@ def test_frames_of_one_sample_are_drawn() -> None:
     axes = shown(live)["Range"]
     profile = axes.lines[0]
     np.testing.assert_allclose(profile.get_xdata(), of.waveform.range_resolution * np.array([0.0, 0.25, 0.5]))
-    np.testing.assert_allclose(profile.get_ydata(), 0.0, atol=1e-5)  # [dB] below its peak
+    # All cells are the median: of the sum of two exponential variables of mean 1, 1.678.
+    np.testing.assert_allclose(profile.get_ydata(), 10.0 * np.log10(1.678 / 2.0), atol=1e-3)  # [dB]
     assert columns(live)[-1]
     assert not columns(live)[:-1].any()
 

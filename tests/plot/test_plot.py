@@ -17,6 +17,8 @@ from radarcore import plot
 from radarcore.geometry import shapes
 from radarcore.geometry.pose import Pose
 from radarcore.motion.linear import Linear
+from radarcore.processing.point_cloud import Detections
+from radarcore.processing.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
@@ -159,11 +161,64 @@ def test_map_is_brightest_where_the_crosses_are(real: bool) -> None:
     crosses = [(line.get_xdata()[0], line.get_ydata()[0]) for line in ax.get_lines()]
     assert crosses == [(0.0, 1.9), (-0.8, 0.9)]
     assert set(texts(ax)) == {"wall", "arm"}  # the hidden one is NaN, the fourth beyond the range
-    assert ax.get_ylim() == (0.0, pytest.approx(one.radar.max_range))
-    assert ax.get_xlim() == pytest.approx((-wf.max_velocity, wf.max_velocity))
+    # Cut to the echoes, whose main lobes are two bins to either side, and a fifth more.
+    (_, farthest), (slowest, fastest) = ax.get_ylim(), ax.get_xlim()
+    assert 1.9 + 2.0 * wf.range_resolution <= farthest / 1.2 <= 1.9 + 3.0 * wf.range_resolution
+    assert 0.8 + wf.velocity_resolution <= fastest / 1.2 <= 0.8 + 4.0 * wf.velocity_resolution
+    assert slowest == -fastest
     assert (level.min(), level.max()) == (pytest.approx(-60.0), pytest.approx(0.0))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Velocity [m/s, receding positive]", "Range [m]")
-    assert colour_bar_label(ax) == "Power [dB re maximum]"
+    assert colour_bar_label(ax) == "Power [dB re maximum, floor −60]"
+    assert ax.get_title() == "Range and velocity at 0.125 s"
+
+
+def test_map_of_known_noise_is_in_decibels_over_it_and_noise_alone_is_dark() -> None:
+    one = frame(truth=False)
+    receiver = Receiver(output="real", noise_figure_db=12.0)
+    radar = Radar(one.radar.waveform, receiver=receiver)
+    deviation = receiver.noise_variance(2e6) ** 0.5
+    noise = deviation * np.random.default_rng(1).standard_normal(one.cube.shape)
+    ax: Any = plot.range_doppler_map(Frame(noise, 0.0, radar))
+    level = ax.images[0].get_array()
+    assert colour_bar_label(ax) == "Power [dB over noise]"
+    assert ax.images[0].get_clim() == (0.0, 30.0)
+    # Exponentially distributed powers: the median is 1.6 dB below the mean, 1 / e of the cells are above it.
+    assert 0.33 < np.mean(level > 0.0) < 0.41
+    assert level.max() < 15.0
+    assert ax.get_xlim() == pytest.approx((-radar.waveform.max_velocity, radar.waveform.max_velocity))
+    # A tone of amplitude a in the middle of a bin: a^2 / 4 (64 x 16)^2 over the noise, 1 / 2 of it with the windows.
+    tone = deviation * np.cos(2.0 * np.pi * 0.25 * np.arange(128)) + np.zeros((1, 32, 1))
+    lone: Any = plot.range_doppler_map(Frame(tone, 0.0, radar))
+    expected = 10.0 * np.log10(0.25 * (64 * 16) ** 2 / (48.0 * 12.0))
+    assert lone.images[0].get_array().max() == pytest.approx(expected, abs=0.1)
+    profile: Any = plot.range_profile(Frame(noise, 0.0, radar))
+    assert profile.get_ylabel() == "Power [dB over noise]"
+    assert np.mean(10.0 ** (profile.get_lines()[0].get_ydata() / 10.0)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_known_noise_of_recordings_is_the_mean_of_their_pictures() -> None:
+    one = recording(truth=False)
+    receiver = Receiver(noise_figure_db=12.0)
+    parts = np.random.default_rng(2).standard_normal((2, *one.cube.shape))
+    noise = (0.5 * receiver.noise_variance(2e6)) ** 0.5 * (parts[0] + 1j * parts[1])
+    alone = Recording(noise, one.time, Radar(one.radar.waveform, receiver=receiver))
+    for draw in (plot.range_time, plot.spectrogram):
+        ax: Any = draw(alone)
+        assert colour_bar_label(ax) == "Power [dB over noise]"
+    for found in (range_time(alone), spectrogram(alone, max_range=2.0)):
+        assert found.power.mean() == pytest.approx(found.noise, rel=0.03)  # of 12 x 32 x 128 samples: 0.5 %
+    # Codes of an ADC are not in the unit of the noise figure.
+    scaled = Recording(one.cube, one.time, alone.radar, source={"cube_unit": "full scale"})
+    assert range_time(scaled).noise is None
+
+
+def test_detections_are_rings() -> None:
+    one = frame(truth=False)
+    found = Detections([0.9, 1.9], [-0.8, 0.0], [np.nan] * 2, [np.nan] * 2, [20.0, 30.0])
+    ax: Any = plot.range_doppler_map(one, detections=found)
+    rings = ax.get_lines()[-1]
+    np.testing.assert_array_equal(rings.get_xydata(), [[-0.8, 0.9], [0.0, 1.9]])
+    assert ax.get_xlim() == plot.range_doppler_map(one).get_xlim()
 
 
 def test_map_takes_one_channel_a_dynamic_range_and_a_farthest_range() -> None:
@@ -287,7 +342,7 @@ def test_ranges_over_time_are_brightest_on_the_lines_of_the_truth() -> None:
         assert level_at(ax, time, 2.15) < -30.0
     assert set(texts(ax)) == {"wall", "arm"}
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time [s]", "Range [m]")
-    assert colour_bar_label(ax) == "Power [dB re maximum]"
+    assert colour_bar_label(ax).startswith("Power [dB re maximum, floor −")
     assert ax.get_ylim() == (0.0, 2.2)
     assert {"wall", "arm"} <= texts_apart(ax.figure)
     alone: Any = plot.range_time(one, names=["arm"], remove_static=True, dynamic_range_db=40)
@@ -305,7 +360,9 @@ def test_spectrogram_is_brightest_at_the_velocities() -> None:
         assert level_at(ax, time, -0.8) == pytest.approx(-9.5, abs=1.0)
         assert level_at(ax, time, 1.5) < -30.0
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time [s]", "Velocity [m/s, receding positive]")
-    assert ax.get_ylim() == pytest.approx((-wf.max_velocity, wf.max_velocity))
+    _, fastest = ax.get_ylim()
+    assert 0.8 < fastest < wf.max_velocity
+    assert plot.spectrogram(one, max_velocity=1.0).get_ylim() == (-1.0, 1.0)
     bottom, top = ax.images[0].get_extent()[2:]
     assert (bottom, top) == pytest.approx((-wf.max_velocity, wf.max_velocity))  # no empty strip at either end
     assert set(texts(ax)) == {"arm"}

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from radarcore.processing.peaks import Peak, strongest_peak
 from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 
@@ -204,13 +206,40 @@ def test_one_sample_has_no_range() -> None:
     assert peak.velocity == 0.0
 
 
-def test_silence_and_no_channels_have_no_peak() -> None:
+def test_silence_no_channels_and_noise_have_no_peak() -> None:
     wf = waveform()
     for cube in (np.zeros((2, 32, 64)), np.zeros((2, 32, 64), np.complex64), np.zeros((0, 32, 64))):
-        peak = strongest_peak(cube, wf)
-        assert (np.isnan(peak.range), np.isnan(peak.velocity), peak.power) == (True, True, 0.0)
-        assert (peak.range_index, peak.velocity_index) == (-1, -1)
-    assert isinstance(peak, Peak)
+        assert strongest_peak(cube, wf) is None
+    rng = np.random.default_rng(7)
+    for num_channels in (1, 3):
+        for short in (wf, waveform(num_chirps=1), waveform(num_chirps=8, num_samples=12)):
+            shape = (num_channels, short.num_chirps, short.num_samples)
+            # 600 frames of a rate of 1e-6 each.
+            assert all(strongest_peak(rng.standard_normal(shape), short) is None for _ in range(100))
+    assert isinstance(strongest_peak(rng.standard_normal((1, 32, 64)), wf, min_snr_db=0.0), Peak)
+
+
+def test_snr_is_the_power_over_that_of_the_noise_in_a_cell() -> None:
+    wf = waveform()
+    rng = np.random.default_rng(8)
+    amplitude, num_channels, snr_db = 0.5, 2, []
+    for _ in range(60):
+        noise = rng.standard_normal((2, num_channels, 32, 64))
+        cube = amplitude * target(wf, 4.03, 1.07) + noise[0] + 1j * noise[1]
+        snr_db.append(strongest_peak(cube, wf).snr_db)
+    # Windows of Hann: sums of half of the samples, squares of 3/8; the noise in the peak's own cell is in it. The mean
+    # of 60 has a standard deviation of 0.09 dB: amplitudes scatter by 0.07 of themselves, 0.6 dB.
+    expected = amplitude**2 / 2.0 * (32.0 * 64.0 / 16.0) / (3.0 / 8.0) ** 2
+    assert np.mean(snr_db) == pytest.approx(10.0 * np.log10(expected + 1.0), abs=0.5)
+
+
+def test_a_frame_has_its_radar_and_a_least_snr_can_be_set() -> None:
+    wf = waveform()
+    cube = target(wf, 4.03, 1.07) + 0.1 * np.random.default_rng(9).standard_normal((1, 32, 64))
+    peak = strongest_peak(cube, wf)
+    assert strongest_peak(Frame(cube, 0.0, Radar(wf))) == strongest_peak(cube, Radar(wf)) == peak
+    assert strongest_peak(cube, wf, min_snr_db=peak.snr_db - 0.1) == peak
+    assert strongest_peak(cube, wf, min_snr_db=peak.snr_db + 0.1) is None
 
 
 def test_nan_passes_through_transforms_and_is_refused_by_the_peak() -> None:
@@ -254,6 +283,7 @@ CUBE = np.ones((1, 32, 64), np.float32)
         (strongest_peak, CUBE, {"min_range": np.nan}, ValueError, "min_range: expected a finite number"),
         (strongest_peak, CUBE, {"max_range": -1.0}, ValueError, "max_range: expected at least min_range = 0 m, got -1"),
         (strongest_peak, CUBE, {"min_velocity": 2, "max_velocity": 1}, ValueError, "max_velocity: expected at least"),
+        (strongest_peak, CUBE, {"min_snr_db": np.nan}, ValueError, "min_snr_db: expected a finite number"),
         (strongest_peak, CUBE, {"min_velocity": "fast"}, TypeError, "min_velocity: expected a number"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from chip_settings import power_up
 
 C = 299_792_458.0  # [m/s]
 
@@ -87,8 +88,44 @@ def test_point_at_half_power_returns_a_quarter_of_the_power(azimuth_deg: float, 
     assert amplitude[0, 0].imag == 0.0
 
 
-def test_bgt60tr13c_samples_5_ghz_of_its_sweep() -> None:
+def test_bgt60tr13c_sees_ten_metres_at_40_hz() -> None:
     radar = rc.bgt60tr13c()
+    wf = radar.waveform
+    assert (wf.sample_rate, wf.num_samples, wf.num_chirps) == (2e6, 128, 64)
+    assert (wf.adc_delay, wf.chirp_interval, wf.frame_interval) == (3.1125e-6, 300e-6, 25e-3)
+    # 60 to 61 GHz in 3.1125 + 64 us, of which 64 us are sampled: 954 MHz, c / (2 B) = 0.1572 m, 64 bins of it.
+    assert wf.start_frequency == 60e9
+    assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(61e9, rel=1e-15)
+    assert radar.max_range == pytest.approx(10.06, abs=0.005)
+    # 4.955 mm at 60.52 GHz over four times 300 us.
+    assert wf.max_velocity == pytest.approx(4.128, abs=1e-3)
+
+
+def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:
+    for given, (start, stop) in (
+        ({"start_frequency": 58.5e9}, (58.5e9, 59.5e9)),
+        ({"stop_frequency": 62e9}, (61e9, 62e9)),
+        ({"start_frequency": 63.5e9}, (63.5e9, 64e9)),
+        ({"stop_frequency": 57.5e9}, (57e9, 57.5e9)),
+    ):
+        wf = rc.bgt60tr13c(**given).waveform
+        assert wf.start_frequency == start
+        assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(stop, rel=1e-15)
+
+
+def test_bgt60tr13c_takes_times_that_no_wish_is_about() -> None:
+    wf = rc.bgt60tr13c(max_range=5.0, chirp_interval=500e-6, num_chirps=100).waveform
+    assert (wf.chirp_interval, wf.num_chirps) == (500e-6, 100)
+    assert wf.frame_interval >= 100 * 500e-6
+    assert rc.bgt60tr13c(max_velocity=5.0, frame_interval=0.1).waveform.frame_interval == 0.1
+    with pytest.raises(ValueError, match="chirp_interval: expected none beside max_velocity, which decide it"):
+        rc.bgt60tr13c(max_velocity=5.0, chirp_interval=500e-6)
+    with pytest.raises(ValueError, match="num_samples: expected at most 0 in a band of 100000 Hz at 2 MHz, got 1"):
+        rc.bgt60tr13c(rate=40.0, start_frequency=63.4999e9)
+
+
+def test_bgt60tr13c_samples_5_ghz_of_its_sweep_at_power_up() -> None:
+    radar = power_up()
     wf = radar.waveform
     # 58 to 63.5 GHz in 3.1125 + 32 us, of which 32 us are sampled: 5.5 GHz * 32 / 35.1125, table value 5.0125 GHz.
     assert abs(wf.bandwidth - 5.0125e9) <= 0.5e5
@@ -125,7 +162,11 @@ def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
     ("keywords", "error", "message"),
     [
         ({"stop_frequency": 62e9, "slope": 1e14}, ValueError, "stop_frequency: expected either .* or slope, got both"),
-        ({"stop_frequency": 58e9}, ValueError, "stop_frequency: expected another frequency.*got 5.8e"),
+        (
+            {"start_frequency": 61e9, "stop_frequency": 61e9},
+            ValueError,
+            r"stop_frequency: expected another frequency.*got 6\.1e",
+        ),
         ({"stop_frequency": -1.0}, ValueError, "stop_frequency: expected a positive number.*got -1.0"),
         ({"stop_frequency": "62e9"}, TypeError, "stop_frequency: expected a number.*got '62e9'"),
         ({"start_frequency": "58e9"}, TypeError, "start_frequency: expected a number.*got '58e9'"),
@@ -138,6 +179,15 @@ def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
         ({"tx_power_dbm": float("inf")}, ValueError, "tx_power_dbm: expected a finite number.*got inf"),
         ({"tx_power_dbm": 1e300}, ValueError, r"tx_power_dbm: expected -1000 to 1000 \[dBm\], got 1e\+300"),
         ({"frame_rate": 10.0}, TypeError, "frame_rate"),
+        ({"rate": 0.0}, ValueError, "rate: expected a positive number"),
+        ({"max_range": "far"}, TypeError, "max_range: expected a number"),
+        ({"rate": 40.0, "stop_frequency": 62e9}, ValueError, "stop_frequency: expected none beside rate, which decide"),
+        ({"rate": 40.0, "slope": 1e13}, ValueError, "slope: expected none beside rate"),
+        ({"rate": 40.0, "frame_interval": 0.1}, ValueError, "frame_interval: expected none beside rate"),
+        ({"rate": 40.0, "start_frequency": 57e9}, ValueError, r"start_frequency: expected 5\.8e\+10 to 6\.35e\+10"),
+        ({"rate": 40.0, "sample_rate": 5e6}, ValueError, r"sample_rate: expected 78201 to 4e\+06 \[Hz\].*got 5e\+06"),
+        ({"rate": 40.0, "num_samples": 5000}, ValueError, "num_samples: expected at most"),
+        ({"rate": 40.0, "num_chirps": 5000}, ValueError, "num_chirps: expected at most 4096, got 5000"),
     ],
 )
 def test_bgt60tr13c_refuses_what_makes_no_sweep(keywords: dict[str, Any], error: type[Exception], message: str) -> None:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from chip_settings import power_up
 from infineon_folders import FOLDER, OLD_NAMES, SENSOR, SHAPE, array, config, folder, saved, some_codes, text
 from radarcore.cli.main import main
 from radarcore.processing.spectra import range_profile
@@ -339,7 +340,7 @@ def test_source_that_was_tampered_with_writes_nowhere_else(tmp_path: Path) -> No
 
 
 def full_scale(num_frames: int = 3, radar: Radar | None = None, **source: Any) -> Recording:
-    radar = bgt60tr13c(num_samples=16, num_chirps=4) if radar is None else radar
+    radar = power_up(num_samples=16, num_chirps=4) if radar is None else radar
     wf = radar.waveform
     shape = (num_frames, radar.num_channels, wf.num_chirps, wf.num_samples)
     cube = np.random.default_rng(1).uniform(-1.0, 1.0, shape).astype(np.float32)
@@ -538,7 +539,7 @@ class Measured(NamedTuple):
 def excerpt(path: Path) -> Measured:
     """Thirty frames: receivers with offsets, leakage, noise, and a target that comes from 0.45 m at 0.05 m/s."""
     rng, num_frames, means = np.random.default_rng(5), 30, [1581.0, 1967.0, 2064.0]
-    wave = bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
+    wave = power_up(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
     ranges = 0.45 - SLOW * wave.frame_interval * np.arange(num_frames)
     signals = np.stack(
         [
@@ -582,7 +583,7 @@ def test_long_recording_is_what_its_receivers_had(measured: Measured) -> None:
     np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), measured.means, atol=1.0)
     assert (
         rec.radar.waveform
-        == bgt60tr13c(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
+        == power_up(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
     )
 
 

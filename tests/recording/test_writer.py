@@ -123,7 +123,7 @@ def test_writer_refuses_frames_that_do_not_fit_and_keeps_those_that_do(tmp_path:
     writer = RecordingWriter(tmp_path / "rec", RADAR, num_frames=2, source={"kind": "test"})
     writer.append(frame(0))
     sensor = bgt60tr13c()
-    other = Frame(np.zeros((3, 64, 64), np.float32), 0.0, sensor)
+    other = Frame(np.zeros((3, 64, 128), np.float32), 0.0, sensor)
     with pytest.raises(ValueError, match="frame: expected a frame of the recording's radar"):
         writer.append(other)
     with pytest.raises(ValueError, match=r"frame: expected complex64 with truth of .*got float32"):

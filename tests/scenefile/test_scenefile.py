@@ -340,6 +340,50 @@ def test_preset_takes_other_values(tmp_path: Path) -> None:
     assert receiver == rc.Receiver(output="iq")
 
 
+@pytest.mark.parametrize(
+    ("text", "schedule"),
+    [
+        ('{ kind = "tdm" }', rc.Schedule.tdm()),
+        ('{ kind = "tdm", interval = 70e-6, order = [1, 0] }', rc.Schedule.tdm(70e-6, [1, 0])),
+        ('{ kind = "ddm" }', rc.Schedule.ddm()),
+        ('{ kind = "ddm", turns = [0, 0.25] }', rc.Schedule.ddm([0.0, 0.25])),
+        ('{ kind = "steered" }', rc.Schedule.steered(azimuth=0.0)),
+        (
+            '{ kind = "steered", azimuth_deg = 10, elevation_deg = [5, 6] }',
+            rc.Schedule.steered(azimuth=np.deg2rad(10.0), elevation=np.deg2rad([5.0, 6.0])),
+        ),
+        ('{ kind = "steered", phases_deg = [0, 90] }', rc.Schedule.steered(np.exp(1j * np.deg2rad([0.0, 90.0])))),
+        (
+            '{ kind = "steered", phases_deg = [[0, 90], [0, 180]] }',
+            rc.Schedule.steered(np.exp(1j * np.deg2rad([[0.0, 90.0], [0.0, 180.0]]))),
+        ),
+    ],
+)
+def test_transmitters_have_schedules(tmp_path: Path, text: str, schedule: rc.Schedule) -> None:
+    more = "tx = [[0, 0, 0], [0, 5e-3, 0]]\nnum_chirps = 2\nchirp_interval = 140e-6\n"
+    assert load(tmp_path, f"{more}schedule = {text}\n").radar.schedule == schedule
+
+
+def test_frames_have_sub_sequences(tmp_path: Path) -> None:
+    times = "num_chirps = 4\nchirp_interval = 100e-6\n"
+    radar = load(tmp_path, times).radar
+    second = "{ delay = 1e-3, slope = -1e13, start_frequency = 62e9 }, { delay = 2e-3, num_chirps = 2 }"
+    several = load(tmp_path, f"{times}sequences = [{second}]\n").radar
+    one, two, three = several.waveforms
+    assert one == radar.waveform
+    assert two == one.replace(slope=-1e13, start_frequency=62e9).delayed(1e-3)
+    assert three == one.replace(num_chirps=2).delayed(2e-3)
+    assert load(tmp_path, f"{times}alternating = true\n").radar.waveforms == one.alternating()
+
+
+def test_radars_come_from_wishes(tmp_path: Path) -> None:
+    wishes = {"max_range": 8.0, "range_resolution": 0.1, "max_velocity": 3.0, "velocity_resolution": 0.2, "rate": 20.0}
+    text = "[radar]\n" + "".join(f"{name} = {value}\n" for name, value in wishes.items())
+    assert load(tmp_path, "", radar=text).radar.waveform == rc.Waveform.design(**wishes)
+    preset = load(tmp_path, "", radar=text + 'preset = "bgt60tr13c"\n').radar
+    assert preset == rc.bgt60tr13c(**wishes)
+
+
 def test_run_reaches_the_simulator(tmp_path: Path) -> None:
     run = '[run]\nresolution = [8, 16]\nfield_of_view_deg = [50, 40]\nsampling = "point"\ntolerance = 1e-5\nseed = 3\n'
     simulator = load(tmp_path, run + "max_bounces = 3\nbounce_floor_db = 60\n").simulator(threads=1)

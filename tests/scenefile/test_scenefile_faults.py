@@ -254,11 +254,35 @@ RADAR_FAULTS = {
     ),
     "preset": (
         '[radar]\npreset = "bgt60"',
-        "radar: preset: expected 'bgt60tr13c', got 'bgt60'",
+        "radar: preset: expected 'bgt60tr13c' or 'bgt60tr24', got 'bgt60'",
     ),
     "no radar": ("[run]\nstop = 1", "radar: expected a value, got none"),
     "no samples": (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),
     "no slope": (radar("", without="stop"), "radar: slope: expected either slope or stop_frequency, got none"),
+    "schedule": (
+        radar('schedule = { kind = "steered", phases_deg = [0], azimuth_deg = 1 }'),
+        "radar: schedule.phases_deg: expected either phases or angles of the beam, got both",
+    ),
+    "phases": (
+        radar('schedule = { kind = "steered", phases_deg = [[0], [0, 1]] }'),
+        "radar: schedule.phases_deg: expected equally many per chirp, got [[0.0], [0.0, 1.0]]",
+    ),
+    "order": (
+        radar('schedule = { kind = "tdm", order = [1] }'),
+        "radar: schedule.order: expected every number from 0 to 0 once, got [1]",
+    ),
+    "sequence": (
+        radar("sequences = [{ delay = 1e-3, num_chirps = 0 }]"),
+        "radar: sequences[0].num_chirps: expected at least 1, got 0",
+    ),
+    "wish": (
+        radar("max_range = 8"),
+        "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0",
+    ),
+    "wishes": (
+        radar("max_range = 8\nrate = 1e5", "stop_frequency"),
+        "radar: rate: expected at most 31250 Hz for a single chirp with max_range = 8 m at 2 MHz, got 100000",
+    ),
     "polarization": (
         radar('polarization = "circular"'),
         "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",

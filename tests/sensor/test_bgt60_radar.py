@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import radarcore as rc
-from chip_settings import CLOCK, V1, image, legal_settings
+from chip_settings import CLOCK, V1, image, legal_settings, power_up
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 
 
-def test_preset_radar_has_the_default_settings() -> None:
-    default = Settings.from_radar(rc.bgt60tr13c())
+def test_radar_at_power_up_has_the_default_settings() -> None:
+    default = Settings.from_radar(power_up())
     assert registers_of(default, 6144) == image(V1)
     assert default.start_frequency == pytest.approx(58e9, abs=1.0)
     assert default.end_frequency == pytest.approx(63.5e9, abs=1.0)
@@ -21,13 +23,13 @@ def test_preset_radar_has_the_default_settings() -> None:
 
 def test_options_of_the_chip_are_passed_on() -> None:
     options = {"tx_power_level": 7, "if_gain_db": 40, "highpass_cutoff": 45e3}
-    passed = Settings.from_radar(rc.bgt60tr13c(), **options)
+    passed = Settings.from_radar(power_up(), **options)
     assert {name: getattr(passed, name) for name in options} == options
 
 
-def test_settings_become_the_preset_radar() -> None:
+def test_settings_become_the_radar_at_power_up() -> None:
     radar = achieved(Settings()).to_radar()
-    preset = rc.bgt60tr13c()
+    preset = power_up()
     assert (radar.tx.tolist(), radar.rx.tolist()) == (preset.tx.tolist(), preset.rx.tolist())
     assert (radar.pattern, radar.receiver, radar.tx_power_dbm) == (preset.pattern, preset.receiver, 4.0)
     waveform = radar.waveform
@@ -96,7 +98,7 @@ def test_radar_of_a_radar_is_a_fixed_point(radar: rc.Radar) -> None:
 
 @pytest.mark.parametrize("mask", range(1, 8))
 def test_receivers_are_known_by_their_places(mask: int) -> None:
-    preset = rc.bgt60tr13c()
+    preset = power_up()
     rows = preset.rx[[i for i in range(3) if mask >> i & 1]]
     radar = rc.Radar(preset.waveform, rx=rows + 0.9e-4)
     found = Settings.from_radar(radar)
@@ -106,7 +108,7 @@ def test_receivers_are_known_by_their_places(mask: int) -> None:
 
 
 def test_three_receivers_anywhere_are_all_of_them() -> None:
-    waveform = rc.bgt60tr13c().waveform
+    waveform = power_up().waveform
     assert Settings.from_radar(rc.Radar(waveform, rx=[[0, 0, 0], [0, 0.2, 0], [0, 0.4, 0]])).rx_mask == 7
 
 
@@ -121,42 +123,42 @@ def test_three_receivers_anywhere_are_all_of_them() -> None:
 )
 def test_other_receivers_are_refused(rx: list[list[float]], count: int) -> None:
     with pytest.raises(ValueError, match=r"^rx: expected three antennas, or some of"):
-        Settings.from_radar(rc.Radar(rc.bgt60tr13c().waveform, rx=rx))
+        Settings.from_radar(rc.Radar(power_up().waveform, rx=rx))
 
 
 @pytest.mark.parametrize(
     ("radar", "message"),
     [
         (
-            rc.Radar(rc.bgt60tr13c().waveform, tx=[[0, 0, 0], [0, 0.1, 0]]),
+            rc.Radar(power_up().waveform, tx=[[0, 0, 0], [0, 0.1, 0]]),
             "tx: expected one antenna, got 2",
         ),
         (
-            rc.bgt60tr13c(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]),
+            power_up(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]),
             "chirp_times: expected evenly spaced chirps from 0 s on, got 0 s",
         ),
         (
-            rc.bgt60tr13c(num_chirps=2, chirp_times=[1e-3, 2e-3]),
+            power_up(num_chirps=2, chirp_times=[1e-3, 2e-3]),
             "chirp_times: expected evenly spaced chirps from 0 s on, got 0.001 s",
         ),
         (
-            rc.bgt60tr13c(chirp_interval=36e-6),
+            power_up(chirp_interval=36e-6),
             "chirp_interval: expected at least 39.7125 us for 64 samples at 2 MHz, got 36 us; the nearest is "
             "39.7125 us",
         ),
         (
-            rc.bgt60tr13c(frame_interval=30e-3),
+            power_up(frame_interval=30e-3),
             "frame_interval: expected at least 37.2805875 ms for 64 chirps every 591.125 us, got 30 ms",
         ),
-        (rc.bgt60tr13c(sample_rate=5e6), "sample_rate: expected 78.201 kHz to 4 MHz, got 5 MHz"),
-        (rc.bgt60tr13c(num_samples=1100), "num_samples: "),
+        (power_up(sample_rate=5e6), "sample_rate: expected 78.201 kHz to 4 MHz, got 5 MHz"),
+        (power_up(num_samples=1100), "num_samples: "),
         (
-            rc.bgt60tr13c(start_frequency=57e9),
+            power_up(start_frequency=57e9),
             "start_frequency (3.1125 us before the first sample): expected 58 GHz to 63.5 GHz, got 57 GHz; the "
             "nearest is 58 GHz",
         ),
         (
-            rc.bgt60tr13c(stop_frequency=64e9),
+            power_up(stop_frequency=64e9),
             "slope (the ramp's end, one sample after the last): expected 58 GHz to 63.5 GHz, got 64 GHz",
         ),
     ],
@@ -180,3 +182,60 @@ def test_radar_of_impossible_settings_is_refused() -> None:
         Settings(sample_rate=1.0).to_radar()
     with pytest.raises(TypeError, match=r"^radar: expected Radar, got Settings"):
         Settings.from_radar(Settings())  # type: ignore[arg-type]
+
+
+@st.composite
+def wishes(draw: st.DrawFn) -> dict[str, float]:
+    """Some wishes, from 0.3 m to 300 m, 0.1 m/s to 50 m/s and 1 Hz to 1 kHz."""
+    ranges = {
+        "max_range": (-0.5, 2.5),
+        "range_resolution": (-1.5, 0.5),
+        "max_velocity": (-1.0, 1.7),
+        "velocity_resolution": (-2.0, 0.5),
+        "rate": (0.0, 3.0),
+    }
+    names = draw(st.sets(st.sampled_from(sorted(ranges)), min_size=1))
+    return {name: 10.0 ** draw(st.floats(*ranges[name])) for name in sorted(names)}
+
+
+@settings(deadline=None)
+@given(wishes=wishes())
+def test_wishes_become_settings_that_the_chip_has_and_that_meet_them(wishes: dict[str, float]) -> None:
+    try:
+        radar = rc.bgt60tr13c(**wishes)
+    except ValueError:
+        assume(False)
+    found = achieved(Settings.from_radar(radar)).to_radar().waveform
+    wanted = radar.waveform
+    assert (found.sample_rate, found.num_samples, found.num_chirps) == (
+        wanted.sample_rate,
+        wanted.num_samples,
+        wanted.num_chirps,
+    )
+    # The start in whole kHz, 610 Hz of the PLL; slopes are whole steps already.
+    assert found.slope == pytest.approx(wanted.slope, rel=1e-12)
+    assert found.start_frequency == pytest.approx(wanted.start_frequency, abs=1620.0)
+    rounding = 1e-6
+    assert found.max_range >= wishes.get("max_range", 0.0) * (1.0 - rounding)
+    assert found.range_resolution <= wishes.get("range_resolution", np.inf) * (1.0 + rounding)
+    assert found.velocity_resolution <= wishes.get("velocity_resolution", np.inf) * (1.0 + rounding)
+    # At the shortest time from chirp to chirp the timer still takes up to 8 of at least 624 cycles.
+    assert found.max_velocity >= wishes.get("max_velocity", 0.0) * (1.0 - 8 / 624)
+    if "rate" in wishes:
+        assert 1.0 / found.frame_interval == pytest.approx(wishes["rate"], rel=0.004, abs=0.0)
+
+
+def test_default_radar_is_one_that_the_chip_has() -> None:
+    wanted = rc.bgt60tr13c().waveform
+    found = achieved(Settings.from_radar(rc.bgt60tr13c())).to_radar().waveform
+    assert found.slope == pytest.approx(wanted.slope, rel=1e-3)
+    assert found.chirp_interval == pytest.approx(wanted.chirp_interval, rel=4e-3)
+    assert found.frame_interval == pytest.approx(wanted.frame_interval, rel=4e-3)
+
+
+def test_schedules_and_sub_sequences_are_refused() -> None:
+    preset = rc.bgt60tr13c()
+    with pytest.raises(ValueError, match=r"^schedule: expected none with one antenna, got 'tdm'"):
+        Settings.from_radar(replace(preset, schedule=rc.Schedule.tdm()))
+    with pytest.raises(ValueError, match=r"^waveform: expected one, got 2 sub-sequences"):
+        Settings.from_radar(replace(preset, waveform=preset.waveform.alternating()))

@@ -10,6 +10,7 @@ import pytest
 
 import radarcore as rc
 from boards import Numbered, number_of, numbered, opened
+from chip_settings import power_up
 from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError
 from radarcore.sensor.bgt60.settings import Settings, achieved
 from radarcore.sensor.bgt60.slices import choose_slice_size
@@ -22,11 +23,9 @@ from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.byte_stream import Damage
 from radarcore.sensor.strata.packets import Avian, Code, Component, DataPacket, Kind, Request
 
-SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
-LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
-FAST = rc.bgt60tr13c(
-    num_samples=32, num_chirps=1, chirp_interval=400e-6, frame_interval=2e-3
-)  # three frames to a slice
+SMALL = power_up(num_samples=32, num_chirps=8, frame_interval=25e-3)
+LARGE = power_up(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
+FAST = power_up(num_samples=32, num_chirps=1, chirp_interval=400e-6, frame_interval=2e-3)  # three frames to a slice
 
 
 class Slices:
@@ -172,7 +171,7 @@ def test_slice_of_several_frames_loses_as_many(stamps):
 
 
 def test_frames_with_an_odd_number_of_samples_come_by_the_two():
-    preset = rc.bgt60tr13c(num_samples=33, num_chirps=7, frame_interval=25e-3)
+    preset = power_up(num_samples=33, num_chirps=7, frame_interval=25e-3)
     radar = rc.Radar(preset.waveform, rx=preset.rx[:1], receiver=preset.receiver)
     given = Measuring(radar)
     assert given.slice_size == 2 * given.frame_size
@@ -235,7 +234,7 @@ def test_slice_of_another_length_is_lost():
 
 
 def test_stamps_that_jitter_say_nothing_about_frames_that_follow_without_a_pause():
-    radar = rc.bgt60tr13c(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 500e-6)
+    radar = power_up(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 500e-6)
     given = Measuring(radar)
     assert given.slice_size * 2 == given.frame_size
     items = given.read(*(given.packets(number, stamp=3e-4 * (number % 3)) for number in range(12)))
@@ -374,7 +373,7 @@ def test_duration_of_a_recording_is_rounded_to_frames(tmp_path):
 def test_frame_is_waited_for_longer_than_frames_take(monkeypatch):
     monkeypatch.setattr("radarcore.sensor.device._SLOWEST_START", 0.1)
     with Sensor(Clocked([])) as sensor:
-        sensor.configure(rc.bgt60tr13c(num_chirps=8, frame_interval=0.2))
+        sensor.configure(power_up(num_chirps=8, frame_interval=0.2))
         with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.5 s"):
             next(sensor.frames())
 
@@ -422,17 +421,17 @@ def test_times_across_a_restart_are_those_of_the_board():
 @pytest.mark.parametrize(
     "radar",
     [
-        rc.bgt60tr13c(num_samples=256, num_chirps=128, frame_interval=0.15, chirp_interval=500e-6),  # 98304 samples
+        power_up(num_samples=256, num_chirps=128, frame_interval=0.15, chirp_interval=500e-6),  # 98304 samples
         rc.Radar(
-            rc.bgt60tr13c(
+            power_up(
                 num_samples=4094, num_chirps=1, sample_rate=4e6, chirp_interval=1.2e-3, frame_interval=20e-3
             ).waveform,
             rx=SMALL.rx[1:2],
             receiver=SMALL.receiver,
         ),
-        rc.bgt60tr13c(num_samples=4095, num_chirps=2, sample_rate=4e6, chirp_interval=1.2e-3, frame_interval=20e-3),
-        rc.bgt60tr13c(num_samples=64, num_chirps=1, chirp_interval=500e-6, frame_interval=1.5e-3),
-        rc.bgt60tr13c(num_samples=33, num_chirps=3, frame_interval=10e-3),
+        power_up(num_samples=4095, num_chirps=2, sample_rate=4e6, chirp_interval=1.2e-3, frame_interval=20e-3),
+        power_up(num_samples=64, num_chirps=1, chirp_interval=500e-6, frame_interval=1.5e-3),
+        power_up(num_samples=33, num_chirps=3, frame_interval=10e-3),
     ],
     ids=["six FIFOs", "one chirp", "largest chirps", "660 frames per second", "odd"],
 )

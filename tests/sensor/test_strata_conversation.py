@@ -7,6 +7,7 @@ import pytest
 
 import radarcore as rc
 from boards import Numbered, opened
+from chip_settings import power_up
 from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.bgt60.registers import FIFO_RESET, FSM_RESET, FSTAT, MAIN, start_words, write_word
 from radarcore.sensor.bgt60.settings import Settings, registers_of
@@ -71,7 +72,7 @@ def test_conversation_is_that_of_the_vendors_host(monkeypatch):
 
     with opened(Controller(Numbered(), speed=None), "vendor") as sensor:
         assert new() == PROBE
-        waveform = rc.bgt60tr13c(num_chirps=64, frame_interval=0.0772688463, chirp_interval=0.000591125)
+        waveform = power_up(num_chirps=64, frame_interval=0.0772688463, chirp_interval=0.000591125)
         sensor.configure(waveform, if_gain_db=33)
         assert new() == [], "settings are sent with the start"
         frames = sensor.frames()

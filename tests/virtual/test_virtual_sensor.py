@@ -278,6 +278,6 @@ def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
 
 def _has_frames(path, number):
     try:
-        return (path / "cube.npy").stat().st_size > number * 3 * 8 * 64 * 4
+        return (path / "cube.npy").stat().st_size > number * 3 * 8 * 128 * 4
     except OSError:
         return False

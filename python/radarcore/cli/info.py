@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from radarcore.cli.source import load_recording
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.radar.radar import Radar
-from radarcore.recording.recording import Recording
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.simulate.times import frame_times
@@ -20,7 +20,8 @@ def run(options: argparse.Namespace) -> int:
     """Print the content of a recording, a scene file or a mesh."""
     if options.source.suffix.lower() in SUFFIXES:
         return _mesh_info(options)
-    facts = _scene_facts(options.source) if options.source.suffix == ".toml" else _recording_facts(options.source)
+    is_scene = options.source.suffix == ".toml"
+    facts = _scene_facts(options.source) if is_scene else _recording_facts(options.source, options.config)
     if options.json:
         print(json.dumps(facts, indent=2))
     else:
@@ -56,9 +57,9 @@ def _scene_facts(path: Path) -> dict[str, Any]:
     }
 
 
-def _recording_facts(path: Path) -> dict[str, Any]:
+def _recording_facts(path: Path, config: Path | None) -> dict[str, Any]:
     """Content of a recording, by name with unit."""
-    recording = Recording.load(path)
+    recording = load_recording(path, config)
     source = dict(recording.source)
     if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
         source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
@@ -89,12 +90,14 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "bandwidth [Hz]": wf.bandwidth,
         "sample rate [Hz]": wf.sample_rate,
         "samples per chirp": wf.num_samples,
-        "chirps per frame": wf.num_chirps,
+        "chirps per frame": radar.num_chirps,
         "chirp interval [s]": wf.chirp_interval,
         "range bin [m]": None if wf.is_cw else wf.range_resolution,
         "largest range [m]": None if wf.is_cw else radar.max_range,
         "velocity bin [m/s]": wf.velocity_resolution,
-        "largest velocity [m/s]": wf.max_velocity,
+        "largest velocity [m/s]": radar.max_velocity,
+        **({} if radar.schedule is None else {"schedule": radar.schedule.kind}),
+        **({"sub-sequences": len(radar.waveforms)} if radar.more_waveforms else {}),
     }
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore._core import __version__
-from radarcore.cli import sensor
+from radarcore.cli import sensor, source
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,10 +80,16 @@ def _parser() -> argparse.ArgumentParser:
         help="%(choices)s (default: %(default)s); the last four need a scene file",
     )
     plot.add_argument("--frame", type=int, metavar="N", help="index of the frame (default: the middle one)")
+    plot.add_argument("--channel", type=int, metavar="N", help="one channel (default: the powers of all, added)")
+    plot.add_argument("--max-range", type=float, metavar="M", help="end of the range axis, or of the range gate [m]")
+    plot.add_argument("--max-velocity", type=float, metavar="V", help="end of the velocity axis to either side [m/s]")
+    plot.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
+    source.add_config(plot)
     plot.set_defaults(run=_plot)
 
     info = commands.add_parser("info", help="summarise a recording or a scene file, or report the quality of a mesh")
     info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
+    source.add_config(info)
     info.add_argument("--scale", type=float, default=1.0, metavar="M", help="metres per unit of a mesh (default: 1)")
     info.add_argument("--json", action="store_true", help="print as JSON")
     info.set_defaults(run=_info)
@@ -139,7 +145,8 @@ def _simulate(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from radarcore.cli import plot as draw
 
-    draw.draw(options.source, options.output, kind=options.kind, frame=options.frame)
+    view = {name: getattr(options, name) for name in ("channel", "max_range", "max_velocity", "remove_static")}
+    draw.draw(options.source, options.output, kind=options.kind, frame=options.frame, config=options.config, **view)
     print(options.output)
     return 0
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radarcore import check, plot
+from radarcore.cli.source import load_recording
 from radarcore.processing.peaks import strongest_peak
-from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from radarcore.plot import Image
 
-OF_FRAMES: dict[str, Callable[[Frame], Axes]] = {
+OF_FRAMES: dict[str, Callable[..., Axes]] = {
     "chirp": plot.chirp,
     "range-profile": plot.range_profile,
     "map": plot.range_doppler_map,
 }
 """Pictures of one frame."""
 
-OF_RECORDINGS: dict[str, Callable[[Recording], Axes]] = {
+OF_RECORDINGS: dict[str, Callable[..., Axes]] = {
     "range-time": plot.range_time,
     "spectrogram": plot.spectrogram,
     "tracks": lambda recording: _tracks(recording),
@@ -42,7 +42,27 @@ KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experimen
 """Names of the pictures; the last four need a scene."""
 
 
-def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | None = None) -> None:
+VIEWS = {
+    "overview": ("max_range",),
+    "chirp": ("channel",),
+    "range-profile": ("channel", "max_range"),
+    "map": ("channel", "max_range", "max_velocity"),
+    "range-time": ("channel", "max_range", "remove_static"),
+    "spectrogram": ("channel", "max_range", "max_velocity", "remove_static"),
+    "experiment": ("max_range",),
+}
+"""What can be chosen of the pictures."""
+
+
+def draw(
+    source: Path,
+    picture: Path,
+    *,
+    kind: str = "overview",
+    frame: int | None = None,
+    config: Path | None = None,
+    **view: Any,
+) -> None:
     """Draw a recording or a scene file.
 
     Parameters
@@ -55,48 +75,64 @@ def draw(source: Path, picture: Path, *, kind: str = "overview", frame: int | No
         One of `KINDS`.
     frame : int, optional
         Number of the frame, from the end when negative; default: the one in the middle.
+    config : path, optional
+        File with the radar of a bare ``.npy`` file.
+    **view
+        `channel`, `max_range` [m], `max_velocity` [m/s], `remove_static`: those that the picture has, see `VIEWS`.
     """
     plot.require()
     check.choice("kind", kind, KINDS)
     suffixes = (".png", ".pdf", ".svg", ".jpg")
     if picture.suffix.lower() not in suffixes:
         raise ValueError(f"{picture}: expected a picture ({', '.join(suffixes)}), got suffix {picture.suffix!r}")
-    figure = (
-        _of_scene(load_scene(source), kind, frame) if source.suffix == ".toml" else _of_recording(source, kind, frame)
-    )
+    chosen = {name: value for name, value in view.items() if value is not None}
+    if wrong := chosen.keys() - VIEWS.get(kind, ()):
+        kinds = ", ".join(name for name, names in VIEWS.items() if wrong <= set(names))
+        raise ValueError(f"{sorted(wrong)[0]}: expected a picture of kind {kinds}, got {kind!r}")
+    if source.suffix == ".toml":
+        figure = _of_scene(load_scene(source), kind, frame, chosen)
+    else:
+        figure = _of_recording(load_recording(source, config), source, kind, frame, chosen)
     picture.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(picture, dpi=150)
 
 
-def _of_recording(path: Path, kind: str, number: int | None) -> Any:
-    recording = Recording.load(path)
-    if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](recording).figure
-    if kind not in OF_FRAMES and kind != "overview":
+def _of_recording(recording: Recording, path: Path, kind: str, number: int | None, view: dict[str, Any]) -> Any:
+    if kind not in OF_RECORDINGS and kind not in OF_FRAMES and kind != "overview":
         raise ValueError(f"{path}: expected a scene file for a picture of kind {kind!r}, got a recording")
     if len(recording) == 0:
         raise ValueError(f"{path}: expected at least one frame, got none")
-    frame = recording[_number(number, len(recording))]
-    return plot.overview(frame, None) if kind == "overview" else OF_FRAMES[kind](frame).figure
-
-
-def _of_scene(simulation: Simulation, kind: str, number: int | None) -> Any:
-    run, simulator = simulation.run, simulation.simulator()
-    view = simulator.view_deg
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](simulation.record()).figure
+        return OF_RECORDINGS[kind](recording, **view).figure
+    index = _number(number, len(recording))
+    if kind == "overview":
+        return plot.overview(recording[index], None, **view)
+    ax = OF_FRAMES[kind](recording[index], **view)
+    ax.set_title(f"{ax.get_title()}, frame {index} of {len(recording)}")
+    return ax.figure
+
+
+def _of_scene(simulation: Simulation, kind: str, number: int | None, view: dict[str, Any]) -> Any:
+    run, simulator = simulation.run, simulation.simulator()
+    angles = simulator.view_deg
+    if kind in OF_RECORDINGS:
+        return OF_RECORDINGS[kind](simulation.record(), **view).figure
     if kind == "experiment":
-        return plot.experiment(simulation.record(), simulation.scene, simulation.radar_motion, field_of_view_deg=view)
+        return plot.experiment(
+            simulation.record(), simulation.scene, simulation.radar_motion, field_of_view_deg=angles, **view
+        )
     times = frame_times(run.start, run.stop, run.rate)
     if kind == "above":
         shown = np.linspace(times[0], times[-1], 4) if number is None else [times[_number(number, len(times))]]
-        return plot.scene_from_above(simulation.scene, simulation.radar_motion, shown, field_of_view_deg=view).figure
+        return plot.scene_from_above(simulation.scene, simulation.radar_motion, shown, field_of_view_deg=angles).figure
     time = times[_number(number, len(times))]
     middle = time + 0.5 * simulation.radar.waveform.duration
     if kind in OF_IMAGES:
         return OF_IMAGES[kind](simulator.depth_image(middle)).figure
     frame = simulator.frame(time)
-    return plot.overview(frame, simulator.depth_image(middle)) if kind == "overview" else OF_FRAMES[kind](frame).figure
+    if kind == "overview":
+        return plot.overview(frame, simulator.depth_image(middle), **view)
+    return OF_FRAMES[kind](frame, **view).figure
 
 
 def _number(number: int | None, num_frames: int) -> int:
@@ -106,12 +142,12 @@ def _number(number: int | None, num_frames: int) -> int:
 def _tracks(recording: Recording) -> Axes:
     """True ranges of all bodies, and the strongest echo of every frame."""
     middle = 0.5 * recording.radar.waveform.duration
-    peaks = [strongest_peak(frame.cube, recording.radar.waveform) for frame in recording.frames()]
+    peaks = [strongest_peak(frame) for frame in recording.frames()]
     name = "strongest echo"
     track = {
         "time": recording.time + middle,
-        "range": np.array([peak.range for peak in peaks]),
-        "velocity": np.array([peak.velocity for peak in peaks]),
+        "range": np.array([np.nan if peak is None else peak.range for peak in peaks]),
+        "velocity": np.array([np.nan if peak is None else peak.velocity for peak in peaks]),
     }
     ax = plot.tracks(recording, {}) if recording.truth is not None else None
     return plot.tracks(recording, {name: track}, ax, colors={name: "black"})

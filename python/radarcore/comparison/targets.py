@@ -46,7 +46,6 @@ class Track:
 def track(recording: Recording, body: str) -> Track:
     """Strongest peak near the truth of a body, frame by frame."""
     gate_range, gate_velocity = _GATE
-    waveform = recording.radar.waveform
     ranges, velocities = np.full(len(recording), np.nan), np.full(len(recording), np.nan)
     for k, frame in enumerate(recording.frames()):
         assert frame.truth is not None  # the simulator always gives it
@@ -55,15 +54,15 @@ def track(recording: Recording, body: str) -> Track:
         if np.isnan(distance):
             continue
         peak = strongest_peak(
-            frame.cube,
-            waveform,
+            frame,
             min_range=max(0.0, distance - gate_range),
             max_range=distance + gate_range,
             min_velocity=velocity - gate_velocity,
             max_velocity=velocity + gate_velocity,
         )
-        ranges[k], velocities[k] = peak.range, peak.velocity
-    return Track(np.asarray(recording.time) + 0.5 * waveform.duration, ranges, velocities)
+        if peak is not None:
+            ranges[k], velocities[k] = peak.range, peak.velocity
+    return Track(np.asarray(recording.time) + 0.5 * recording.radar.waveform.duration, ranges, velocities)
 
 
 def compare(recording: Recording, name: str, body: str, found: Track) -> Comparison:

@@ -13,9 +13,10 @@ from radarcore.depth.image import Image, bodies_of, depths, fractions, normals_o
 from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
-from radarcore.receive.chain import receive
+from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame
 from radarcore.simulate.doubts import Doubts
+from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.simulator import stats_of
 
@@ -167,14 +168,15 @@ def frame_from_depth(
     ).thinned(None if max_points is None else check.count("max_points", max_points))
 
     # Ideal samples, then those of the receiver.
-    ideal = _simulate(image, motion, radar, settings, start, at)
-    doubts.of_frame(ideal, ())
-    cube = receive(ideal.cube, radar, start, seed=settings.seed)
+    ideals = [_simulate(image, motion, part, settings, start, at) for part in radar.sequences()]
+    for ideal in ideals:
+        doubts.of_frame(ideal, ())
+    cube = received([ideal.cube for ideal in ideals], radar, start, seed=settings.seed)
 
     # Statistics and truth.
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
-    counts = stats_of(ideal)
-    num_paths = counts["paths"]
+    counts = stats_of(*ideals)
+    num_paths = ideals[0].counts()["paths"]
     stats: dict[str, Any] = {
         **counts,
         "rays_cast": image.distance.size,
@@ -185,13 +187,14 @@ def frame_from_depth(
         "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
     }
     truth = None if body is None else motion.truth(image, num_bodies)
-    return Frame(cube, start, radar, truth, stats)
+    return Frame(cube, start, radar, truth, stats, adc_codes(cube, radar))
 
 
 def _simulate(
     image: Image, motion: ImageMotion, radar: Radar, settings: Settings, start: float, at: float
 ) -> _core.IdealFrame:
-    """Ideal frame that starts at `start` [s], of an image taken at `at` [s]."""
+    """Ideal frame of one sub-sequence that starts at `start` [s], of an image taken at `at` [s]."""
+    waveform = ramps_of(radar)
     source = _core.DepthScene(
         np.ascontiguousarray(image.distance),
         np.ascontiguousarray(image.normals),
@@ -208,13 +211,13 @@ def _simulate(
         source,
         [],
         antennas=radar._core,
-        waveform=radar.waveform._core,
+        waveform=waveform._core,
         center=(0.0, 0.0, 0.0),
         settings=settings.to_core(),
         threads=settings.threads,
     )
     for num_times in _NUMS_OF_TIMES:
-        places = motion.placement(start - at + radar.waveform.delay_times(num_times))
+        places = motion.placement(start - at + waveform.delay_times(num_times))
         if (ideal := engine.frame(places)) is not None:
             return ideal
     raise AssertionError("the core takes any motion at the largest number of times")

@@ -175,14 +175,74 @@ def _lies_within(box: Any, frame: Any) -> bool:
     return bool(frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1)
 
 
-def floor_db(dynamic_range_db: float | None, power: NDArray[Any]) -> float:
-    """Level of the floor [dB]; None: where the noise is, the median power less 3 dB, from -60 to -20."""
-    if dynamic_range_db is not None:
-        return -check.positive("dynamic_range_db", dynamic_range_db, "dB")
+class Scale(NamedTuple):
+    """Scale of levels in decibels."""
+
+    reference: float
+    """Power of 0 dB."""
+    low: float
+    high: float
+    label: str
+
+    def level_db(self, power: NDArray[Any]) -> NDArray[np.float64]:
+        """Levels, not below the lowest [dB]; silence lies there."""
+        relative = np.asarray(power, dtype=np.float64) / self.reference
+        return np.asarray(10.0 * np.log10(np.maximum(relative, 10.0 ** (self.low / 10.0))))
+
+
+def scale(power: NDArray[Any], noise: float | None, dynamic_range_db: float | None) -> Scale:
+    """Scale of a picture of powers.
+
+    In dB over the mean power of the noise where it is known, from there up to the strongest, at least to 30 dB, so that
+    noise alone is dark; else in dB below the largest power, down to a floor that the label says.
+
+    Parameters
+    ----------
+    power : array
+    noise : float or None
+        Mean power of the noise in a cell; None: not known.
+    dynamic_range_db : float or None
+        Largest span of levels [dB]. None: 60, and not deeper than the noise, which is then the median less 3 dB.
+    """
+    most = 60.0 if dynamic_range_db is None else check.positive("dynamic_range_db", dynamic_range_db, "dB")
     shown = power[np.isfinite(power) & (power > 0.0)]
-    if shown.size == 0:
-        return -60.0
-    return float(np.clip(10.0 * np.log10(np.median(shown) / shown.max()) - 3.0, -60.0, -20.0))
+    largest = float(shown.max(initial=0.0)) or 1.0
+    if noise is not None:
+        high = max(30.0, 10.0 * np.log10(largest / noise))
+        return Scale(noise, max(0.0, high - most), high, "Power [dB over noise]")
+    low = -most
+    if dynamic_range_db is None and shown.size > 0:
+        low = float(np.clip(10.0 * np.log10(np.median(shown) / largest) - 3.0, -60.0, -20.0))
+    return Scale(largest, low, 0.0, f"Power [dB re maximum, floor {low:.0f}]".replace("-", "\N{MINUS SIGN}"))
+
+
+def stands_out(power: NDArray[Any], axis: int | None = None) -> NDArray[np.bool_]:
+    """Cells of what is worth a look: 15 dB over the median power and within 40 dB of the largest.
+
+    With an axis: the cells of the other one in which there is any.
+    """
+    shown = power[np.isfinite(power)]
+    largest, median = (shown.max(), np.median(shown)) if shown.size > 0 else (0.0, 0.0)
+    is_there = (power >= max(10.0**1.5 * median, 1e-4 * largest)) & (power > 0.0)
+    return np.asarray(is_there if axis is None else is_there.any(axis=axis))
+
+
+def reach(values: NDArray[np.float64], is_there: NDArray[np.bool_], known: Iterable[float], margin: float) -> float:
+    """Largest magnitude of an axis at which something is there or known to be, and a fifth more; inf without any.
+
+    Parameters
+    ----------
+    values : (cell,) array
+        The axis.
+    is_there : (cell,) array of bool
+    known : iterable of float
+        Values that must be in view; NaN is not.
+    margin : float
+        Least room around it.
+    """
+    magnitudes = [*np.abs(values[is_there]), *(abs(value) for value in known if np.isfinite(value))]
+    largest = max(magnitudes, default=np.inf)
+    return largest + max(0.2 * largest, margin)
 
 
 def last_range(frame: Frame | Recording, max_range: float | None) -> float:
@@ -191,16 +251,33 @@ def last_range(frame: Frame | Recording, max_range: float | None) -> float:
     return unambiguous if max_range is None else min(check.positive("max_range", max_range, "m"), unambiguous)
 
 
+def range_end(
+    frame: Frame | Recording, max_range: float | None, ranges: NDArray[np.float64], is_there: NDArray[np.bool_]
+) -> float:
+    """End of the range axis [m]: the one that was given, or a little beyond all echoes and bodies within reach."""
+    last = last_range(frame, max_range)
+    if max_range is not None:
+        return last
+    known = [] if frame.truth is None else [value for value in frame.truth.range.flat if value <= last]
+    return min(last, reach(ranges, is_there, known, 10.0 * frame.radar.waveform.range_resolution))
+
+
+def velocity_end(
+    frame: Frame | Recording, max_velocity: float | None, velocities: NDArray[np.float64], is_there: NDArray[np.bool_]
+) -> float:
+    """End of the velocity axis to either side [m/s], as `range_end`."""
+    wf = frame.radar.waveform
+    if max_velocity is not None:
+        return min(check.positive("max_velocity", max_velocity, "m/s"), wf.max_velocity)
+    known = (
+        [] if frame.truth is None else [value for value in frame.truth.velocity.flat if abs(value) <= wf.max_velocity]
+    )
+    return min(wf.max_velocity, reach(velocities, is_there, known, 3.0 * wf.velocity_resolution))
+
+
 def padded(length: int) -> int:
     """Length of a transform that shows as a smooth picture; odd, so that velocities fill their axis to both ends."""
     return max(length, min(4 * length, 2048)) | 1
-
-
-def relative_db(power: NDArray[Any], floor: float) -> NDArray[np.float64]:
-    """Level below the maximum, not below `floor` [dB]; silence lies on the floor."""
-    largest = np.max(power, initial=0.0, where=np.isfinite(power))
-    relative = np.asarray(power, dtype=np.float64) / (largest if largest > 0.0 else 1.0)
-    return np.asarray(10.0 * np.log10(np.maximum(relative, 10.0 ** (floor / 10.0))))
 
 
 def edges(centres: NDArray[np.float64], width: float) -> tuple[float, float]:

@@ -137,7 +137,7 @@ def experiment(
         field_of_view_deg = recording.source.get("field_of_view_deg")
     scene_names = above.draw_scene(from_above, scene, radar_motion, times, field_of_view_deg, colors)
     from_above.set_title("Scene from above")
-    map_names = frame_pictures.draw_map(on_map, middle, dynamic_range_db=None, max_range=max_range)
+    map_names = frame_pictures.draw_map(on_map, middle, max_range=max_range)
     on_map.set_title(f"Range and velocity at {middle.time:.2f} s")
 
     # The whole recording.

@@ -11,6 +11,10 @@ from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing import spectra
+from radarcore.processing.cell_noise import known_noise
+from radarcore.processing.inputs import require_one_waveform
+from radarcore.processing.point_cloud import Detections
+from radarcore.processing.windows import window_weights
 from radarcore.recording.frame import Frame
 
 if TYPE_CHECKING:
@@ -92,6 +96,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ax.set_xlabel("Time since start of ramp [µs]")
     unit = r"\sqrt{\mathrm{W}}" if frame.raw is None else r"\mathrm{full\ scale}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
+    ax.set_title(f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
     return ax
 
 
@@ -100,27 +105,29 @@ def range_profile(
     channel: int | None = None,
     ax: Axes | None = None,
     *,
-    dynamic_range_db: float = 60.0,
+    dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over range, averaged over chirps [dB below the largest].
+    """Power over range, averaged over chirps.
 
     Parameters as `range_doppler_map`.
     """
-    last = canvas.last_range(frame, max_range)
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
-    profile = spectra.range_profile(_channels(frame, channel), wf, num_bins=n)
-    power = (np.abs(profile) ** 2).sum(axis=(0, 1))
-    floor = canvas.floor_db(dynamic_range_db, power)
-    level = canvas.relative_db(power, floor)
+    samples = _channels(frame, channel)
+    profile = spectra.range_profile(samples, wf, num_bins=n)
+    power = (np.abs(profile) ** 2).mean(axis=1).sum(axis=0)
+    noise = known_noise(frame, window_weights("window", "hann", wf.num_samples))
+    scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
+    ranges = wf.range_axis(n)[: len(power)]
     ax = canvas.new_axes() if ax is None else ax
-    ax.plot(wf.range_axis(n)[: len(level)], level, color="tab:blue", linewidth=1.4)
-    ax.set_xlim(0.0, last)
-    ax.set_ylim(floor, 3.0)
+    ax.plot(ranges, scale.level_db(power), color="tab:blue", linewidth=1.4)
+    ax.set_xlim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power)))
+    ax.set_ylim(scale.low, scale.high + 3.0)
     ax.grid(alpha=0.3)
     ax.set_xlabel("Range [m]")
-    ax.set_ylabel("Power [dB re maximum]")
+    ax.set_ylabel(scale.label)
+    ax.set_title(f"Range at {frame.time:.3f} s")
     return ax
 
 
@@ -129,10 +136,15 @@ def range_doppler_map(
     channel: int | None = None,
     ax: Axes | None = None,
     *,
-    dynamic_range_db: float = 60.0,
+    detections: Detections | None = None,
+    dynamic_range_db: float | None = None,
     max_range: float | None = None,
+    max_velocity: float | None = None,
 ) -> Axes:
-    """Power over range [m] and velocity [m/s, receding positive], in dB below the largest; truth as crosses.
+    """Power over range [m] and velocity [m/s, receding positive]; truth as crosses, detections as rings.
+
+    In dB over the receiver's noise where that is known (frames of a `Simulator` whose radar has a noise figure), else
+    in dB below the largest power.
 
     Parameters
     ----------
@@ -141,13 +153,25 @@ def range_doppler_map(
         One channel; default: the powers of all, added.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
-    dynamic_range_db : float
-        Range of levels below the maximum that colours span [dB].
-    max_range : float, optional
-        End of the range axis [m]; default: the largest unambiguous range.
+    detections : Detections, optional
+        Detections of the frame, see `radarcore.detect`.
+    dynamic_range_db : float, optional
+        Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
+    max_range, max_velocity : float, optional
+        Ends of the axes [m], [m/s]; default: a little beyond all that is 15 dB over the median and within 40 dB of the
+        strongest, and beyond the truth.
     """
     ax = canvas.new_axes() if ax is None else ax
-    canvas.place_names(ax, draw_map(ax, frame, channel, dynamic_range_db, max_range))
+    names = draw_map(
+        ax,
+        frame,
+        channel,
+        detections=detections,
+        dynamic_range_db=dynamic_range_db,
+        max_range=max_range,
+        max_velocity=max_velocity,
+    )
+    canvas.place_names(ax, names)
     return ax
 
 
@@ -155,33 +179,54 @@ def draw_map(
     ax: Axes,
     frame: Frame,
     channel: int | None = None,
-    dynamic_range_db: float | None = 60.0,
+    *,
+    detections: Detections | None = None,
+    dynamic_range_db: float | None = None,
     max_range: float | None = None,
+    max_velocity: float | None = None,
 ) -> list[Name]:
     """The range-velocity map and crosses for the truth; the names to be put there."""
-    last = canvas.last_range(frame, max_range)
     wf = frame.radar.waveform
     num_range, num_velocity = canvas.padded(wf.num_samples), canvas.padded(wf.num_chirps)
-    spectrum = spectra.range_doppler(
-        _channels(frame, channel), wf, num_range_bins=num_range, num_velocity_bins=num_velocity
-    )
+    samples = _channels(frame, channel)
+    spectrum = spectra.range_doppler(samples, wf, num_range_bins=num_range, num_velocity_bins=num_velocity)
     power = (np.abs(spectrum) ** 2).sum(axis=0).T  # (range, doppler)
-    floor = canvas.floor_db(dynamic_range_db, power)
-    level = canvas.relative_db(power, floor)
+    windows = [window_weights("window", "hann", length) for length in (wf.num_samples, wf.num_chirps)]
+    noise = known_noise(frame, *windows)
+    scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
 
-    velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(level)]
+    velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(power)]
     extent = (*canvas.edges(velocities, 2.0 * wf.max_velocity), *canvas.edges(ranges, wf.max_range))
     picture = ax.imshow(
-        level, extent=extent, origin="lower", aspect="auto", cmap=canvas.color_map("inferno"), vmin=floor, vmax=0.0
+        scale.level_db(power),
+        extent=extent,
+        origin="lower",
+        aspect="auto",
+        cmap=canvas.color_map("inferno"),
+        vmin=scale.low,
+        vmax=scale.high,
     )
-    ax.set_xlim(-wf.max_velocity, wf.max_velocity)
-    ax.set_ylim(0.0, last)
+    fastest = canvas.velocity_end(frame, max_velocity, velocities, canvas.stands_out(power, axis=0))
+    ax.set_xlim(-fastest, fastest)
+    ax.set_ylim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1)))
     ax.set_xlabel("Velocity [m/s, receding positive]")
     ax.set_ylabel("Range [m]")
-    canvas.color_bar(ax, picture, "Power [dB re maximum]")
+    ax.set_title(f"Range and velocity at {frame.time:.3f} s")
+    canvas.color_bar(ax, picture, scale.label)
+    if detections is not None:
+        ring(ax, detections.velocity, detections.range)
     if frame.truth is None:
         return []
     return mark(ax, frame.truth.velocity, frame.truth.range, frame.truth.names)
+
+
+def ring(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    """Rings around points, within the limits of the axes."""
+    limits = ax.axis()
+    style: dict[str, Any] = {"linestyle": "", "marker": "o", "markerfacecolor": "none", "markersize": 10.0}
+    for color, width in (("black", 3.0), ("white", 1.3)):
+        ax.plot(x, y, markeredgecolor=color, markeredgewidth=width, **style)
+    ax.axis(limits)
 
 
 def mark(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, ...]) -> list[Name]:
@@ -240,7 +285,8 @@ def _draw_image(
 
 
 def _channels(frame: Frame, channel: int | None) -> NDArray[Any]:
-    """Samples of one channel or all, (channel, chirp, sample)."""
+    """Samples of one channel or all, (channel, chirp, sample), of one waveform."""
+    require_one_waveform(frame.radar)
     if channel is None:
         return frame.cube
     index = check.index("channel", channel, len(frame.cube))

@@ -13,6 +13,7 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.time_frequency import range_time as power_of_ranges
 from radarcore.processing.time_frequency import spectrogram as power_of_velocities
+from radarcore.processing.tracks import Tracks, assign_to_truth
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def range_time(
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over time [s] and range [m], in dB below the largest; the truth as dashed lines.
+    """Power over time [s] and range [m], in dB over the noise where it is known; the truth as dashed lines.
 
     Parameters
     ----------
@@ -47,19 +48,20 @@ def range_time(
     remove_static : bool
         Leave out what stands still throughout, see `radarcore.range_time`.
     dynamic_range_db : float, optional
-        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
+        Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range : float, optional
-        End of the range axis [m]; default: the largest unambiguous range.
+        End of the range axis [m]; default: a little beyond all that stands out, and beyond the truth.
     """
     check_recording(recording)
-    last = canvas.last_range(recording, max_range)
     wf = recording.radar.waveform
     found = power_of_ranges(
         recording, channel=channel, remove_static=remove_static, num_bins=canvas.padded(wf.num_samples)
     )
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.range, found.power, dynamic_range_db)
-    ax.set_ylim(0.0, last)
+    _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
+    is_something = canvas.stands_out(found.power, axis=0)
+    ax.set_ylim(0.0, canvas.range_end(recording, max_range, found.range, is_something))
+    ax.set_title(f"Range{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Range [m]")
     _draw_truth(ax, recording, "range", names)
     return ax
@@ -77,8 +79,9 @@ def spectrogram(
     names: Sequence[str] = (),
     remove_static: bool = False,
     dynamic_range_db: float | None = None,
+    max_velocity: float | None = None,
 ) -> Axes:
-    """Power over time [s] and velocity [m/s, receding positive], in dB below the largest.
+    """Power over time [s] and velocity [m/s, receding positive], in dB over the noise where it is known.
 
     Parameters
     ----------
@@ -91,7 +94,9 @@ def spectrogram(
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional
-        Range of levels below the maximum that colours span [dB]; default: down to the noise, at most 60.
+        Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
+    max_velocity : float, optional
+        End of the velocity axis to either side [m/s]; default: a little beyond all that stands out, and the truth.
     """
     check_recording(recording)
     wf = recording.radar.waveform
@@ -107,8 +112,11 @@ def spectrogram(
         num_velocity_bins=canvas.padded(length),
     )
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.velocity, found.power, dynamic_range_db)
-    ax.set_ylim(-wf.max_velocity, wf.max_velocity)
+    _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
+    is_something = canvas.stands_out(found.power, axis=0)
+    fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
+    ax.set_ylim(-fastest, fastest)
+    ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")
     _draw_truth(ax, recording, "velocity", names)
     return ax
@@ -116,7 +124,7 @@ def spectrogram(
 
 def tracks(
     recording: Recording,
-    estimates: Mapping[str, Any],
+    estimates: Mapping[str, Any] | Tracks,
     ax: Axes | None = None,
     quantity: str = "range",
     *,
@@ -128,10 +136,11 @@ def tracks(
     ----------
     recording : Recording
         At least one frame; its truth is that of the middle of every frame.
-    estimates : dict
+    estimates : dict or Tracks
         By the name of a body (or any other: dots without truth), a dict or an object with arrays `time` [s],
         `range` [m] and `velocity` [m/s, receding positive], (estimate,); NaN where there is none. Without any
-        estimates the truth of all bodies is drawn.
+        estimates the truth of all bodies is drawn. `Tracks` are drawn in a colour each over the truth of all bodies in
+        grey, with open circles where a frame had no detection; each is named for the body that it follows, if any.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     quantity : "range" or "velocity"
@@ -146,6 +155,8 @@ def tracks(
     """
     check_recording(recording)
     label, bin_name = QUANTITIES[check.choice("quantity", quantity, tuple(QUANTITIES))]
+    if isinstance(estimates, Tracks):
+        return _draw_tracks(recording, estimates, ax, quantity, colors)
     if not isinstance(estimates, Mapping):
         raise TypeError(f"estimates: expected a dict of tracks by name, got {type(estimates).__name__}")
     wf = recording.radar.waveform
@@ -165,10 +176,48 @@ def tracks(
         if is_estimated:
             time, values = points[name]
             text = _plain(name)
-            if is_known and (errors := _errors(time, values, truth_time, truth[name])).size > 0:
-                errors /= getattr(wf, bin_name)
-                text += f": median {np.median(errors):.2f}, max {errors.max():.2f} bins"
+            if is_known:
+                text += _error_text(_errors(time, values, truth_time, truth[name]) / getattr(wf, bin_name))
             ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
+    return _finished(ax, recording, label)
+
+
+def _draw_tracks(
+    recording: Recording, found: Tracks, ax: Axes | None, quantity: str, colors: Mapping[str, str] | None
+) -> Axes:
+    """Tracks in colours by id, over the truth of all bodies."""
+    label, bin_name = QUANTITIES[quantity]
+    width = getattr(recording.radar.waveform, bin_name)
+    truth_time, truth = _middles(recording), _truth(recording, quantity, None)
+    bodies: Mapping[int, str | None] = {}
+    if recording.truth is not None and len(found.time) == len(recording):
+        bodies = assign_to_truth(found, recording.truth)
+
+    ax = canvas.new_axes() if ax is None else ax
+    named = {canvas.thing(body) for body in bodies.values() if body is not None}
+    for name, values in truth.items():
+        text = "" if (thing := canvas.thing(name)) in named else _plain(thing)
+        named.add(thing)
+        ax.plot(truth_time, values, color=canvas.GREY, label=text, linewidth=3.0, alpha=0.3, solid_capstyle="round")
+    palette = canvas.color_cycle([f"track {one.id}" for one in found], colors)
+    for one in found:
+        name, body, values = f"track {one.id}", bodies.get(one.id), getattr(one, quantity)
+        text = name if body is None else f"{name}: {_plain(body)}"
+        if body in truth:
+            text += _error_text(_errors(one.time, values, truth_time, truth[body]) / width)
+        seen = one.is_detected
+        ax.plot(one.time[seen], values[seen], ".", color=palette[name], label=text, markersize=4.5)
+        ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
+    return _finished(ax, recording, label)
+
+
+def _error_text(errors: NDArray[np.float64]) -> str:
+    """Errors in bins, for a legend."""
+    return f": median {np.median(errors):.2f}, max {errors.max():.2f} bins" if errors.size > 0 else ""
+
+
+def _finished(ax: Axes, recording: Recording, label: str) -> Axes:
+    """Limits, labels and legend."""
     ax.set_xlim(*_span(recording))
     ax.set_xlabel("Time [s]")
     ax.set_ylabel(label)
@@ -191,13 +240,14 @@ def _draw_power(
     time: NDArray[np.float64],
     values: NDArray[np.float64],
     power: NDArray[np.float64],
+    noise: float | None,
     dynamic_range_db: float | None,
 ) -> None:
     """Power (column, value) over time; a pause much longer than that between frames is grey."""
-    floor = canvas.floor_db(dynamic_range_db, power)
+    scale = canvas.scale(power, noise, dynamic_range_db)
     # Columns of frames that overlap are in disorder.
     order = np.argsort(time, kind="stable")
-    time, level = time[order], canvas.relative_db(power[order], floor)
+    time, level = time[order], scale.level_db(power[order])
 
     # A column reaches half way to its neighbours, in a pause as far as it would in an ordinary one.
     usual = _frame_interval(recording)
@@ -211,11 +261,16 @@ def _draw_power(
 
     rows = np.linspace(*canvas.edges(values, 1.0), len(values) + 1)
     picture = ax.pcolorfast(
-        edges, rows, np.ma.masked_invalid(columns.T), cmap=canvas.color_map("inferno"), vmin=floor, vmax=0.0
+        edges,
+        rows,
+        np.ma.masked_invalid(columns.T),
+        cmap=canvas.color_map("inferno"),
+        vmin=scale.low,
+        vmax=scale.high,
     )
     ax.set_xlim(float(edges[0]), float(edges[-1]))
     ax.set_xlabel("Time [s]")
-    canvas.color_bar(ax, picture, "Power [dB re maximum]")
+    canvas.color_bar(ax, picture, scale.label)
 
 
 def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[str] | None) -> None:

@@ -32,11 +32,22 @@ def cube_and_radar(
     if isinstance(cube, Frame | Recording):
         if radar is not None:
             raise TypeError(f"{name}: expected none with a {type(cube).__name__}, which has its radar, got {radar!r}")
+        require_one_waveform(cube.radar)
         return cube.cube, cube.radar
     if not isinstance(radar, Radar):
         got = "none" if radar is None else type(radar).__name__
         raise TypeError(f"{name}: expected {kinds} with a cube that is no Frame or Recording, got {got}")
+    require_one_waveform(radar)
     return cube, radar
+
+
+def require_one_waveform(radar: Radar) -> None:
+    """Refuse frames of several sub-sequences with a ValueError."""
+    if radar.more_waveforms:
+        raise ValueError(
+            f"radar: expected one waveform, got {len(radar.waveforms)}; `.sequences()` of a frame, recording or radar "
+            "has one for each"
+        )
 
 
 def checked_samples(cube: ArrayLike, axes: str, num_dimensions: int | None = None, **lengths: int) -> NDArray[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -10,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.peaks import parabolic_peak
+from radarcore.processing.clutter import updated_mean
+from radarcore.processing.detection import detect
+from radarcore.processing.noise import noise_level, rounding_noise
 from radarcore.processing.spectra import range_doppler, range_profile
 from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
@@ -25,14 +26,12 @@ _MOST_RANGES, _MOST_VELOCITIES = 256, 64
 _MOST_COLUMNS = 400
 """Columns of the history: about as many as its axes have pixels."""
 
-_SIDELOBES_DB = 25.0
-"""Sidelobes of the Hann window are 31.5 dB below its main lobe; a mean that is taken off brings them some dB nearer."""
+_DYNAMIC_RANGE_DB = 25.0
+"""Weaker detections than this below the strongest are not for the eye: what remains of static echoes, limbs."""
 
-_FIRST_BINS = 2.0
-"""Range bins without detections: the width of what leaks from transmitter to receiver (Hann)."""
-
-_ROUNDING = 1e-12
-"""Smallest noise, relative to the power of the frame as one echo; float32 rounds to less."""
+_FALSE_ALARM_RATE = 1e-7
+"""Detections per cell of noise: of some thousand cells, one in an hour at 40 frames per second would need 1e-9; the
+threshold in dB is mostly higher."""
 
 _STATIC_TIME = 3.0
 """Time constant of the mean of static echoes [s]: walking leaves no trace, standing fades in seconds."""
@@ -42,7 +41,7 @@ _RATE_INTERVALS = 40
 
 
 class Detection(NamedTuple):
-    """Local maximum above the noise."""
+    """One of the `Detections` of a frame, for the eye."""
 
     range: float
     """Range at the middle of the frame [m]."""
@@ -76,7 +75,8 @@ class Stream:
     velocities : (velocity,) float64 or None
         [m/s, receding positive]; None if the waveform has one or two chirps, or unevenly spaced ones.
     level : (velocity, range) float32
-        Power of all channels over the median of all cells [dB], not below `LOWEST_DB`; one row without velocities.
+        Power of all channels over the noise (`noise_level` of the map) [dB], not below `LOWEST_DB`; one row without
+        velocities.
         NaN after a frame with samples that are no finite numbers.
     history : (column, range) float32
         Level of the strongest velocity [dB], newest last; NaN where no frame was.
@@ -168,72 +168,54 @@ class Stream:
         self.level = np.full_like(self.level, np.nan)
         self.detections = []
         if np.isfinite(frame.cube).all():
-            level = self._levels(frame.cube)
-            self.detections = self._detections(level, is_real=not np.iscomplexobj(frame.cube))
-            self.level[:, : level.shape[1]] = level[:, : len(self.ranges)]
+            moving = self._moving(frame.cube)
+            self.level[:] = self._levels(frame.cube, moving)
+            self.detections = self._detections(moving)
         self._remember(self.level.max(axis=0))
 
-    def _levels(self, cube: NDArray[Any]) -> NDArray[np.float32]:
-        """Power over the noise of all cells, (velocity, range) [dB]."""
+    def _levels(self, cube: NDArray[Any], moving: NDArray[Any]) -> NDArray[np.float32]:
+        """Power over the noise of the cells shown, (velocity, range) [dB]."""
         wf = self.radar.waveform
-        samples = self._moving(cube)
+        num_looks = len(moving)
         if self.velocities is None:
-            spectrum = range_profile(samples, wf, num_bins=self._num_ranges)
+            spectrum = range_profile(moving, wf, num_bins=self._num_ranges)
         else:
             spectrum = range_doppler(
-                samples, wf, num_range_bins=self._num_ranges, num_velocity_bins=len(self.velocities)
+                moving, wf, num_range_bins=self._num_ranges, num_velocity_bins=len(self.velocities)
             )
         power = (np.square(spectrum.real) + np.square(spectrum.imag)).sum(axis=0)
         if self.velocities is None:
-            power = power.mean(axis=0, keepdims=True)
-
-        # Power of a frame that is a single echo: the windows add its samples coherently.
-        energy = float(np.vdot(cube, cube).real)
-        gain = _window_gain(wf.num_samples) * (1.0 if self.velocities is None else _window_gain(wf.num_chirps))
-        noise = max(float(np.median(power)), _ROUNDING * gain * energy, float(np.finfo(np.float32).tiny))
+            power = power.sum(axis=0, keepdims=True)
+            num_looks *= wf.num_chirps
+        fast = window_weights("window", "hann", wf.num_samples)
+        slow = np.ones(1) if self.velocities is None else window_weights("window", "hann", wf.num_chirps)
+        noise = max(noise_level(power, num_looks=num_looks), num_looks * rounding_noise(cube, fast, slow))
         lowest = 10.0 ** (LOWEST_DB / 10.0)
-        return np.asarray(10.0 * np.log10(np.maximum(power / noise, lowest)), dtype=np.float32)
+        level = np.maximum(power[:, : len(self.ranges)] / noise, lowest)
+        return np.asarray(10.0 * np.log10(level), dtype=np.float32)
 
     def _moving(self, cube: NDArray[Any]) -> NDArray[Any]:
         """The samples without their mean: that of all frames at first, later that of the last seconds."""
-        mean = cube.mean(axis=1, keepdims=True)
         if self._static is None or len(self._times) < 2:
-            self._static, self._num_static = mean, 0
+            self._static, self._num_static = np.zeros(1, cube.dtype), 0
+        interval = self._times[-1] - self._times[-2] if self._num_static else 0.0
+        self._static = updated_mean(self._static, cube, self._num_static, interval, _STATIC_TIME)
         self._num_static += 1
-        if self._num_static > 1:
-            forgetting = 1.0 - math.exp((self._times[-2] - self._times[-1]) / _STATIC_TIME)
-            self._static = self._static + max(1.0 / self._num_static, forgetting) * (mean - self._static)
         return cube - self._static if self.remove_static else cube
 
-    def _detections(self, level: NDArray[np.float32], *, is_real: bool) -> list[Detection]:
-        """Local maxima between their neighbours, to a fraction of a cell.
-
-        Velocity is cyclic, range too with I/Q; the spectrum of real samples is even about both its ends.
-        """
-        wf = self.radar.waveform
-        beside = np.pad(level, ((0, 0), (1, 1)), mode="reflect" if is_real else "wrap")
-        below, above = np.roll(level, 1, axis=0), np.roll(level, -1, axis=0)
-        nearer, farther = beside[:, :-2], beside[:, 2:]
-        ranges = self._range_step * np.arange(level.shape[1])
-        is_peak = (level > nearer) & (level >= farther)
-        if self.velocities is not None:
-            is_peak &= (level > below) & (level >= above)
-        is_peak &= level >= max(self._threshold_db, float(level.max()) - _SIDELOBES_DB)
-        is_peak &= (ranges >= _FIRST_BINS * wf.range_resolution) & (ranges <= self.ranges[-1])
-
-        found = []
-        peaks = np.argwhere(is_peak)
-        strongest = np.argsort(-level[is_peak], kind="stable")[: self._max_detections]
-        for row, column in peaks[strongest]:
-            at = row, column
-            distance = self._range_step * (column + parabolic_peak(nearer[at], level[at], farther[at])[0])
-            velocity = np.nan
-            if self.velocities is not None:
-                step = self.velocities[1] - self.velocities[0]
-                velocity = self.velocities[row] + step * parabolic_peak(below[at], level[at], above[at])[0]
-                distance -= velocity * wf.center_frequency / wf.slope  # beat and Doppler frequency add
-            found.append(Detection(float(distance), float(velocity), float(level[at])))
-        return sorted(found)
+    def _detections(self, moving: NDArray[Any]) -> list[Detection]:
+        """The strongest detections above the threshold, by increasing range."""
+        found = detect(
+            moving,
+            self.radar,
+            false_alarm_rate=_FALSE_ALARM_RATE,
+            method="os",
+            dynamic_range_db=_DYNAMIC_RANGE_DB,
+        )
+        found = found[(found.snr_db >= self._threshold_db) & (found.range <= self.ranges[-1])]
+        strongest = np.sort(np.argsort(-found.snr_db, kind="stable")[: self._max_detections])
+        rows = np.stack([found.range, found.velocity, found.snr_db], axis=1)[strongest]
+        return [Detection(*row) for row in rows.tolist()]
 
     def _remember(self, profile: NDArray[np.float32]) -> None:
         """Put a frame into the column of its time, and into those since the last frame unless that was a pause."""
@@ -260,9 +242,3 @@ def _num_cells(length: int, most: int) -> int:
     from scipy.fft import next_fast_len  # here: importing radarcore imports numpy and nothing heavier
 
     return int(next_fast_len(max(length, min(4 * length, most)), real=True))
-
-
-def _window_gain(length: int) -> float:
-    """Power of a tone in the middle of its bin over the sum of its squares."""
-    weights = window_weights("window", "hann", length)
-    return float(weights.sum() ** 2 / length)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.processing.cell_noise import known_noise
 from radarcore.processing.inputs import require_uniform_chirps
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
@@ -33,11 +34,14 @@ class Spectrogram:
         Range rate [m/s], increasing, receding positive.
     power : (column, velocity) float64
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
+    noise : float or None
+        Mean of `power` with the receiver's noise alone; None where that is not known.
     """
 
     time: NDArray[np.float64]
     velocity: NDArray[np.float64]
     power: NDArray[np.float64]
+    noise: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +56,14 @@ class RangeTime:
         Range of every bin [m].
     power : (frame, range) float64
         ``abs(range_profile(...))**2``, mean over chirps and added over channels.
+    noise : float or None
+        Mean of `power` with the receiver's noise alone; None where that is not known.
     """
 
     time: NDArray[np.float64]
     range: NDArray[np.float64]
     power: NDArray[np.float64]
+    noise: float | None = None
 
 
 def spectrogram(
@@ -143,7 +150,10 @@ def spectrogram(
         times.append(recording.time[index] + after_frame + to_middle)
         powers.extend(_doppler_power(run[:, k : k + length], weights, num_bins) for k in starts)
         left = run[:, num_columns * step :]
-    return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers))
+    noise = known_noise(recording, fast_weights, weights)
+    num_ranges = len(range(*gate.indices(_num_ranges(recording))))
+    noise = noise and noise * num_ranges * _num_channels(recording, channel)
+    return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers), noise)
 
 
 def range_time(
@@ -175,18 +185,30 @@ def range_time(
     wf = _waveform(recording)
     wf.require_range()
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
-    is_iq = np.iscomplexobj(recording.cube)
-    num_ranges = n if is_iq else n // 2 + 1
+    num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
     for i, profile in enumerate(_profiles(recording, channel, slice(None), window, remove_static, num_bins=n)):
         power[i] = _power(profile).mean(axis=1).sum(axis=0)
-    return RangeTime(recording.time + 0.5 * wf.duration, wf.range_axis(n)[:num_ranges], power)
+    noise = known_noise(recording, window_weights("window", window, wf.num_samples))
+    noise = noise and noise * _num_channels(recording, channel)
+    return RangeTime(recording.time + 0.5 * wf.duration, wf.range_axis(n)[:num_ranges], power, noise)
 
 
 def _waveform(recording: object) -> Waveform:
     if not isinstance(recording, Recording):
         raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
     return recording.radar.waveform
+
+
+def _num_channels(recording: Recording, channel: int | None) -> int:
+    """Channels whose powers are added."""
+    return recording.cube.shape[1] if channel is None else 1
+
+
+def _num_ranges(recording: Recording, length: int | None = None) -> int:
+    """Bins of a range transform of a length; default: of as many as samples."""
+    n = recording.radar.waveform.num_samples if length is None else length
+    return n if np.iscomplexobj(recording.cube) else n // 2 + 1
 
 
 def _profiles(

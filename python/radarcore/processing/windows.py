@@ -2,31 +2,55 @@
 
 from __future__ import annotations
 
+import warnings
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radarcore import check
 
 Window = str | tuple[Any, ...] | None
 """A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
 
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """Periodic window, (length,)."""
+    """Periodic window, (length,), read-only."""
+    if window is None or isinstance(window, str):
+        return _named(name, window, length)
+    return _weights(name, window, length, periodic=True)
+
+
+def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """Symmetric window, as over the elements of an array, (length,)."""
+    with warnings.catch_warnings():
+        # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
+        warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
+        return _weights(name, window, length, periodic=False)
+
+
+@lru_cache(maxsize=64)
+def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
+    """The same for every frame of a stream."""
+    return _weights(name, window, length, periodic=True)
+
+
+def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
     if window is None:
-        return np.ones(length)
+        return check.frozen(np.ones(length))
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
     expected = "expected a window of scipy.signal.get_window or None"
     if not isinstance(window, str | tuple):
         raise TypeError(f"{name}: {expected}, got {window!r}")
     try:
-        weights = np.asarray(get_window(window, length), dtype=np.float64)
+        weights = np.asarray(get_window(window, length, fftbins=periodic), dtype=np.float64)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
-    return weights
+    return check.frozen(weights)
 
 
 def window_centre(weights: NDArray[np.float64]) -> float:
     """Index about which a window is symmetric (the middle of a periodic one lies half a step late)."""
-    return float(np.average(np.arange(len(weights)), weights=weights))
+    return float(weights @ np.arange(len(weights)) / weights.sum())

@@ -6,6 +6,8 @@ from dataclasses import fields
 from typing import Any
 
 from radarcore import check
+from radarcore.radar import bgt60, design
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
@@ -14,13 +16,37 @@ from radarcore.radar.waveform import Waveform, check_frequency
 _BGT60_BAND = (57e9, 64e9)
 """Frequencies that the chip reaches [Hz]: the ISM band at 60 GHz."""
 
+_START, _WIDTH = 60e9, 1e9
+"""Start and width of the ramp that nobody asked for [Hz]."""
 
-def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0, **waveform: Any) -> Radar:
+_CHIRP_INTERVAL, _FRAME_INTERVAL = 300e-6, 25e-3
+"""Times from chirp to chirp and from frame to frame that nobody asked for [s]."""
+
+_SAMPLE_RATES = (2e6, 4e6)
+"""Sample rates that are tried where none was asked for [Hz]: the lower has less noise, the higher faster chirps."""
+
+
+def bgt60tr13c(
+    *,
+    stop_frequency: float | None = None,
+    tx_power_dbm: float = 4.0,
+    receiver: str | Receiver = "thermal",
+    if_gain_db: int | None = None,
+    high_pass: float | None = None,
+    max_range: float | None = None,
+    max_velocity: float | None = None,
+    range_resolution: float | None = None,
+    velocity_resolution: float | None = None,
+    rate: float | None = None,
+    **waveform: Any,
+) -> Radar:
     """Infineon BGT60TR13C: one TX, three RX in an L, real samples.
 
-    Defaults are the chip's power-up settings: 58 to 63.5 GHz, 64 samples at 2 MHz, 64 chirps every 591 us.
-    The ramp starts 3.1125 us before the first sample and reaches `stop_frequency` at the last, so the sampled
-    bandwidth is smaller than ``stop_frequency - start_frequency``.
+    Defaults see 10 m and 4.1 m/s at 40 frames per second: 60 to 61 GHz, 128 samples at 2 MHz, 64 chirps every 300 us,
+    25 ms per frame; range bins of 0.16 m and velocity bins of 0.13 m/s. The ramp starts 3.1125 us before the first
+    sample and reaches `stop_frequency` at the last, so the sampled bandwidth is smaller than
+    ``stop_frequency - start_frequency``. The chip's own settings at power-up see 0.96 m at 13 Hz: 58 to 63.5 GHz, 64
+    samples, 64 chirps every 591.125 us, 77.26885 ms per frame.
 
     Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40
     degrees, 12 dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, 2.5 mm apart. The
@@ -29,29 +55,56 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
     Parameters
     ----------
     stop_frequency : float, optional
-        End of the ramp [Hz]; default 63.5 GHz. Not together with `slope`.
+        End of the ramp [Hz]; default: 1 GHz above the start. Not together with `slope`.
     tx_power_dbm : float
         Transmitted power [dBm].
+    receiver : "thermal", "measured" or Receiver
+        Thermal: real samples in sqrt(W) with thermal noise alone. Measured: the chip's whole chain as measured, with
+        leakage, filters and codes of its ADC, in parts of full scale; see docs/receiver.md.
+    if_gain_db : int, optional
+        Gain of the measured chain's baseband, 18 to 60 dB, rounded as the chip does. Default: 23.
+    high_pass : float, optional
+        Cutoff of the measured chain's high-pass [Hz]: the nearest of 20, 45, 70 and 80 kHz. Default: 80 kHz.
+    max_range, max_velocity, range_resolution, velocity_resolution, rate : float, optional
+        Wishes, as in `Waveform.design`, [m], [m/s], [m], [m/s], [Hz]: settings that the chip can have and that meet
+        them all, its timers included. What no wish is about is as by default, or less where the wishes ask for it. The
+        sample rate is 2 MHz, or 4 MHz where that is too slow; the ramp ends by 63.5 GHz.
     **waveform
-        Keywords of `Waveform` in place of the defaults.
+        Keywords of `Waveform` in place of the defaults. Beside wishes: `start_frequency`, `sample_rate`, `num_samples`
+        and `num_chirps`, and times that no wish is about.
 
     Raises
     ------
     ValueError
-        For a ramp that begins or ends outside of 57 to 64 GHz, and as `Waveform`.
+        For a ramp that begins or ends outside of 57 to 64 GHz, for a wish that cannot be had beside the others (the
+        message names it, and what could be had), and as `Waveform`.
     """
     names = [field.name for field in fields(Waveform)]
-    check.keywords("bgt60tr13c", waveform, ["stop_frequency", "tx_power_dbm", *names])
+    check.keywords(
+        "bgt60tr13c",
+        waveform,
+        ["stop_frequency", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
+    )
+    chain = (receiver, if_gain_db, high_pass)
+    values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
+    wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
+    if wishes:
+        others = waveform if stop_frequency is None else waveform | {"stop_frequency": stop_frequency}
+        return _radar(_wished(wishes, others), tx_power_dbm, *chain)
     settings: dict[str, Any] = {
-        "start_frequency": 58e9,
         "sample_rate": 2e6,
-        "num_samples": 64,
+        "num_samples": 128,
         "num_chirps": 64,
-        "adc_delay": 3.1125e-6,
+        "adc_delay": bgt60.FIRST_SAMPLE / bgt60.CLOCK,
     } | waveform
+    lowest, highest = _BGT60_BAND
+    if "start_frequency" not in settings:
+        # A stop alone has the width of the default before it.
+        stop = _START + _WIDTH if stop_frequency is None else _check_band("stop_frequency", stop_frequency)
+        settings["start_frequency"] = max(lowest, stop - _WIDTH)
     start = _check_band("start_frequency", settings["start_frequency"])
     if "slope" not in settings:
-        stop = _check_band("stop_frequency", 63.5e9 if stop_frequency is None else stop_frequency)
+        stop = _check_band("stop_frequency", min(start + _WIDTH, highest) if stop_frequency is None else stop_frequency)
         if start == stop:
             raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
         settings["slope"] = (stop - start) / _sweep(settings)
@@ -62,19 +115,95 @@ def bgt60tr13c(*, stop_frequency: float | None = None, tx_power_dbm: float = 4.0
             "slope, end of the ramp", start + check.number("slope", settings["slope"], "Hz/s") * _sweep(settings)
         )
     if "chirp_times" not in settings:
-        settings.setdefault("chirp_interval", 591.125e-6)
+        settings.setdefault("chirp_interval", max(_CHIRP_INTERVAL, _shortest(settings)))
     if "frame_interval" not in settings:
         shortest = Waveform(**settings).frame_interval
-        settings["frame_interval"] = max(77.26885e-3, shortest)
+        settings["frame_interval"] = max(_FRAME_INTERVAL, shortest)
+    return _radar(Waveform(**settings), tx_power_dbm, *chain)
+
+
+def _radar(
+    waveform: Waveform, tx_power_dbm: float, receiver: str | Receiver, if_gain_db: int | None, high_pass: float | None
+) -> Radar:
+    """The radar with a waveform."""
     spacing = 2.5e-3
     return Radar(
-        Waveform(**settings),
+        waveform,
         tx=[[0.0, -spacing, 0.0]],
         rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
         pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
         tx_power_dbm=tx_power_dbm,
-        receiver=Receiver(output="real", noise_figure_db=12.0),
+        receiver=_receiver(receiver, if_gain_db, high_pass, waveform.bandwidth),
     )
+
+
+def _receiver(kind: object, if_gain_db: int | None, high_pass: float | None, bandwidth: float) -> Receiver:
+    """Receiver of a word, or one that was given."""
+    if kind == "measured":
+        gain = 23 if if_gain_db is None else if_gain_db
+        return measured_receiver(gain, HIGHPASS_CUTOFFS[-1] if high_pass is None else high_pass, bandwidth=bandwidth)
+    for name, value in (("if_gain_db", if_gain_db), ("high_pass", high_pass)):
+        if value is not None:
+            raise ValueError(f"{name}: expected None unless receiver is 'measured', got {value!r}")
+    if isinstance(kind, Receiver):
+        return kind
+    check.choice("receiver", kind, ("thermal", "measured"))
+    return Receiver(output="real", noise_figure_db=12.0)
+
+
+def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
+    """Waveform that meets wishes, beside some other keywords."""
+    kept = {"start_frequency", "sample_rate", "num_samples", "num_chirps"}
+    if wishes.keys() <= {"max_range", "range_resolution"}:
+        kept.add("chirp_interval")
+    if "rate" not in wishes:
+        kept.add("frame_interval")
+    if rest := [name for name in others if name not in kept]:
+        raise ValueError(
+            f"{rest[0]}: expected none beside {' and '.join(wishes)}, which decide it, got {others[rest[0]]}"
+        )
+    if "start_frequency" in others:
+        start = check_frequency("start_frequency", others["start_frequency"])
+        lowest, highest = bgt60.LOWEST_FREQUENCY, bgt60.HIGHEST_FREQUENCY
+        if not lowest <= start < highest:
+            raise ValueError(f"start_frequency: expected {lowest:g} to {highest:g} [Hz], got {start:.6g}")
+    if "sample_rate" in others:
+        return _designed(bgt60.divider_of(others["sample_rate"]), wishes, others)
+    slow, fast = map(bgt60.divider_of, _SAMPLE_RATES)
+    try:
+        return _designed(slow, wishes, others)
+    except design.WishError as error:
+        at_slow = error
+    try:
+        return _designed(fast, wishes, others)
+    except design.WishError as at_fast:
+        raise (at_slow if at_slow.is_better_than(at_fast) else at_fast) from None
+
+
+def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
+    """Waveform that meets wishes at a number of clock cycles per sample."""
+    limits = bgt60.limits(divider)
+    given: dict[str, Any] = wishes | {
+        name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
+    }
+    keywords = design.keywords_for(
+        limits,
+        **given,
+        default_start=_START,
+        default_bandwidth=_WIDTH,
+        default_interval=_CHIRP_INTERVAL,
+    )
+    times = {name: others[name] for name in ("chirp_interval", "frame_interval") if name in others}
+    keywords |= {name: check.positive(name, value, "s") for name, value in times.items()}
+    if keywords["frame_interval"] is None:
+        chirps = keywords["num_chirps"] * limits.longest(keywords["chirp_interval"])
+        keywords["frame_interval"] = max(_FRAME_INTERVAL, chirps)
+    return Waveform(**keywords)
+
+
+def _shortest(settings: dict[str, Any]) -> float:
+    """Shortest time from chirp to chirp that leaves the chip its time after the samples [s]."""
+    return _sweep(settings) + bgt60.IDLE_TIME
 
 
 def _sweep(settings: dict[str, Any]) -> float:

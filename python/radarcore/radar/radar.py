@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
 from radarcore.radar import beam
+from radarcore.radar.baseband import responses
 from radarcore.radar.levels import level
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
+from radarcore.radar.schedule import Schedule
+from radarcore.radar.sequences import check_sequences, shortest_interval
 from radarcore.radar.waveform import Waveform
 from radarcore.twin import Twinned
 from radarcore.units import power_from_dbm
@@ -33,7 +36,10 @@ class Radar(Twinned):
 
     Parameters
     ----------
-    waveform : Waveform
+    waveform : Waveform or sequence of Waveform
+        Of a frame of several sub-sequences (up- and down-chirps, say) all their waveforms: equally many samples at one
+        sample rate, and chirps that do not overlap in time. `waveform` is then the first of them, `waveforms` has all;
+        the chirps of a frame are those of the first, then those of the second, ...
     tx, rx : (n, 3) array_like
         Antenna positions in the sensor frame [m]: x forward, y left, z up.
     pattern : IsotropicPattern, GaussianPattern or TabulatedPattern
@@ -47,6 +53,17 @@ class Radar(Twinned):
     polarization : "vertical", "horizontal" or (3,) array_like, optional
         Direction of the field of every element, TX and RX: along z, along y, or a unit vector in the sensor frame; of
         every ray the part across it. None: what materials reflect is averaged over polarisations.
+    schedule : Schedule, optional
+        When and in which phase transmitters send: `Schedule.tdm`, `.ddm`, `.steered`. None: every transmitter is
+        received as if it were alone, all at the same time, which no radar with several can do.
+    more_waveforms : sequence of Waveform
+        Waveforms of the sub-sequences after the first; without effect beside a sequence of all.
+
+    Raises
+    ------
+    ValueError
+        For ramps that overlap, of sub-sequences or of transmitters in turn, and a schedule of other numbers of
+        transmitters or chirps.
 
     Warns
     -----
@@ -63,10 +80,12 @@ class Radar(Twinned):
     tx_power_dbm: float
     receiver: Receiver | None
     polarization: str | tuple[float, float, float] | None
+    schedule: Schedule | None
+    more_waveforms: tuple[Waveform, ...]
 
     def __init__(
         self,
-        waveform: Waveform,
+        waveform: Waveform | Sequence[Waveform],
         *,
         tx: ArrayLike = ((0.0, 0.0, 0.0),),
         rx: ArrayLike = ((0.0, 0.0, 0.0),),
@@ -76,12 +95,22 @@ class Radar(Twinned):
         tx_power_dbm: float = 30.0,
         receiver: Receiver | None = None,
         polarization: str | ArrayLike | None = None,
+        schedule: Schedule | None = None,
+        more_waveforms: Sequence[Waveform] = (),
     ) -> None:
+        if isinstance(waveform, Sequence):
+            if len(waveform) == 0:
+                raise ValueError("waveform: expected at least one, got none")
+            waveform, *more_waveforms = waveform
         pattern = IsotropicPattern() if pattern is None else pattern
+        for i, each in enumerate((waveform, *more_waveforms)):
+            if not isinstance(each, Waveform):
+                name = f"waveform[{i}]" if more_waveforms else "waveform"
+                raise TypeError(f"{name}: expected Waveform, got {type(each).__name__}")
         for name, value, kind in (
-            ("waveform", waveform, Waveform),
             ("pattern", pattern, Pattern),
             ("receiver", receiver, Receiver | None),
+            ("schedule", schedule, Schedule | None),
         ):
             if not isinstance(value, kind):
                 raise TypeError(f"{name}: expected {getattr(kind, '__name__', kind)}, got {type(value).__name__}")
@@ -95,6 +124,18 @@ class Radar(Twinned):
         put(self, "tx_power_dbm", level("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
         put(self, "polarization", _polarization(polarization))
+        if receiver is not None:
+            receiver.check_receivers(len(self.rx))
+            if waveform.slope == 0.0 and receiver.high_pass is not None:
+                raise ValueError(
+                    "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
+                )
+        put(self, "schedule", schedule)
+        put(self, "more_waveforms", tuple(more_waveforms))
+        if schedule is not None:
+            for each in self.waveforms:
+                schedule.require_fit(len(self.tx), each.num_chirps)
+        check_sequences(self.waveforms, self._tx_offsets)
         aperture = float(np.linalg.norm(np.ptp(np.concatenate([self.tx, self.rx]), axis=0)))
         if aperture > _WIDEST_APERTURE * waveform.wavelength:
             notice.warn(
@@ -104,8 +145,42 @@ class Radar(Twinned):
 
     @property
     def num_channels(self) -> int:
-        """Number of TX-RX pairs."""
-        return len(self.tx) * len(self.rx)
+        """Number of TX-RX pairs; of receivers where a schedule has all transmitters send at once."""
+        return len(self.rx) if self._is_sum else len(self.tx) * len(self.rx)
+
+    @property
+    def num_chirps(self) -> int:
+        """Number of chirps of a frame, those of all sub-sequences."""
+        return sum(waveform.num_chirps for waveform in self.waveforms)
+
+    @property
+    def waveforms(self) -> tuple[Waveform, ...]:
+        """Waveforms of the sub-sequences of a frame."""
+        return self.waveform, *self.more_waveforms
+
+    def sequences(self) -> tuple[Radar, ...]:
+        """Radars with one waveform each, of the sub-sequences of a frame."""
+        return self._parts if self.more_waveforms else (self,)
+
+    @cached_property
+    def _parts(self) -> tuple[Radar, ...]:
+        """Radars of several sub-sequences."""
+        schedule = self.schedule
+        if schedule is not None and schedule.kind == "tdm" and schedule.interval is None:
+            # Its default follows from the chirps of all.
+            schedule = replace(schedule, interval=shortest_interval(self.waveforms) / len(self.tx))
+        return tuple(replace(self, waveform=each, more_waveforms=(), schedule=schedule) for each in self.waveforms)
+
+    @property
+    def _is_sum(self) -> bool:
+        return self.schedule is not None and self.schedule.is_sum
+
+    @property
+    def _tx_offsets(self) -> NDArray[np.float64]:
+        """Time from the chirps of the waveforms to those of every transmitter, (tx,) [s]."""
+        if self.schedule is None:
+            return np.zeros(len(self.tx))
+        return self.schedule.offsets(len(self.tx), shortest_interval(self.waveforms))
 
     @property
     def array_center(self) -> NDArray[np.float64]:
@@ -118,16 +193,39 @@ class Radar(Twinned):
         """Positions of the channels in the sensor frame, (channel, 3) [m]: of TX and RX, about their means, added.
 
         An echo from far away in a direction has the phase ``-2 pi position . direction / wavelength`` relative to one
-        of antennas at the centre of the array.
+        of antennas at the centre of the array. Where a schedule has all transmitters send at once, these are the
+        receivers about their mean; the transmitters have one phase together, that of their mean when the beam is
+        steered by angles.
         """
         tx, rx = self.tx - self.tx.mean(axis=0), self.rx - self.rx.mean(axis=0)
-        positions: NDArray[np.float64] = (tx[:, None] + rx).reshape(-1, 3)
+        positions: NDArray[np.float64] = rx if self._is_sum else (tx[:, None] + rx).reshape(-1, 3)
         return positions
 
     @property
     def channel_offsets(self) -> NDArray[np.float64]:
-        """Time from ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]."""
-        return np.zeros(self.num_channels)
+        """Time from ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]: of TDM, else zero."""
+        return np.zeros(self.num_channels) if self._is_sum else np.repeat(self._tx_offsets, len(self.rx))
+
+    @property
+    def duration(self) -> float:
+        """Duration from the start of a frame to the last sample of the last ramp [s]."""
+        return max(waveform.duration for waveform in self.waveforms) + float(self._tx_offsets.max())
+
+    @property
+    def max_velocity(self) -> float:
+        """Largest unambiguous velocity [m/s]: the least of the waveforms'; with DDM over the number of transmitters."""
+        is_ddm = self.schedule is not None and self.schedule.kind == "ddm"
+        return min(waveform.max_velocity for waveform in self.waveforms) / (len(self.tx) if is_ddm else 1)
+
+    @property
+    def channel_phases(self) -> NDArray[np.float64]:
+        """Phases that the receivers add to echoes, (channel,) [rad]; an estimator of angles takes them off."""
+        phases = None if self.receiver is None else self.receiver.rx_phase_deg
+        return (
+            np.zeros(self.num_channels)
+            if phases is None
+            else np.tile(np.deg2rad(phases), self.num_channels // len(self.rx))
+        )
 
     @property
     def tx_power(self) -> float:
@@ -155,25 +253,32 @@ class Radar(Twinned):
 
     @property
     def max_range(self) -> float:
-        """Largest unambiguous range [m]: the waveform's, twice that with I/Q samples."""
-        return self.waveform.max_range * (1.0 if self.is_real else 2.0)
+        """Largest unambiguous range [m]: the waveform's, of several the least; twice that with I/Q samples."""
+        return min(waveform.max_range for waveform in self.waveforms) * (1.0 if self.is_real else 2.0)
 
     @cached_property
     def _core(self) -> _core.Antennas:
-        """The antennas about the centre of the array."""
+        """The antennas about the centre of the array.
+
+        With phase noise the transmitters come several times, with the rows of `responses` each.
+        """
+        gains = None if self.receiver is None else responses(self.receiver, self.waveform)
+        times = 1 if gains is None else len(gains[0])
         return _core.Antennas(
-            tx=self.tx - self.array_center,
+            tx=np.tile(self.tx - self.array_center, (times, 1)),
             rx=self.rx - self.array_center,
-            tx_patterns=[pattern._core for pattern in self.tx_patterns],
+            tx_patterns=[pattern._core for pattern in self.tx_patterns] * times,
             rx_patterns=[pattern._core for pattern in self.rx_patterns],
             power=self.tx_power,
             frequency=self.waveform.center_frequency,
             polarization=self.polarization_vector,
+            responses=None if gains is None else np.repeat(gains[0], len(self.tx), axis=0),
+            longest_path=0.0 if gains is None else gains[1],
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Radar as plain numbers, lists and texts, for JSON."""
-        return {
+        values: dict[str, Any] = {
             "waveform": self.waveform.to_dict(),
             "tx": self.tx.tolist(),
             "rx": self.rx.tolist(),
@@ -181,9 +286,15 @@ class Radar(Twinned):
             "tx_patterns": self._own_patterns(self.tx_patterns),
             "rx_patterns": self._own_patterns(self.rx_patterns),
             "tx_power_dbm": self.tx_power_dbm,
-            "receiver": None if self.receiver is None else dict(vars(self.receiver)),
+            "receiver": None if self.receiver is None else self.receiver.to_dict(),
             "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
         }
+        # Radars that could be described before have the same description as then.
+        if self.schedule is not None:
+            values["schedule"] = self.schedule.to_dict()
+        if self.more_waveforms:
+            values["more_waveforms"] = [waveform.to_dict() for waveform in self.more_waveforms]
+        return values
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
         """Patterns of elements for JSON; None if all have the one of the radar."""
@@ -205,8 +316,10 @@ class Radar(Twinned):
             pattern=pattern_from_dict(values["pattern"]),
             **own,
             tx_power_dbm=values["tx_power_dbm"],
-            receiver=None if receiver is None else Receiver(**receiver),
+            receiver=None if receiver is None else Receiver.from_dict(receiver),
             polarization=values.get("polarization"),  # files from before it have none
+            schedule=Schedule.from_dict(values["schedule"]) if values.get("schedule") is not None else None,
+            more_waveforms=[Waveform(**entry) for entry in values.get("more_waveforms", ())],
         )
 
     def __eq__(self, other: object) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
+from radarcore.radar import design
 from radarcore.twin import Twinned
 from radarcore.units import SPEED_OF_LIGHT
 
@@ -192,6 +193,67 @@ class Waveform(Twinned):
             **others,
         )
 
+    @classmethod
+    def design(
+        cls,
+        *,
+        max_range: float | None = None,
+        max_velocity: float | None = None,
+        range_resolution: float | None = None,
+        velocity_resolution: float | None = None,
+        rate: float | None = None,
+        start_frequency: float = 60e9,
+        sample_rate: float = 2e6,
+        num_samples: int | None = None,
+        num_chirps: int | None = None,
+        adc_delay: float = 0.0,
+        idle_time: float = 0.0,
+        num_tx: int = 1,
+    ) -> Waveform:
+        """Waveform that meets all wishes, with the steepest slope, the fewest samples and the slowest chirps that do.
+
+        Parameters
+        ----------
+        max_range, range_resolution : float
+            Largest `max_range` and width of a range bin [m]; at least one of them. Without a resolution there are 128
+            samples, without a range as many as the resolution makes of 128.
+        max_velocity : float, optional
+            Least `max_velocity` [m/s]; default: chirps as close as they can be.
+        velocity_resolution : float, optional
+            Width of a velocity bin [m/s]; default: 64 chirps, or what fits into the frame.
+        rate : float, optional
+            Frames per second [Hz]; default: frames back to back.
+        start_frequency, sample_rate, num_samples, num_chirps, adc_delay
+            As in `Waveform`.
+        idle_time : float
+            Time from the last sample of a chirp to the next ramp, at least [s].
+        num_tx : int
+            Transmitters that take turns within `chirp_interval` (`Schedule.tdm`).
+
+        Raises
+        ------
+        ValueError
+            For a wish that cannot be had beside the others: the message names it, and what could be had.
+        """
+        limits = design.Limits(
+            sample_rate=check.positive("sample_rate", sample_rate, "Hz"),
+            adc_delay=check.non_negative("adc_delay", adc_delay, "s"),
+            idle_time=check.non_negative("idle_time", idle_time, "s"),
+        )
+        settings = design.keywords_for(
+            limits,
+            max_range=max_range,
+            max_velocity=max_velocity,
+            range_resolution=range_resolution,
+            velocity_resolution=velocity_resolution,
+            rate=rate,
+            start_frequency=check_frequency("start_frequency", start_frequency),
+            num_samples=num_samples,
+            num_chirps=num_chirps,
+            num_tx=num_tx,
+        )
+        return cls(**settings)
+
     def replace(self, **changes: Any) -> Waveform:
         """Copy of the waveform with some parameters changed.
 
@@ -204,6 +266,32 @@ class Waveform(Twinned):
         ):
             changes["chirp_times"] = None
         return replace(self, **changes)
+
+    def delayed(self, delay: float) -> Waveform:
+        """Waveform whose chirps start later by a time [s]: of a sub-sequence after another, see `Radar`."""
+        return replace(self, chirp_times=self.chirp_times + check.non_negative("delay", delay, "s"))
+
+    def alternating(self) -> tuple[Waveform, Waveform]:
+        """Waveforms of up- and down-chirps in turn over the same band, for ``Radar(waveform.alternating())``.
+
+        The chirps of this waveform with even numbers, and those with odd numbers falling from the end of the sampled
+        band to its start (rising, if this one is falling). There is an even number of them.
+        """
+        self.require_range()
+        if self.num_chirps % 2 != 0:
+            raise ValueError(f"num_chirps: expected an even number for chirps in turn, got {self.num_chirps}")
+        shared: dict[str, Any] = {"num_chirps": self.num_chirps // 2, "chirp_interval": None}
+        sweep = 2.0 * self.adc_delay + self.num_samples / self.sample_rate
+        return (
+            replace(self, **shared, chirp_times=self.chirp_times[::2]),
+            replace(
+                self,
+                **shared,
+                chirp_times=self.chirp_times[1::2],
+                start_frequency=self.start_frequency + self.slope * sweep,
+                slope=-self.slope,
+            ),
+        )
 
     @property
     def _default_frame_interval(self) -> float:

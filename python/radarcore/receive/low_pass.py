@@ -124,7 +124,7 @@ class LowPass:
 
 def low_pass_of(radar: Radar) -> LowPass:
     """Low-pass of the radar's receiver; one at half the sample rate for a receiver that has no filter set."""
-    cutoff = getattr(radar.receiver, "low_pass", None)
-    if cutoff is None:
+    receiver = radar.receiver
+    if receiver is None or receiver.low_pass is None:
         return LowPass(0.5 * radar.waveform.sample_rate)
-    return LowPass(cutoff, getattr(radar.receiver, "low_pass_order", LowPass.order))
+    return LowPass(receiver.low_pass, receiver.low_pass_order)

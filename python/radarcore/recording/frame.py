@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -125,6 +125,22 @@ class Frame:
                 raise ValueError(f"raw: expected shape {self.cube.shape} as the cube, got {codes.shape}")
             object.__setattr__(self, "raw", codes)
 
+    def sequences(self) -> tuple[Frame, ...]:
+        """Frames of the sub-sequences, one per waveform of the radar; of one waveform the frame itself.
+
+        The chirp times of each waveform count from `time`, the start of them all. Cubes are views; truth and stats are
+        those of the whole frame.
+        """
+        radars = self.radar.sequences()
+        if len(radars) == 1:
+            return (self,)
+        chirps = chirps_of(radars)
+        raws = [None if self.raw is None else self.raw[:, part] for part in chirps]
+        return tuple(
+            replace(self, cube=self.cube[:, part], radar=radar, raw=raw)
+            for radar, part, raw in zip(radars, chirps, raws, strict=True)
+        )
+
     @property
     def lost_before(self) -> int | None:
         """``stats["lost_before"]``; None if the number of lost frames is unknown."""
@@ -137,7 +153,13 @@ class Frame:
 
 def frame_shape(radar: Radar) -> tuple[int, int, int]:
     """Channels, chirps and samples of a frame."""
-    return radar.num_channels, radar.waveform.num_chirps, radar.waveform.num_samples
+    return radar.num_channels, radar.num_chirps, radar.waveform.num_samples
+
+
+def chirps_of(radars: Sequence[Radar]) -> list[slice]:
+    """Chirps of the frame that belong to the radar of every sub-sequence."""
+    ends = np.cumsum([radar.num_chirps for radar in radars]).tolist()
+    return [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:

@@ -34,7 +34,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
 from radarcore.recording.frame import FULL_SCALE, frame_shape
 from radarcore.recording.native import UNITS, Stored, exists, parsed_json, warn_of_missing
-from radarcore.recording.npy import ArrayFile, naming, read_header
+from radarcore.recording.npy import ArrayFile, Converted, naming, read_header
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"
@@ -43,7 +43,7 @@ _ADC_DELAY = 3.1125e-6
 _HEADER_BYTES = 1024
 """Length of the header of radar.npy as the recorder writes it."""
 _CHUNK = 64
-"""Frames that are converted at once."""
+"""Frames that are written at once."""
 
 # Content of the texts of a recording that has none, unless source["infineon"] says otherwise; the chip's
 # settings are those it wakes up with (Strata, factory default).
@@ -65,8 +65,11 @@ def is_recording(path: Path) -> bool:
     return is_sensor or _has_arrays(path) or len(_sensor_folders(path)) > 0
 
 
-def load(path: Path) -> Stored:
-    """Samples, radar and texts of a folder; warns of frames that its writer did not finish."""
+def opened(path: Path) -> Stored:
+    """Samples, radar and texts of a folder; codes become samples, `Converted`, when they are asked for.
+
+    Warns of frames that its writer did not finish.
+    """
     folder = _sensor_folder(path)
     texts = _read_texts(folder)
     if (config := texts.get(f"{folder.name}/config.json")) is None:
@@ -83,12 +86,7 @@ def load(path: Path) -> Stored:
     num_frames = file.num_rows or 0
     warn_of_missing(path, num_frames, file.header_rows, closed=file.header_rows == num_frames)
     codes = file.read(num_frames, mmap=True)
-    cube = np.empty(codes.shape, np.float32)
-    for start in range(0, num_frames, _CHUNK):
-        try:
-            cube[start : start + _CHUNK] = to_samples(codes[start : start + _CHUNK])
-        except ValueError as error:
-            raise ValueError(f"{file.path}, from frame {start}: {error}") from error
+    cube: Any = Converted(codes, to_samples, file.path)
 
     # Texts, names and header, for writing the same files again.
     kept: dict[str, Any] = {"folder": folder.name, "texts": texts}
@@ -313,6 +311,8 @@ def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
     `receivers` are the numbers its antennas have if their positions are not those of the chip.
     """
     wf = radar.waveform
+    if radar.more_waveforms or radar.schedule is not None:
+        raise ValueError("radar: expected one waveform and no schedule, as the layout has, got others")
     if len(radar.tx) != 1:
         raise ValueError(f"radar: expected one transmitter, as the layout has, got {len(radar.tx)}")
     if not wf.has_uniform_chirps or wf.chirp_times[0] != 0.0:

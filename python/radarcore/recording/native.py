@@ -203,6 +203,18 @@ class _Meta:
             raise ValueError(f"{where}: {check.printable(str(error))}") from error
 
 
+def radar_from_json(data: bytes, where: str) -> Radar:
+    """The radar of a meta.json, or of the dict of a radar alone."""
+    values = parsed_json(data, where)
+    described = values.get("radar", values) if isinstance(values, dict) else values
+    try:
+        return Radar.from_dict(described)
+    except KeyError as error:
+        raise ValueError(f"{where}: expected a radar with the key {error}, got none") from error
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:  # JSON has integers of any length
+        raise ValueError(f"{where}: {check.printable(str(error))}") from error
+
+
 def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:
     """Text of meta.json."""
     values = {

@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -24,6 +24,9 @@ _LONGEST_HEADER = 1 << 16
 
 _MOST_DEFLATED = 1032
 """Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
+
+_CHUNK_ROWS = 64
+"""Frames that are converted at once."""
 
 _CHUNK_BYTES = 1 << 20
 """Bytes that are read at once."""
@@ -123,6 +126,37 @@ class ArrayFile:
         if mmap and num_rows > 0:
             return np.memmap(self.path, self.dtype, "r", self._offset, shape)
         return np.fromfile(self.path, self.dtype, math.prod(shape), offset=self._offset).reshape(shape)
+
+
+class Converted:
+    """Array on disk whose rows become float32 samples when they are asked for.
+
+    Parameters
+    ----------
+    stored : (row, ...) array
+    convert : function
+        Of a few rows; a ValueError gets the path and the first of them.
+    path : Path
+        For messages.
+    """
+
+    def __init__(self, stored: NDArray[Any], convert: Callable[[NDArray[Any]], NDArray[Any]], path: Path) -> None:
+        self._stored, self._convert, self._path = stored, convert, path
+        self.shape, self.dtype = stored.shape, np.dtype(np.float32)
+
+    def __len__(self) -> int:
+        return len(self._stored)
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        chosen = range(len(self))[rows]
+        samples = np.empty((len(chosen), *self.shape[1:]), self.dtype)
+        for first in range(0, len(chosen), _CHUNK_ROWS):
+            part = slice(chosen.start + first, min(chosen.start + first + _CHUNK_ROWS, chosen.stop))
+            try:
+                samples[first : first + _CHUNK_ROWS] = self._convert(self._stored[part])
+            except ValueError as error:
+                raise ValueError(f"{self._path}, from frame {part.start}: {error}") from error
+        return samples
 
 
 def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

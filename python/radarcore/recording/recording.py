@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.recording import infineon
+from radarcore.radar.radar import Radar
+from radarcore.recording import bare, infineon
 from radarcore.recording.codes import to_codes
 from radarcore.recording.frame import (
     FULL_SCALE,
@@ -26,10 +27,12 @@ from radarcore.recording.frame import (
     check_radar,
     check_truth,
     checked_cube,
+    chirps_of,
     frame_shape,
     kind_of,
 )
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
+from radarcore.recording.npy import Converted
 from radarcore.recording.writer import RecordingWriter
 
 
@@ -109,6 +112,14 @@ class Recording(Stored):
     @property
     def _has_codes(self) -> bool:
         return self.source.get("cube_unit") == FULL_SCALE and self.cube.dtype.kind == "f"
+
+    def sequences(self) -> tuple[Recording, ...]:
+        """Recordings of the sub-sequences, see `Frame.sequences`."""
+        radars = self.radar.sequences()
+        if len(radars) == 1:
+            return (self,)
+        parts = zip(radars, chirps_of(radars), strict=True)
+        return tuple(replace(self, cube=self.cube[:, :, chirps], radar=radar) for radar, chirps in parts)
 
     def frames(self) -> Iterator[Frame]:
         """The frames in order, one at a time."""
@@ -198,18 +209,24 @@ class Recording(Stored):
         _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, mmap: bool = True) -> Recording:
+    def load(cls, path: str | os.PathLike[str], *, mmap: bool = True, radar: Radar | None = None) -> Recording:
         """Read from disk; warns of no frames, and of frames that are missing because the writer was interrupted.
+
+        `RecordingReader` reads recordings that do not fit into memory.
 
         Parameters
         ----------
         path : path
             A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: the one with
             ``RadarIfxAvian_00`` in it, or that. Such a folder says nothing of when frames came: their times are
-            multiples of the interval that was asked of the board, which may be off by a per mille.
+            multiples of the interval that was asked of the board, which may be off by a per mille. A bare ``.npy``
+            file, together with its `radar`: frames ``[frame, channel, chirp, sample]``, or one, an interval apart;
+            integers become float32 counts.
         mmap : bool
             Leave the cube of a directory on disk and map it into memory, read-only; codes of an ADC are always
             read and made samples.
+        radar : Radar, optional
+            Radar of a bare ``.npy`` file; other recordings have their own. `load_radar` reads one from a file.
 
         Raises
         ------
@@ -218,15 +235,28 @@ class Recording(Stored):
         ValueError
             When it is not a recording, of a newer version, damaged, or the arrays do not fit the radar.
         """
-        path = Path(path)
-        known = next((kind for kind in _FORMATS.values() if kind.knows(path)), None)
-        if known is None:
-            raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
-        stored = known.load(path, mmap)
+        stored = stored_at(path, mmap=mmap, radar=radar)
+        cube: Any = stored.cube
         try:
-            return cls(**vars(stored))
+            return cls(**vars(replace(stored, cube=cube[:] if isinstance(cube, Converted) else cube)))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error
+
+
+def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, radar: Radar | None = None) -> Stored:
+    """Content of a recording on disk, unchecked; its cube may be one that is converted when it is asked for."""
+    path = Path(path)
+    if path.suffix == ".npy" and path.is_file():
+        if radar is None:
+            raise ValueError(f"{path}: expected a radar with a bare .npy file, got none")
+        check_radar(radar)
+        return bare.opened(path, radar)
+    if radar is not None:
+        raise TypeError(f"radar: expected none, as {path} is no bare .npy file, got {type(radar).__name__}")
+    known = next((kind for kind in _FORMATS.values() if kind.knows(path)), None)
+    if known is None:
+        raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
+    return known.load(path, mmap)
 
 
 class _Format(NamedTuple):
@@ -246,7 +276,7 @@ def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
 
 
 _FORMATS = {
-    "infineon": _Format(infineon.is_recording, lambda path, _: infineon.load(path), infineon.save),
+    "infineon": _Format(infineon.is_recording, lambda path, _: infineon.opened(path), infineon.save),
     "directory": _Format(Path.is_dir, load_directory, _save_directory),
     "npz": _Format(Path.exists, lambda path, _: load_npz(path), save_npz),
 }

@@ -53,7 +53,8 @@ class Interferer:
     Raises
     ------
     ValueError
-        For more frames per second than fit.
+        For more frames per second than fit, for a radar of several sub-sequences, and for one whose transmitters send
+        at once by a schedule.
     """
 
     radar: Radar
@@ -79,6 +80,10 @@ class Interferer:
     ) -> None:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        if radar.more_waveforms:
+            raise ValueError(f"radar: expected an interferer of one waveform, got {1 + len(radar.more_waveforms)}")
+        if radar.schedule is not None and radar.schedule.is_sum:
+            raise ValueError(f"radar: expected no schedule, or one of kind 'tdm', got {radar.schedule.kind!r}")
         put = object.__setattr__
         put(self, "radar", radar)
         put(self, "motion", as_motion("motion", motion))

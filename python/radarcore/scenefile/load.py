@@ -5,7 +5,11 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from radarcore.radar.radar import Radar
+from radarcore.recording.native import radar_from_json
 from radarcore.scenefile import read
+from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.simulation import Simulation
 
@@ -32,3 +36,28 @@ def load_scene(path: str | PathLike[str]) -> Simulation:
     """
     file = Path(path)
     return simulation(read.table(file), file)
+
+
+def load_radar(path: str | PathLike[str]) -> Radar:
+    """Read a radar: the table ``[radar]`` of a scene file, or the ``meta.json`` of a recording.
+
+    Parameters
+    ----------
+    path : path
+        TOML, of which only the table ``[radar]`` counts; or JSON: that of a recording, or what `Radar.to_dict` gives.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such file.
+    ValueError
+        For another suffix, and one line per fault of the file.
+    """
+    file = Path(path)
+    if file.suffix == ".json":
+        return radar_from_json(file.read_bytes(), str(file))
+    if file.suffix != ".toml":
+        raise ValueError(f"{file}: expected a scene file (.toml) or the meta.json of a recording, got {file.suffix!r}")
+    table = read.table(file).radar
+    with located(f"{file}: radar."):
+        return radar_of(table, file.parent)

@@ -275,17 +275,95 @@ class PatternTable(Table):
     )
 
 
+class LeakageTable(Table):
+    """Leakage from the transmitters into the receivers; numbers for all receivers, or lists with one of each."""
+
+    level_db: float | list[float] | None = _key(None, "dB", "over the power of a transmitter; default: no tone")
+    delay: float = _key(0.0, "s", "delay")
+    phase_deg: float | list[float] = _key(0.0, "degrees", "on top of that of the delay")
+    step_db: float | list[float] | None = _key(None, "dB", "step of turning on at the first sample; default: none")
+    step_phase_deg: float | list[float] = _key(0.0, "degrees", "of the step")
+    step_time: float = _key(2e-6, "s", "in which the step falls to 1/e")
+
+
 class ReceiverTable(Table):
     """Receiver."""
 
     output: Literal["iq", "real"] = _key("iq", "", "complex samples, or their real part")
     noise_figure_db: float | None = _key(None, "dB", "noise figure at 290 K; default: no noise")
+    phase_noise: list[tuple[float, float]] | None = _key(
+        None, "", "of the oscillator: pairs of offset [Hz] and level [dBc/Hz]; default: none"
+    )
+    leakage: LeakageTable | None = _key(None, "", "from the transmitters; default: none")
+    rx_phase_deg: list[float] | None = _key(None, "degrees", "phase of every receiver; default: zero")
+    high_pass: float | None = _key(None, "Hz", "of the baseband, at -3 dB; default: none")
+    high_pass_order: int = _key(1, "", "of the high-pass, 6 dB per octave each")
+    low_pass: float | None = _key(None, "Hz", "anti-alias filter, at -3 dB; default: none")
+    low_pass_order: int = _key(4, "", "of the low-pass, 6 dB per octave each")
+    kick_db: float | None = _key(None, "dB", "noise at the start of chirps over thermal noise; default: none")
+    kick_time: float = _key(2e-6, "s", "in which that falls to 1/e")
+    iq_gain_db: float | None = _key(None, "dB", "gain of Q over I; default: balanced")
+    iq_phase_deg: float | None = _key(None, "degrees", "phase error of Q; default: balanced")
+    gain_db: float | None = _key(None, "dB", "from the receiver's input to the ADC; default: 0")
+    full_scale: float | None = _key(None, "V", "voltage of a sample of 1; default: samples in sqrt(W)")
+    dc_offset: float | list[float] | None = _key(None, "", "added to samples, in their unit; default: none")
+    adc_bits: int | None = _key(None, "", "bits of the ADC; default: not rounded")
+    adc_noise_lsb: float | None = _key(None, "", "deviation of the ADC's noise, in steps; default: none")
+    chirp_offset_lsb: float | list[float] | None = _key(
+        None, "", "deviation of offsets of chirps, in steps; default: none"
+    )
+    segment_offset_lsb: float | None = _key(
+        None, "", "deviation of offsets of chirps and sixteenths of the ADC's codes, in steps; default: none"
+    )
+    adc_odd_width: float | None = _key(None, "", "width of odd codes of the ADC, in steps; default: 1")
+
+
+class TdmTable(Table):
+    """Transmitters in turn."""
+
+    kind: Literal["tdm"]
+    interval: float | None = _key(None, "s", "from one turn to the next; default: the chirp interval over their number")
+    order: list[int] | None = _key(None, "", "numbers of the transmitters in their order; default: 0, 1, 2, ...")
+
+
+class DdmTable(Table):
+    """Transmitters at once, apart by their Doppler frequency."""
+
+    kind: Literal["ddm"]
+    turns: list[float] | None = _key(
+        None, "turns", "advance of the phase of every transmitter per chirp; default: its number over their number"
+    )
+
+
+class SteeredTable(Table):
+    """Transmitters at once as one beam; `azimuth_deg` and `elevation_deg`, or `phases_deg`."""
+
+    kind: Literal["steered"]
+    azimuth_deg: float | list[float] | None = _key(
+        None, "degrees", "of the beam, or one per chirp; positive to the left; default: 0"
+    )
+    elevation_deg: float | list[float] | None = _key(
+        None, "degrees", "of the beam, or one per chirp; positive up; default: 0"
+    )
+    phases_deg: list[float] | list[list[float]] | None = _key(
+        None, "degrees", "of every transmitter, or a list of them per chirp; default: those of the angles"
+    )
+
+
+class SequenceTable(Table):
+    """A further sub-sequence of every frame: what differs from the first, and when it comes."""
+
+    delay: float = _key(..., "s", "from the start of the frame to its first chirp")
+    start_frequency: float | None = _key(None, "Hz", "at the start of the ramp; default: as the first")
+    slope: float | None = _key(None, "Hz/s", "of the ramp; default: as the first")
+    num_chirps: int | None = _key(None, "", "chirps; default: as the first")
+    chirp_interval: float | None = _key(None, "s", "from chirp to chirp; default: as the first")
 
 
 class RadarTable(Table):
     """The radar; given keys override those of a preset."""
 
-    preset: Literal["bgt60tr13c"] | None = _key(None, "", "a real sensor")
+    preset: Literal["bgt60tr13c", "bgt60tr24"] | None = _key(None, "", "a real sensor")
     start_frequency: float | None = _key(None, "Hz", "at the start of the ramp")
     stop_frequency: float | None = _key(None, "Hz", "at the end of the sampled sweep; in place of slope")
     slope: float | None = _key(None, "Hz/s", "of the ramp, negative for a down-chirp; in place of stop_frequency")
@@ -296,6 +374,18 @@ class RadarTable(Table):
     chirp_times: list[float] | None = _key(None, "s", "start of every chirp, increasing; in place of chirp_interval")
     frame_interval: float | None = _key(None, "s", "from frame to frame; default: back to back, or the preset's")
     adc_delay: float | None = _key(None, "s", "from ramp start to first sample; default: 0, or the preset's")
+    max_range: float | None = _key(
+        None, "m", "wish in place of slope and num_samples: largest range of real samples; default: none"
+    )
+    range_resolution: float | None = _key(None, "m", "wish in place of slope and num_samples: range bin; default: none")
+    max_velocity: float | None = _key(None, "m/s", "wish in place of chirp_interval: largest velocity; default: none")
+    velocity_resolution: float | None = _key(None, "m/s", "wish in place of num_chirps: velocity bin; default: none")
+    rate: float | None = _key(None, "Hz", "wish in place of frame_interval: frames per second; default: none")
+    alternating: bool = _key(False, "", "chirps with odd numbers go the other way: two sub-sequences, up and down")
+    sequences: list[SequenceTable] | None = _key(None, "", "further sub-sequences of every frame; default: none")
+    schedule: Annotated[TdmTable | DdmTable | SteeredTable, Field(discriminator="kind")] | None = _key(
+        None, "", "when and in which phase transmitters send; default: apart as if by magic"
+    )
     tx: list[Vector] | None = _key(None, "m", "transmit antennas in the sensor frame; default: origin, or the preset's")
     rx: list[Vector] | None = _key(None, "m", "receive antennas in the sensor frame; default: origin, or the preset's")
     tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
@@ -303,6 +393,8 @@ class RadarTable(Table):
     tx_patterns: list[PatternTable] | None = _key(None, "", "of every transmit antenna by itself; default: pattern")
     rx_patterns: list[PatternTable] | None = _key(None, "", "of every receive antenna by itself; default: pattern")
     receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
+    measured_receiver: bool = _key(False, "", "the receiver of the preset bgt60tr13c as it was measured")
+    if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
         None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"
     )

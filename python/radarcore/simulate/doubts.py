@@ -176,7 +176,7 @@ class Doubts:
         wf = self._radar.waveform
         if "velocity" in self._told or wf.num_chirps < 2 or not wf.has_uniform_chirps:
             return
-        limit = wf.max_velocity
+        limit = self._radar.max_velocity
         # Numbers of Python: as fast for few bodies. NaN of bodies that no ray hit is not beyond the limit.
         speeds = [abs(rate) for rate in range_rates.tolist()]
         if any(speed > limit for speed in speeds) and self._is_new("velocity"):
@@ -188,7 +188,7 @@ class Doubts:
 
     def of_rate(self, rate: float) -> None:
         """Warn of frames that overlap at a rate [Hz]."""
-        duration = self._radar.waveform.duration
+        duration = self._radar.duration
         if duration * rate > 1.0:
             notice.warn(
                 f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second; no real sensor can do that"

@@ -37,6 +37,9 @@ _SHORTEST = 1e-6
 
 Floats = NDArray[np.float64]
 
+Counts = dict[str, Any]
+"""Counts of interference, for `Frame.stats`."""
+
 
 class Interference:
     """Signals of the interferers of a scene at the receivers of a radar.
@@ -76,8 +79,8 @@ class Interference:
         self._receiver = np.arange(radar.num_channels) % len(radar.rx)
         self._starts = radar.waveform.chirp_times + offsets[:, None]  # (offset, chirp)
 
-    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> dict[str, Any]:
-        """Add the signals to the ideal samples (channel, chirp, sample) of a frame that starts at a time [s].
+    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> Counts:
+        """Add the signals to the samples (channel, chirp, sample) at the receivers of a frame that starts at a time [s].
 
         `engine`: the counterpart of the simulator in the core, which finds what is occluded. Returns counts.
         """
@@ -195,6 +198,17 @@ class Interference:
         seen = (_in_world(sender, interferer.radar.tx) - sensor[:, 3]) @ sensor[:, :3] - self._radar.array_center
         is_hidden, _ = engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
         return is_hidden
+
+
+def counted(parts: list[Counts]) -> Counts:
+    """Counts of a frame from those of its sub-sequences: chirps are added, the mean of powers and the strongest count."""
+    if not parts:
+        return {}
+    return parts[0] | {
+        "chirps_hit": sum(part["chirps_hit"] for part in parts),
+        "interference_power": float(np.mean([part["interference_power"] for part in parts])),
+        "strongest_interferer": max(part["strongest_interferer"] for part in parts),
+    }
 
 
 def _in_world(poses: Floats, points: Floats) -> Floats:

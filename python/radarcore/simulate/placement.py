@@ -42,6 +42,11 @@ class Placement:
         # The sensor is the last of them.
         self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
 
+    @property
+    def duration(self) -> float:
+        """Duration of a frame [s]."""
+        return self._waveform.duration
+
     def frames_ahead(self, num_times: int) -> int:
         """Number of frames that are worth placing together."""
         per_frame = num_times * 12 * (len(self._parts.meshed) + 1) + _num_vertex_times(num_times) * self._vertex_numbers

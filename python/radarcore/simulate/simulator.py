@@ -18,23 +18,27 @@ from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
-from radarcore.receive.chain import receive
+from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.doubts import Doubts
-from radarcore.simulate.interference import Interference
+from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
+from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.sectors import Angles, whole_tiles
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.side_by_side import in_order
 from radarcore.simulate.times import frame_times
 
-Placed = tuple[float, _core.Placement]
-"""Start of a frame [s] and the motion in it."""
+Placed = tuple[float, tuple[_core.Placement, ...]]
+"""Start of a frame [s] and the motion in it, at the times of every sub-sequence."""
+
+Engines = list[_core.Simulator]
+"""Counterparts in the core, one per sub-sequence."""
 
 _BYTES_SIDE_BY_SIDE = 3_000_000_000
 """Memory of frames that are simulated side by side [bytes]."""
@@ -159,7 +163,7 @@ class Simulator(Settings):
         The rays are cast once, at the middle of the frame. Scatterers move with their body, or with their facet if the
         body deforms, and delay and amplitude follow the exact geometry through the frame; visibility does not change
         within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
-        own. `Frame.truth` holds for the middle of the frame.
+        own. `Frame.truth` holds for the middle of the frame, of several sub-sequences for that of the first.
         """
         start = check.number("time", time, "s")
         frame = next(self._frames(self._placed([start]), 1))
@@ -209,7 +213,10 @@ class Simulator(Settings):
         return Recording.load(path)
 
     def paths(self, time: float = 0.0) -> Paths:
-        """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them.
+        """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them, per TX-RX pair.
+
+        Amplitudes are behind the receiver's filters. Whatever the schedule, there is a channel per pair of antennas; of
+        several waveforms the first counts.
 
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
@@ -220,6 +227,9 @@ class Simulator(Settings):
         place = self._placement
         frame = next(place.frames([start], _NUM_TIMES))
         delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
+        # With phase noise the core has more rows, see `Radar._core`.
+        own = slice(len(self.radar.tx) * len(self.radar.rx))
+        delay, rate, amplitude = delay[own], rate[own], amplitude[own]
         channels = (len(delay), 1)
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
@@ -269,15 +279,18 @@ class Simulator(Settings):
     def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
-        engines = [self._engine, *(self._new_engine() for _ in range(side_by_side - 1))]
-        for start, ideal, cube, others in in_order(self._received, placed, engines, _core.Simulator.stop):
-            self._doubts.of_frame(ideal, self.scene.names)
-            stats = stats_of(ideal) | {"field_of_view_deg": self.view_deg} | others
+        engines = [[self._engine, *self._more_engines], *(self._new_engines() for _ in range(side_by_side - 1))]
+        for start, ideals, cube, others in in_order(self._received, placed, engines, _stop):
+            for ideal in ideals:
+                self._doubts.of_frame(ideal, self.scene.names)
+            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg} | others
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
-            assert ideal.truth is not None  # as every scene has one
-            self._doubts.of_velocities(self.scene.names, ideal.truth[1])
-            yield Frame(cube, start, self.radar, Truth.from_rows(self.scene.names, ideal.truth), stats)
+            rows = ideals[0].truth
+            assert rows is not None  # as every scene has one
+            self._doubts.of_velocities(self.scene.names, rows[1])
+            truth = Truth.from_rows(self.scene.names, rows)
+            yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
@@ -287,7 +300,9 @@ class Simulator(Settings):
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(starts), size):
             some = starts[first : first + size]
-            yield from zip(some, self._placement.frames(some, _NUM_TIMES, self._look), strict=True)
+            first_of_all = self._placement.frames(some, _NUM_TIMES, self._look)
+            others = (placement.frames(some, _NUM_TIMES) for placement in self._placements[1:])
+            yield from zip(some, zip(first_of_all, *others, strict=True), strict=True)
 
     def _look(self, poses: NDArray[np.float64]) -> None:
         """Warn of bodies outside of a field of view that was chosen, from the poses of frames."""
@@ -295,19 +310,32 @@ class Simulator(Settings):
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
     def _received(
-        self, engine: _core.Simulator, placed: Placed
-    ) -> tuple[float, _core.IdealFrame, NDArray[Any], dict[str, Any]]:
-        """Start [s], ideal frame, cube as received and counts of interference, of a placed motion."""
-        start, motion = placed
-        rates = None if self.radar.waveform.duration > 0.0 else self._placement.rates_at(start)
+        self, engines: Engines, placed: Placed
+    ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], dict[str, Any]]:
+        """Start [s], ideal frame of every sub-sequence, cube as received and counts of interference, of a motion."""
+        start, motions = placed
+        parts = zip(engines, motions, self._placements, strict=True)
+        ideals = tuple(self._ideal(engine, motion, placement, start) for engine, motion, placement in parts)
+        counts: list[Counts] = []
+
+        def interfere(number: int, cube: NDArray[Any]) -> None:
+            counts.append(self._interferences[number].add_to(cube, engines[number], start))
+
+        disturb = interfere if self.scene.interferers else None
+        cube = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
+        return start, ideals, cube, counted(counts)
+
+    @staticmethod
+    def _ideal(
+        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float
+    ) -> _core.IdealFrame:
+        """Ideal frame of a placed motion that starts at `start` [s]."""
+        rates = None if placement.duration > 0.0 else placement.rates_at(start)
         ideal, num_times = engine.frame(motion, rates), _NUM_TIMES
         while ideal is None:  # too few times for the motion
             num_times = 2 * num_times - 1
-            ideal = engine.frame(next(self._placement.frames([start], num_times)), None)
-        cube, counts = ideal.cube, dict[str, Any]()
-        if self.scene.interferers:
-            counts = self._interference.add_to(cube, engine, start)
-        return start, ideal, receive(cube, self.radar, start, seed=self.seed), counts
+            ideal = engine.frame(next(placement.frames([start], num_times)), None)
+        return ideal
 
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
@@ -324,13 +352,23 @@ class Simulator(Settings):
     @property
     def _most_side_by_side(self) -> int:
         """Largest number of frames whose rays and samples fit the memory that a recording may take."""
-        wf = self.radar.waveform
-        samples = len(self.radar.tx) * len(self.radar.rx) * wf.num_chirps * wf.num_samples
+        ramps = [ramps_of(radar) for radar in self._sequences]
+        samples = len(self.radar.tx) * len(self.radar.rx) * sum(wf.num_chirps * wf.num_samples for wf in ramps)
         return _BYTES_SIDE_BY_SIDE // (_BYTES_PER_RAY * self.num_rays + _BYTES_PER_SAMPLE * samples)
 
     @cached_property
+    def _sequences(self) -> tuple[Radar, ...]:
+        """Radars of the sub-sequences of a frame."""
+        return self.radar.sequences()
+
+    @cached_property
+    def _placements(self) -> tuple[Placement, ...]:
+        return tuple(Placement(self.scene, self._motion, ramps_of(radar)) for radar in self._sequences)
+
+    @property
     def _placement(self) -> Placement:
-        return Placement(self.scene, self._motion, self.radar.waveform)
+        """Placement of the first sub-sequence."""
+        return self._placements[0]
 
     @property
     def _motion(self) -> Motion:
@@ -342,30 +380,46 @@ class Simulator(Settings):
         """Counterpart in the core, which keeps the samples of bodies at rest from frame to frame."""
         return self._new_engine()
 
-    def _new_engine(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Simulator:
+    @cached_property
+    def _more_engines(self) -> Engines:
+        """Counterparts of the sub-sequences after the first."""
+        return [self._new_engine(number) for number in range(1, len(self._sequences))]
+
+    def _new_engines(self) -> Engines:
+        return [self._new_engine(number) for number in range(len(self._sequences))]
+
+    def _new_engine(self, sequence: int = 0, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Simulator:
+        radar = self._sequences[sequence]
         return _core.Simulator(
             self.scene._core,
-            self._materials,
-            antennas=self.radar._core,
-            waveform=self.radar.waveform._core,
-            center=self.radar.array_center.tolist(),
+            self._materials_at(radar.waveform.center_frequency),
+            antennas=radar._core,
+            waveform=ramps_of(radar)._core,
+            center=radar.array_center.tolist(),
             settings=self.to_core(reuse_tiles=reuse_tiles, skip_empty=skip_empty),
             threads=self.threads,
         )
 
     @cached_property
-    def _interference(self) -> Interference:
-        return Interference(self.scene, self.radar, self._motion, self._placement, self, self.view_deg)
+    def _interferences(self) -> list[Interference]:
+        """Signals of interferers in every sub-sequence."""
+        parts = zip(self._sequences, self._placements, strict=True)
+        return [
+            Interference(self.scene, radar, self._motion, placement, self, self.view_deg) for radar, placement in parts
+        ]
 
     @cached_property
     def _doubts(self) -> Doubts:
         return Doubts(self.radar, self.tolerance)
 
+    def _materials_at(self, frequency: float) -> list[_core.Material]:
+        """Materials of the bodies with meshes at a frequency, the centre of a band [Hz]."""
+        return [body.material._core_at(frequency) for body in self.scene.parts.meshed]
+
     @cached_property
     def _materials(self) -> list[_core.Material]:
-        """Materials of the bodies with meshes, at the centre of the band."""
-        frequency = self.radar.waveform.center_frequency
-        return [body.material._core_at(frequency) for body in self.scene.parts.meshed]
+        """Materials of the bodies with meshes, at the centre of the first band."""
+        return self._materials_at(self.radar.waveform.center_frequency)
 
     def _reflectance(self, hits: _core.Hits) -> NDArray[np.float64]:
         """Power reflectance at the pixels."""
@@ -380,10 +434,12 @@ class Simulator(Settings):
         """Origin of the samples, for the recording."""
         bodies = list(self.scene.names)
         others = {"interferers": list(self.scene.interferer_names)} if self.scene.interferers else {}
-        return {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **others, **self.to_dict()}
+        source = {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **others, **self.to_dict()}
+        receiver = self.radar.receiver
+        return source if receiver is None or receiver.unit is None else {**source, "cube_unit": receiver.unit}
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_engine", "_placement", "_materials", "_interference")
+        made = ("_engine", "_more_engines", "_placements", "_materials", "_interferences")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
 
@@ -397,7 +453,18 @@ def sees_anything(frame: Frame) -> bool:
     return any(frame.stats.get(name, 0) > 0 for name in ("rays_hit", "paths", "bounce_paths"))
 
 
-def stats_of(ideal: _core.IdealFrame) -> dict[str, Any]:
-    """Counts of a frame, for `Frame.stats`."""
-    residual = hypot(*ideal.series_errors)
-    return {**ideal.counts(), "series_residual": residual, "plan": ideal.plan}
+def stats_of(*ideals: _core.IdealFrame) -> dict[str, Any]:
+    """Counts of a frame, for `Frame.stats`: sums over its sub-sequences, the worst residual, and the plans of all."""
+    total: dict[str, Any] = ideals[0].counts()
+    for ideal in ideals[1:]:
+        for name, number in ideal.counts().items():
+            before = total.get(name, 0)
+            total[name] = max(before, number) if name.endswith("_nodes") else before + number
+    residual = max(hypot(*ideal.series_errors) for ideal in ideals)
+    return {**total, "series_residual": residual, "plan": "\n".join(ideal.plan for ideal in ideals)}
+
+
+def _stop(engines: Engines) -> None:
+    """Stop the runs in progress."""
+    for engine in engines:
+        engine.stop()

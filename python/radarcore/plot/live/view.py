@@ -37,14 +37,12 @@ class LiveView:
     Made once for a radar: `update` takes a frame and changes what the artists show, `draw` paints them, alone where
     the canvas can blit. Nothing is added to the figure later.
 
-    Levels are in dB over the noise, which is the median of the frame's map (powers of all channels added). The
+    Levels are in dB over the noise, by the median of the frame's map (powers of all channels added). The
     history has the strongest velocity of every range; what is grey is missing. A radar of one or two chirps, or of
     unevenly spaced ones, tells no velocities: its newest frame is shown as power over range.
 
-    Detections are for the eye: the strongest local maxima, at least `threshold_db` over the noise, at most 25 dB
-    below the strongest cell (where the sidelobes of the Hann window are) and two range bins away from the radar
-    (where it hears itself), read between the cells by a parabola. Nothing keeps their false alarms constant:
-    noise of one channel alone is above 15 dB in one of 3e9 cells, clutter as often as it is there.
+    Detections are the strongest of `detect` (ordered statistic, two range bins away from the radar, where it hears
+    itself) that are at least `threshold_db` over the noise around them and at most 25 dB below the strongest.
 
     Parameters
     ----------

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from radarcore.radar.leakage import Leakage
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
+from radarcore.radar.preset_tr24 import bgt60tr24
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.tables import PatternTable, RadarTable
+from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, ReceiverTable, SteeredTable, TdmTable
 
 _WAVEFORM_KEYS = (
     "start_frequency",
@@ -25,12 +31,13 @@ _WAVEFORM_KEYS = (
     "frame_interval",
     "adc_delay",
 )
+_WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
 
 
 def radar_of(table: RadarTable, directory: Path) -> Radar:
     """The radar of a table; files of patterns are relative to the directory."""
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
-    waveform = {name: given[name] for name in _WAVEFORM_KEYS if name in given}
+    waveform = {name: given[name] for name in (*_WAVEFORM_KEYS, *_WISHES) if name in given}
     others: dict[str, Any] = {
         name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization") if name in given
     }
@@ -45,17 +52,74 @@ def radar_of(table: RadarTable, directory: Path) -> Radar:
                     others[name].append(_pattern(entry, directory))
     if table.receiver is not None:
         with located("receiver."):
-            others["receiver"] = Receiver(**table.receiver.model_dump())
+            others["receiver"] = _receiver(table.receiver)
+    measured = _measured(table)
+    if table.schedule is not None:
+        with located("schedule."):
+            others["schedule"] = _schedule(table.schedule)
     if table.preset is not None:
-        preset = bgt60tr13c(**waveform)
+        preset = bgt60tr24(**waveform) if table.preset == "bgt60tr24" else bgt60tr13c(**waveform, **measured)
         kept = {
             name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
         }
-        return Radar(preset.waveform, **(kept | others))
-    return Radar(_waveform(waveform), **others)
+        return Radar(_sequences(preset.waveform, table), **(kept | others))
+    return Radar(_sequences(_waveform(waveform), table), **others)
+
+
+def _sequences(waveform: Waveform, table: RadarTable) -> tuple[Waveform, ...]:
+    """Waveforms of the sub-sequences, from the first."""
+    waveforms = waveform.alternating() if table.alternating else (waveform,)
+    for k, entry in enumerate(table.sequences or ()):
+        with located(f"sequences[{k}]."):
+            changes = entry.model_dump(exclude={"delay"}, exclude_none=True)
+            waveforms = *waveforms, waveform.replace(**changes).delayed(entry.delay)
+    return waveforms
+
+
+def _schedule(table: TdmTable | DdmTable | SteeredTable) -> Schedule:
+    if isinstance(table, TdmTable):
+        return Schedule.tdm(table.interval, table.order)
+    if isinstance(table, DdmTable):
+        return Schedule.ddm(table.turns)
+    phases, azimuth, elevation = table.phases_deg, table.azimuth_deg, table.elevation_deg
+    if phases is None:
+        angles: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation}
+        given = {name: np.deg2rad(angle) for name, angle in angles.items() if angle is not None}
+        return Schedule.steered(**(given or {"azimuth": 0.0}))
+    if azimuth is not None or elevation is not None:
+        raise ValueError("phases_deg: expected either phases or angles of the beam, got both")
+    if len({np.size(row) for row in phases}) > 1:
+        raise ValueError(f"phases_deg: expected equally many per chirp, got {phases}")
+    return Schedule.steered(np.exp(1j * np.deg2rad(phases)))
+
+
+def _measured(table: RadarTable) -> dict[str, Any]:
+    """Keywords of the preset for its measured receiver."""
+    if not table.measured_receiver:
+        if table.if_gain_db is not None:
+            raise ValueError(f"if_gain_db: expected none unless measured_receiver is true, got {table.if_gain_db}")
+        return {}
+    if table.preset != "bgt60tr13c":
+        raise ValueError("measured_receiver: expected false without the preset bgt60tr13c, got true")
+    if table.receiver is not None:
+        raise ValueError("measured_receiver: expected false where there is a table of the receiver, got true")
+    return {"receiver": "measured", "if_gain_db": table.if_gain_db}
+
+
+def _receiver(table: ReceiverTable) -> Receiver:
+    values = table.model_dump(exclude={"leakage"})
+    if table.leakage is not None:
+        with located("leakage."):
+            values["leakage"] = Leakage(**table.leakage.model_dump())
+    return Receiver(**values)
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:
+    if any(name in values for name in _WISHES):
+        taken = set(signature(Waveform.design).parameters)
+        if other := [name for name in values if name not in taken]:
+            raise ValueError(f"{other[0]}: expected none beside wishes, which decide it, got {values[other[0]]}")
+        return Waveform.design(**values)
     for name in ("start_frequency", "sample_rate", "num_samples"):
         if name not in values:
             raise ValueError(f"{name}: expected a value, or a preset, got none")

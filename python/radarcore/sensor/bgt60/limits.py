@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-MAX_SAMPLES = 4095
-"""Largest number of samples of a chirp."""
-
 
 class LimitError(ValueError):
     """Error for a value beyond the chip's limits; `argument` and `text` apart, as radars have other names for some."""

@@ -7,9 +7,6 @@ from collections.abc import Iterable, Mapping
 
 from radarcore import check
 
-CLOCK = 80e6
-"""Frequency of the chip's clock [Hz]."""
-
 FIFO_SIZE = 16384
 """Samples that the chip's memory holds."""
 

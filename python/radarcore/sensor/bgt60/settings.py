@@ -15,16 +15,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from radarcore import check
+from radarcore.radar.bgt60 import (
+    CLOCK,
+    FIRST_SAMPLE,
+    HIGHEST_FREQUENCY,
+    LEAD,
+    LONGEST_RAMP,
+    LOWEST_FREQUENCY,
+    MAX_CHIRPS,
+    MAX_SAMPLES,
+    MIN_DIVIDER,
+)
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.sensor.bgt60.limits import MAX_SAMPLES, LimitError, out_of_range, text_of, within
+from radarcore.sensor.bgt60.limits import LimitError, out_of_range, text_of, within
 from radarcore.sensor.bgt60.registers import (
     ADC0,
     CCR0,
     CCR1,
     CCR2,
     CCR3,
-    CLOCK,
     CSC1,
     CSC2,
     CSC3,
@@ -64,7 +75,6 @@ from radarcore.sensor.bgt60.registers import (
     signed,
 )
 from radarcore.sensor.bgt60.timing import (
-    MIN_DIVIDER,
     Delay,
     delay_of,
     divider_of,
@@ -75,22 +85,14 @@ from radarcore.sensor.bgt60.timing import (
     timer_cycles,
 )
 
-ADC_DELAY = 249 / CLOCK
+ADC_DELAY = FIRST_SAMPLE / CLOCK
 """Time from the start of a chirp's band to its first sample [s]: 3.1125 us."""
 
 NUM_RX = 3
 IF_GAINS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
 """Gains of the baseband [dB]."""
-HIGHPASS_CUTOFFS = (20e3, 45e3, 70e3, 80e3)
-"""Cutoffs of the high-pass filter [Hz], in the order of HPF_SEL."""
-_MIN_KHZ, _MAX_KHZ = 58_000_000, 63_500_000
-_MAX_CHIRPS = 4096
+_MIN_KHZ, _MAX_KHZ = round(LOWEST_FREQUENCY / 1e3), round(HIGHEST_FREQUENCY / 1e3)
 _MAX_FRAMES = 4094
-_MAX_RAMP = 8 * 0x3FFF  # cycles; RTU has 14 bits
-
-# Timing that is always the same, in cycles.
-_FIRST_SAMPLE = 249  # after power is on, T_SSTART
-_LEAD = 150  # the ramp starts that long before power is on, T_PAEN - T_START
 
 _ALWAYS = {
     PACR1: 0xE967FD,
@@ -228,6 +230,10 @@ class Settings:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         waveform = radar.waveform
+        if radar.more_waveforms:
+            raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
+        if radar.schedule is not None:
+            raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
         if len(radar.tx) != 1:
             raise ValueError(f"tx: expected one antenna, got {len(radar.tx)}")
         if not waveform.has_uniform_chirps or waveform.chirp_times[0] > 1e-9 * waveform.chirp_interval:
@@ -271,7 +277,7 @@ class Settings:
         """
         within("rx_mask", self.rx_mask, 1, 7)
         divider = divider_of(self.sample_rate)
-        sweep = (_FIRST_SAMPLE + divider * self.num_samples) / CLOCK
+        sweep = (FIRST_SAMPLE + divider * self.num_samples) / CLOCK
         radar = bgt60tr13c(
             start_frequency=self.start_frequency,
             slope=(self.end_frequency - self.start_frequency) / sweep,
@@ -318,7 +324,7 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     within("slice_size", size, 2, FIFO_SIZE)
     if size % 2:
         raise LimitError("slice_size", f"expected an even number, got {size}; the nearest are {size - 1}, {size + 1}")
-    within("num_chirps", settings.num_chirps, 1, _MAX_CHIRPS)
+    within("num_chirps", settings.num_chirps, 1, MAX_CHIRPS)
     within("rx_mask", settings.rx_mask, 1, 7)
     within("tx_power_level", settings.tx_power_level, 0, 31)
     within("num_frames", settings.num_frames, 0, _MAX_FRAMES)
@@ -401,8 +407,8 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
     last_sample = first_sample + (num_samples - 1) * divider
     require(ramp_start <= first_sample, "a ramp that starts before the first sample", CCR1)
     require(ramp_start + 8 * ramp_time >= last_sample, "a ramp that lasts to the last sample", PLL1_2)
-    start = ramp + step * (first_sample - _FIRST_SAMPLE - ramp_start)
-    end = start + step * (_FIRST_SAMPLE + num_samples * divider)
+    start = ramp + step * (first_sample - FIRST_SAMPLE - ramp_start)
+    end = start + step * (FIRST_SAMPLE + num_samples * divider)
 
     # Cycles of a chirp: the longer one of sampling and ramp, and the delays at the end of a rising and a falling ramp.
     fast_down = 0
@@ -475,10 +481,10 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
     """First frequency of the ramp and its step per cycle, in steps of the PLL, and its length in 8 cycles."""
     # The ramp must end before its counter does.
     within("num_samples", settings.num_samples, 1, MAX_SAMPLES)
-    length = settings.num_samples * divider + _FIRST_SAMPLE
-    ramp_time = -(-(length + _LEAD) // 8)
-    if 8 * ramp_time > _MAX_RAMP:
-        longest = _MAX_RAMP - _FIRST_SAMPLE - _LEAD
+    length = settings.num_samples * divider + FIRST_SAMPLE
+    ramp_time = -(-(length + LEAD) // 8)
+    if 8 * ramp_time > LONGEST_RAMP:
+        longest = LONGEST_RAMP - FIRST_SAMPLE - LEAD
         most, slowest = longest // divider, longest // settings.num_samples
         rate = (160_000_000 // slowest + 1) // 2
         raise LimitError(
@@ -497,16 +503,14 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
         if khz != legal and (name == "start_frequency" or step_of(start, khz, length) != step_of(start, legal, length)):
             raise LimitError(name, out_of_range(hertz, _MIN_KHZ * 1e3, _MAX_KHZ * 1e3, "Hz"))
     step = step_of(start, end, length)
-    first = pll_steps(start) - _LEAD * step
+    first = pll_steps(start) - LEAD * step
     if not -PLL_RANGE <= first < PLL_RANGE:
-        steepest = (
-            (PLL_RANGE + pll_steps(start)) // _LEAD if step > 0 else -((PLL_RANGE - 1 - pll_steps(start)) // _LEAD)
-        )
+        steepest = (PLL_RANGE + pll_steps(start)) // LEAD if step > 0 else -((PLL_RANGE - 1 - pll_steps(start)) // LEAD)
         nearest = text_of(round(frequency_of(pll_steps(start) + steepest * length), -3), "Hz")
         raise LimitError(
             "end_frequency",
             f"expected at {'most' if step > 0 else 'least'} {nearest} after {text_of(length / CLOCK, 's')} (the ramp "
-            f"begins {text_of(_LEAD / CLOCK, 's')} before start_frequency, within 56.32 to 66.56 GHz), got "
+            f"begins {text_of(LEAD / CLOCK, 's')} before start_frequency, within 56.32 to 66.56 GHz), got "
             f"{text_of(settings.end_frequency, 'Hz')}; the nearest is {nearest}, or take more samples",
         )
     return first, step, ramp_time
@@ -534,14 +538,8 @@ def _baseband(settings: Settings) -> int:
     if settings.highpass_cutoff < 0.0:
         text = f"expected 0 Hz or more, got {text_of(settings.highpass_cutoff, 'Hz')}; the nearest is "
         raise LimitError("highpass_cutoff", text + text_of(HIGHPASS_CUTOFFS[0], "Hz"))
-    cutoff = sum(settings.highpass_cutoff >= middle for middle in (32_500, 57_500, 75_000))
-    # An amplifier of 18 or 30 dB, and one of 0 to 30 dB in steps of 5; the second choice wins where it is as near.
-    gain = settings.if_gain_db
-    first, vga = 18, (min(gain - 18, 30) + 2) // 5
-    if gain >= 29:
-        other = (min(gain - 30, 30) + 2) // 5
-        if abs(30 + 5 * other - gain) <= abs(first + 5 * vga - gain):
-            first, vga = 30, other
+    cutoff = highpass_index(settings.highpass_cutoff)
+    first, vga = gain_stages(settings.if_gain_db)
     each = cutoff | vga << 2
     return each | each << 5 | each << 10 | (7 << 20 if first == 18 else 0)
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from radarcore.sensor.bgt60.limits import MAX_SAMPLES, LimitError
+from radarcore.radar.bgt60 import MAX_SAMPLES
+from radarcore.sensor.bgt60.limits import LimitError
 from radarcore.sensor.bgt60.registers import SFCTL, image_of
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 

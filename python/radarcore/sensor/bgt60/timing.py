@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radarcore.radar.bgt60 import CLOCK
 from radarcore.sensor.bgt60.limits import LimitError, out_of_range, text_of
-from radarcore.sensor.bgt60.registers import CLOCK
 
 # Limits.
 _MIN_RATE, _MAX_RATE = 78201, 4_000_000  # [Hz], dividers 1023 and 20
-MIN_DIVIDER = 20
 _MAX_SCALE = 30  # of the counters of delays
 _INIT = 3604 + 563  # to wake from idle
 _WAKE_UP = 79883  # to wake from deep sleep, before the time from idle

@@ -1,0 +1,154 @@
+"""False-alarm rates, errors and run time of detection, and the picture of docs/detection.md.
+
+python benches/detections.py                              print the numbers
+python benches/detections.py --picture docs/detection.png also draw a map with its detections
+python benches/detections.py --tiny                       a few frames each
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+# Threads of numpy's BLAS that wait for work would slow everything else down.
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import numpy as np
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore import plot
+from radarcore.units import SPEED_OF_LIGHT
+
+WAVEFORM = rc.Waveform.from_sweep(
+    start_frequency=60e9,
+    stop_frequency=61e9,
+    sample_rate=2e6,
+    num_samples=128,
+    num_chirps=64,
+    chirp_interval=300e-6,
+)
+RADAR = rc.Radar(
+    WAVEFORM,
+    rx=[[0.0, 2.5e-3, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.5e-3]],
+    receiver=rc.Receiver(output="real", noise_figure_db=12.0),
+)
+"""Three channels of 64 chirps of 128 real samples, as of a BGT60TR13C."""
+
+SHAPE = (3, 64, 128)
+FIRST_BINS = 3
+"""Range bins of a frame that `detect` does not test: two next to the radar and the last."""
+
+
+def false_alarms(num_cells: int) -> None:
+    """Rates of `cfar` in exponential noise, and of those of its cells whose windows are cut."""
+    print("cfar: rate of false alarms over its setting, 1e-3; of the cells whose windows are cut")
+    rng = np.random.default_rng(1)
+    for axes, shape, guard, training in ((1, (64,), 1, 8), (2, (64, 64), 2, 6)):
+        power = rng.exponential(size=(num_cells // np.prod(shape), *shape)).astype(np.float32)
+        cut = np.ones(shape, dtype=bool)
+        cut[(slice(guard + training, -guard - training),) * axes] = False
+        for method in ("ca", "os"):
+            options = {"guard": guard, "training": training, "false_alarm_rate": 1e-3, "method": method}
+            mask = rc.cfar(power, axes=-1 if axes == 1 else None, **options)
+            rates = mask.mean() / 1e-3, mask[:, cut].mean() / 1e-3
+            print(f"  {axes}-D {method}: {rates[0]:.3f} of {mask.size:.1e} cells; {rates[1]:.3f}")
+
+
+def frames_of_noise(num_frames: int) -> None:
+    """Detections of noise per cell over the setting, and in frames at a rate of 1e-9."""
+    print("detect: detections of noise per cell over the setting")
+    rng = np.random.default_rng(2)
+    for rate, number in ((1e-3, num_frames), (1e-4, 4 * num_frames)):
+        for method in ("ca", "os"):
+            cubes = (rng.standard_normal(SHAPE, dtype=np.float32) for _ in range(number))
+            found = sum(len(rc.detect(cube, RADAR, false_alarm_rate=rate, method=method)) for cube in cubes)
+            expected = rate * number * 64 * (65 - FIRST_BINS)
+            print(f"  {method} {rate:g}: {found / expected:.3f} +- {1.0 / np.sqrt(expected):.3f}")
+    cubes = (rng.standard_normal(SHAPE, dtype=np.float32) for _ in range(5 * num_frames))
+    found = sum(len(rc.detect(cube, RADAR, false_alarm_rate=1e-9)) for cube in cubes)
+    print(f"  1e-9: {found} detections in {5 * num_frames} frames")
+
+
+def echo(distance: float, velocity: float) -> NDArray[np.float64]:
+    """Real samples of amplitude 1 of a target that is at `distance` [m] in the middle of the frame."""
+    rate = 2.0 * velocity / SPEED_OF_LIGHT
+    delay = 2.0 * distance / SPEED_OF_LIGHT - rate * 0.5 * WAVEFORM.duration
+    cube = rc.beat_signal([delay], [1.0], WAVEFORM, delay_rate=[rate], tolerance=1e-9, method="direct")
+    return np.asarray(cube[0].real)
+
+
+def errors(num_frames: int) -> None:
+    """Errors of range and velocity over the Cramer-Rao bound from all samples."""
+    print("detect: rms errors over the Cramer-Rao bound, range and velocity; SNR of a channel, all samples")
+    rng = np.random.default_rng(3)
+    coupling = WAVEFORM.velocity_resolution * WAVEFORM.center_frequency / WAVEFORM.slope
+    for snr_db in (15.0, 20.0, 30.0, 40.0, 50.0):
+        deviation = np.sqrt(64 * 128 / 4.0 / 10.0 ** (snr_db / 10.0))
+        off = []
+        for _ in range(num_frames):
+            distance, velocity = rng.uniform(1.2, 8.0), rng.uniform(-2.5, 2.5)
+            noise = deviation * rng.standard_normal(SHAPE)
+            found = rc.detect((echo(distance, velocity) + noise).astype(np.float32), RADAR)
+            if len(found):
+                best = found[int(np.argmax(found.snr_db))]
+                off.append((best.range[0] - distance, best.velocity[0] - velocity))
+        variance = 6.0 / (4.0 * np.pi**2 * 3.0 * 10.0 ** (snr_db / 10.0))  # [bins^2], three channels
+        per_bin = np.array([WAVEFORM.range_resolution**2 + coupling**2, WAVEFORM.velocity_resolution**2])
+        ratio = np.sqrt(np.mean(np.square(off), axis=0) / (variance * per_bin))
+        print(f"  {snr_db:.0f} dB: {ratio[0]:.2f} {ratio[1]:.2f}, found in {len(off)} of {num_frames} frames")
+
+
+def times(num_frames: int) -> None:
+    """Processor time of a frame."""
+    rng = np.random.default_rng(4)
+    for number in (0, 1, 4):
+        echoes = sum((0.1 * echo(1.5 + 1.6 * i, 0.7 * i - 1.0) for i in range(number)), np.zeros(SHAPE[1:]))
+        cube = (echoes + 0.3 * rng.standard_normal(SHAPE)).astype(np.float32)
+        for method in ("ca", "os"):
+            rc.detect(cube, RADAR, method=method)
+            taken = []
+            for _ in range(num_frames):
+                start = time.process_time()
+                found = rc.detect(cube, RADAR, method=method)
+                taken.append(time.process_time() - start)
+            print(
+                f"detect: {number} echoes, {method}: {1e3 * np.median(taken):.2f} ms a frame, {len(found)} detections"
+            )
+
+
+def picture(path: Path) -> None:
+    """Map of a noisy frame with its detections and their truth."""
+    points = [
+        rc.PointTarget([2.0, 0.4, 0.0], rcs=0.003, velocity=[1.2, 0.0, 0.0], name="person"),
+        rc.PointTarget([3.1, -0.8, 0.3], rcs=0.001, velocity=[-0.9, 0.0, 0.0], name="hand"),
+        rc.PointTarget([4.5, 1.0, 0.0], rcs=0.01, velocity=[-2.0, 0.5, 0.0], name="robot"),
+        rc.PointTarget([6.0, -1.0, 0.0], rcs=0.02, velocity=[0.0, 0.0, 0.0], name="post"),
+    ]
+    frame = rc.Simulator(rc.Scene(points), RADAR).frame()
+    found = rc.detect(frame)
+    for row in zip(found.range, found.velocity, np.rad2deg(found.azimuth), found.snr_db, strict=True):
+        print("  {:.3f} m, {:+.3f} m/s, {:+.1f} degrees, {:.0f} dB".format(*row))
+    ax = plot.range_doppler_map(frame)
+    ax.plot(found.velocity, found.range, "o", markersize=14, markerfacecolor="none", markeredgecolor="white")
+    ax.figure.savefig(path, dpi=100)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tiny", action="store_true")
+    parser.add_argument("--picture", type=Path)
+    arguments = parser.parse_args()
+    number = 3 if arguments.tiny else 200
+    if arguments.picture:
+        picture(arguments.picture)
+    false_alarms(20_000 if arguments.tiny else 10**7)
+    frames_of_noise(number)
+    errors(number if arguments.tiny else 1000)
+    times(number)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Pictures of directions: power over the floor in front of the sensor, and the positions of the channels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore import check
+from radarcore.plot import canvas
+from radarcore.plot.frame import mark
+from radarcore.processing.angle_maps import range_angle
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_NUM_ANGLES = 181
+
+
+def range_angle_map(
+    frame: Frame,
+    ax: Axes | None = None,
+    *,
+    method: str = "bartlett",
+    elevation: float = 0.0,
+    num_sources: int | None = None,
+    channel_phase: ArrayLike | None = None,
+    field_of_view_deg: float = 180.0,
+    dynamic_range_db: float | None = 40.0,
+    max_range: float | None = None,
+) -> Axes:
+    """Power in front of the sensor [dB below the largest]: x (forward) up, y to the left [m]; truth as crosses.
+
+    Parameters
+    ----------
+    frame : Frame
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    method, elevation, num_sources, channel_phase
+        As in `radarcore.range_angle`; one elevation [rad].
+    field_of_view_deg : float
+        Width of the sector shown [degrees], at most 180.
+    dynamic_range_db : float or None
+        Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
+    max_range : float, optional
+        Radius of the sector [m]; default: the largest unambiguous range.
+    """
+    if not isinstance(frame, Frame):
+        raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")
+    width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
+    if width > 180.0:
+        raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
+    last = canvas.last_range(frame, max_range)
+    wf = frame.radar.waveform
+    n = canvas.padded(wf.num_samples)
+    half = np.deg2rad(0.5 * width)
+    sides = np.linspace(-half, half, _NUM_ANGLES + 1)
+    power = range_angle(
+        frame,
+        method=method,
+        azimuth=0.5 * (sides[1:] + sides[:-1]),
+        elevation=check.number("elevation", elevation, "rad"),
+        num_sources=num_sources,
+        num_range_bins=n,
+        channel_phase=channel_phase,
+    )
+    ranges = wf.range_axis(n)[: len(power)]
+    shown = ranges <= last
+    scale = canvas.scale(power[shown], None, dynamic_range_db)
+
+    # Cells about the range bins, from one side of the sector to the other.
+    ax = canvas.new_axes() if ax is None else ax
+    step = ranges[1] if len(ranges) > 1 else last
+    rims = np.clip(np.append(ranges[shown] - 0.5 * step, ranges[shown][-1] + 0.5 * step), 0.0, last)[:, None]
+    picture = ax.pcolormesh(
+        rims * np.sin(sides),
+        rims * np.cos(sides),
+        scale.level_db(power[shown]),
+        cmap=canvas.color_map("inferno"),
+        vmin=scale.low,
+        vmax=scale.high,
+        rasterized=True,
+    )
+    reach = last * np.sin(half)
+    ax.set_xlim(reach, -reach)
+    ax.set_ylim(0.0, last)
+    ax.set_aspect("equal")
+    ax.set_xlabel("y [m], to the left")
+    ax.set_ylabel("x [m], forward")
+    canvas.color_bar(ax, picture, scale.label.replace("Power", "Pseudo-spectrum" if method == "music" else "Power"))
+    if frame.truth is not None:
+        across = frame.truth.range * np.cos(frame.truth.elevation)
+        left, forward = across * np.sin(frame.truth.azimuth), across * np.cos(frame.truth.azimuth)
+        canvas.place_names(ax, mark(ax, left, forward, frame.truth.names))
+    return ax
+
+
+def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> Axes:
+    """Transmitters, receivers and virtual channels as seen from behind the sensor: y to the left, z up.
+
+    About the centre of the array, as `Radar.virtual_array`.
+
+    Parameters
+    ----------
+    radar : Radar
+    ax : matplotlib Axes, optional
+        Default: those of a new figure.
+    unit : "mm" or "wavelengths"
+    """
+    if not isinstance(radar, Radar):
+        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    is_in_mm = check.choice("unit", unit, ("mm", "wavelengths")) == "mm"
+    scale = 1e3 if is_in_mm else 1.0 / radar.waveform.wavelength
+    ax = canvas.new_axes() if ax is None else ax
+    for positions, label, marker, size, filled in (
+        (radar.virtual_array, "virtual channel", "o", 10.0, False),
+        (radar.rx - radar.array_center, "receiver", "s", 5.0, True),
+        (radar.tx - radar.array_center, "transmitter", "^", 7.0, True),
+    ):
+        color = canvas.COLORS[("receiver", "transmitter", "virtual channel").index(label)]
+        face = color if filled else "none"
+        at = scale * positions[:, 1:].T
+        ax.plot(*at, marker, color=color, markerfacecolor=face, markersize=size, label=label)
+    ax.margins(0.15)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.invert_xaxis()
+    ax.grid(alpha=0.3)
+    ax.set_axisbelow(True)
+    ax.set_xlabel(f"y [{unit}], to the left")
+    ax.set_ylabel(f"z [{unit}], up")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    return ax

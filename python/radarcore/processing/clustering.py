@@ -1,0 +1,311 @@
+"""Detections of one object brought together: a person or a robot gives many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.kalman import Array, normalized_squares
+from radarcore.processing.point_cloud import COORDINATES, Detections
+from radarcore.processing.state_space import points_at
+
+Indices = NDArray[np.int64]
+
+_MOST_PAIRS = 512**2
+"""Pairs of detections up to which all are compared; more of them are found by a tree."""
+
+_CROSSED = ~np.eye(4, dtype=bool)
+"""Elements of a covariance off its diagonal."""
+
+_NEVER = 1e300
+"""Period of what has none: nothing is so large that it is wrapped."""
+
+_NO_WEIGHT = 1e-300
+"""Instead of a sum of weights that is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Detections in groups, one for each object, by increasing range of the centroid.
+
+    Parameters
+    ----------
+    labels : (detection,) int
+        Index of the cluster of each detection; -1 for one that is alone among fewer than `min_detections`.
+    centroids : Detections
+        Means of the clusters, weighted by power. Their covariance is that of the mean: of the errors of the detections,
+        and of the spread of the cluster as far as it does not average out. Their `snr_db` is that of the powers,
+        added.
+    extent : (cluster, 4) float64
+        Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
+        elevation [rad]. NaN for coordinates that are not told.
+    num_detections : (cluster,) int
+    """
+
+    labels: Indices
+    centroids: Detections
+    extent: Array
+    num_detections: Indices
+
+    def __len__(self) -> int:
+        return len(self.centroids)
+
+
+def cluster(
+    detections: Detections,
+    *,
+    distance: float | None = 0.3,
+    velocity: float | None = None,
+    num_deviations: float | None = None,
+    min_detections: int = 1,
+    max_velocity: float | None = None,
+) -> Clusters:
+    """Group detections of one object: those that a chain of near ones connects.
+
+    Two detections are near each other within `distance` and `velocity`, both of them; or, if `num_deviations` is given,
+    when they may be one within the errors that their covariances tell. The distance is that of the points in space if
+    all detections have an azimuth, of the ranges otherwise. With `min_detections` above 1 the groups are those
+    of DBSCAN (Ester et al., 1996): chains go through detections with so many near ones, themselves included.
+
+    Parameters
+    ----------
+    detections : Detections
+    distance : float or None
+        Largest distance of two near detections [m]; None: any.
+    velocity : float or None
+        Largest difference of their velocities [m/s]; None: any.
+    num_deviations : float, optional
+        Largest Mahalanobis distance of two near detections, instead of `distance` and `velocity`. All detections need a
+        covariance.
+    min_detections : int
+        Detections that make an object; fewer are labelled -1.
+    max_velocity : float, optional
+        Largest unambiguous velocity [m/s], see `Waveform.max_velocity`: velocities are then compared and averaged
+        modulo twice that.
+
+    Returns
+    -------
+    clusters : Clusters
+
+    Raises
+    ------
+    TypeError
+        For anything but `Detections`.
+    ValueError
+        For limits that are not positive, and without covariances where they are asked for.
+    """
+    if not isinstance(detections, Detections):
+        raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
+    limits = (
+        None if distance is None else check.positive("distance", distance, "m"),
+        None if velocity is None else check.positive("velocity", velocity, "m/s"),
+    )
+    fewest = check.count("min_detections", min_detections)
+    periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
+    values, covariance = coordinates(detections), covariances(detections)
+    if num_deviations is None:
+        pairs = pairs_within(values, *limits, periods)
+    else:
+        pairs = _pairs_of_one(values, covariance, check.positive("num_deviations", num_deviations), periods)
+    labels = connected(len(detections), *pairs, fewest)
+    level = levels(detections)
+    labels, found = groups(values, level, covariance, labels, periods)
+    distances, velocities, azimuths, elevations = found.values.T
+    centroids = Detections(
+        distances,
+        velocities,
+        azimuths,
+        elevations,
+        found.strongest + 10.0 * np.log10(found.power),
+        found.covariance,
+        detections.time,
+    )
+    extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
+    return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)
+
+
+class Groups(NamedTuple):
+    """Groups of detections, by increasing range of their means."""
+
+    values: Array
+    """Means (group, n)."""
+    covariance: Array
+    """Of the means (group, n, n)."""
+    spread: Array
+    """Covariance of the detections about the means (group, n, n)."""
+    strongest: Array
+    """Largest level (group,) [dB]."""
+    power: Array
+    """Sum of the powers (group,), over that of the strongest."""
+    counts: Indices
+    """Detections (group,)."""
+
+
+def periods_of(max_velocity: float | None) -> Array:
+    """Periods of range, velocity, azimuth and elevation, of which the last two are angles."""
+    return np.array([_NEVER, _NEVER if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
+
+
+def coordinates(detections: Detections) -> Array:
+    """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
+    values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def covariances(detections: Detections) -> Array:
+    """Of range, velocity, azimuth and elevation (detection, 4, 4); errors whose correlation is NaN have none."""
+    covariance = detections.covariance
+    return np.where(np.isnan(covariance) & _CROSSED, 0.0, covariance)
+
+
+def levels(detections: Detections) -> Array:
+    """Power over the noise (detection,) [dB]; 0 where it is not told."""
+    return np.where(np.isfinite(detections.snr_db), detections.snr_db, 0.0)
+
+
+def wrapped(difference: Array, period: Array) -> Array:
+    """Differences of what is known modulo a period, the nearest to 0."""
+    return difference - period * np.rint(difference / period)
+
+
+def pairs_within(
+    values: Array, distance: float | None, velocity: float | None, periods: Array
+) -> tuple[Indices, Indices]:
+    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself.
+
+    `values` are range and velocity, and azimuth and elevation if they are to be used, (detection, 2 to 4).
+    """
+    number = len(values)
+    has_points = values.shape[1] > 2 and not np.isnan(values[:, 2]).any()
+    points = points_at(values) if has_points else values[:, :1]
+    if distance is None or number**2 <= _MOST_PAIRS:
+        near = np.ones((number, number), dtype=bool)
+        if distance is not None:
+            apart = points[:, None] - points
+            near = np.einsum("ijk,ijk->ij", apart, apart) <= distance**2
+        if velocity is not None:
+            near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
+        near.flat[:: number + 1] = True  # those whose range is not told, too
+        first, second = near.nonzero()
+        return first, second
+    from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+
+    told = np.flatnonzero(np.isfinite(points).all(axis=1))
+    one, other = told[cKDTree(points[told]).query_pairs(distance, output_type="ndarray")].T
+    if velocity is not None:
+        is_near = _are_within(values[one, 1] - values[other, 1], velocity, periods[1])
+        one, other = one[is_near], other[is_near]
+    return both_ways(number, one, other)
+
+
+def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:
+    """Whether differences of velocities are within a limit; what is not told keeps nobody apart."""
+    return ~(np.abs(wrapped(difference, period)) > limit)
+
+
+def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indices]:
+    """Pairs in both directions, and each of a number of detections with itself."""
+    itself = np.arange(number)
+    return np.concatenate([one, other, itself]), np.concatenate([other, one, itself])
+
+
+def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> Indices:
+    """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
+    is_core = np.bincount(first, minlength=number) >= fewest
+    inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
+    one, other = first[inner], second[inner]
+
+    # The smallest index goes around among the cores until nothing changes; labels of labels make long chains short.
+    labels = np.arange(number)
+    while True:
+        smallest = labels.copy()
+        np.minimum.at(smallest, one, labels[other])
+        smallest = smallest[smallest]
+        if (smallest == labels).all():
+            break
+        labels = smallest
+    if fewest == 1:
+        return labels
+
+    # Others belong to the group of the smallest index that has a core near them, or to none.
+    labels[~is_core] = number
+    border = ~is_core[first] & is_core[second]
+    np.minimum.at(labels, first[border], labels[second[border]])
+    return np.where(labels == number, -1, labels)
+
+
+def groups(values: Array, level: Array, covariance: Array, labels: Indices, periods: Array) -> tuple[Indices, Groups]:
+    """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none).
+
+    `values` (detection, n), their `covariance` and `periods` are of as many coordinates as wanted.
+    """
+    order = np.argsort(labels, kind="stable")
+    order = order[labels[order] >= 0]
+    if len(order) == 0:
+        none = np.zeros(0)
+        return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none, none.astype(np.int64))
+    sorted_labels = labels[order]
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
+    starts = is_first.nonzero()[0]
+    group = is_first.cumsum() - 1
+    counts = np.bincount(group)
+
+    # Weights of each coordinate, adding up to 1 over the detections that tell it.
+    values, level = values[order], level[order]
+    strongest = np.maximum.reduceat(level, starts)
+    power = 10.0 ** (0.1 * (level - strongest[group]))
+    told = ~np.isnan(values)
+    weight = power[:, None] * told
+    total = np.add.reduceat(weight, starts)
+    weight /= np.maximum(total, _NO_WEIGHT)[group]
+
+    # Means about a value that the group has, so that angles and velocities may go around.
+    reference = np.fmax.reduceat(values, starts)
+    apart = wrapped(values - reference[group], periods)
+    apart[~told] = 0.0
+    offset = np.add.reduceat(weight * apart, starts)
+    mean = wrapped(reference + offset, periods)
+    apart -= offset[group]
+
+    # Spread, and the covariance of the mean: of the errors, and of the spread over the effective number of detections.
+    # A coordinate that a detection does not tell has no weight.
+    scaled = np.sqrt(weight) * apart
+    spread = np.add.reduceat(scaled[:, :, None] * scaled[:, None, :], starts)
+    root = np.sqrt(np.add.reduceat(np.square(weight), starts))
+    shares = weight[:, :, None] * weight[:, None, :]
+    errors = shares * covariance[order]
+    errors[shares == 0.0] = 0.0
+    of_mean = np.add.reduceat(errors, starts) + spread * (root[:, :, None] * root[:, None, :])
+    untold = total == 0.0
+    of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+
+    by_range = np.argsort(mean[:, 0], kind="stable")
+    place = np.full(len(labels) + 1, -1)
+    place[sorted_labels[starts[by_range]]] = np.arange(len(starts))
+    power = np.add.reduceat(power, starts)
+    found = Groups(
+        mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
+    )
+    return place[labels], found
+
+
+def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, periods: Array) -> tuple[Indices, Indices]:
+    """Pairs within a Mahalanobis distance, both ways round, and each by itself."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    lacks = np.isfinite(values) & ~(variance > 0.0)
+    if lacks.any():
+        row, column = np.argwhere(lacks)[0]
+        raise ValueError(
+            f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
+            f"{COORDINATES[column]} of detection {row}"
+        )
+    first, second = np.triu_indices(len(values), k=1)
+    apart = wrapped(values[first] - values[second], periods)
+    squares, _ = normalized_squares(apart, covariance[first] + covariance[second])
+    is_near = squares <= num_deviations**2
+    return both_ways(len(values), first[is_near], second[is_near])

@@ -1,0 +1,484 @@
+"""Detections of a frame: cells above the noise around them, measured between the cells, as a point cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.processing.cells import Coordinates
+from radarcore.processing.clutter import remove_mean
+from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
+from radarcore.processing.directions import directions
+from radarcore.processing.inputs import checked_samples, cube_and_radar
+from radarcore.processing.map_test import MapTest, map_test
+from radarcore.processing.noise import median_of_unit_mean, rounding_noise
+from radarcore.processing.point_cloud import Detections
+from radarcore.processing.sidelobes import envelope
+from radarcore.processing.spectra import fast_spectrum, spectrum
+from radarcore.processing.tone_fit import REACH, Fit, axis_of, fit
+from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
+
+_MAIN_LOBE = 2
+"""Cells from the middle of an echo to the first zero of the Hann window's main lobe: where leakage from the transmitter
+is, and what a cell must be guarded from."""
+
+_TRAINING_2D, _TRAINING_1D = 8, 16
+"""Training cells on each side: some hundred of a map, so that the threshold hardly scatters, and as many of a profile
+as are still near."""
+
+_HIGHEST_RATE = 0.01
+"""Local maxima are about one in ten cells of noise: higher rates than a tenth of that are no detections."""
+
+_OFF_PEAK = 0.1
+"""What the parabola through three cells may err by, in noise [cells]."""
+
+_LEAST_GAIN = 0.05
+"""Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
+
+
+def detect(
+    frame: Frame | ArrayLike,
+    radar: Radar | None = None,
+    *,
+    false_alarm_rate: float = 1e-6,
+    method: str = "ca",
+    guard: int | Sequence[int] = _MAIN_LOBE,
+    training: int | Sequence[int] | None = None,
+    remove_static: bool = False,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    min_range: float | None = None,
+    max_range: float | None = None,
+    dynamic_range_db: float = 60.0,
+) -> Detections:
+    """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
+
+    The powers of the channels are added in a map of range and velocity, on the grid of the transforms without
+    padding. A detection is a local maximum that passes `cfar`'s test, and does so also after the largest that the
+    sidelobes of stronger echoes can have added to it is taken off: their phase is not known, so amplitudes are taken
+    off, by the window's own sidelobes, widened by what a fast target crosses in a frame. Maxima on the main lobe of a
+    stronger echo fall to the same rule.
+
+    Noise in neighbouring cells of a windowed transform is correlated (Hann: -2/3 in amplitude). Training cells
+    therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
+    `false_alarm_rate` is that of detections, per cell.
+
+    Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
+    and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
+    ``waveform.duration / 2`` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
+    that their errors are correlated. A single chirp, and chirps at unequal intervals, tell no velocity, and their
+    ranges keep the Doppler shift of the beat frequency; a CW radar tells no range.
+
+    Parameters
+    ----------
+    frame : Frame, or (channel, chirp, sample) float32, float64, complex64 or complex128
+        Beat signal, finite.
+    radar : Radar, optional
+        Of a cube; a frame has its own.
+    false_alarm_rate : float
+        Detections per cell of noise, above 0, up to 0.01. Cells are ``num_chirps`` times the range bins
+        (``num_samples // 2 + 1`` from real samples), without those of `min_range`.
+    method : "ca" or "os"
+        As in `cfar`: over the mean of the training cells, or over three quarters of them.
+    guard, training : int or (int, int), optional
+        Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
+        in a profile without velocities 16.
+    remove_static : bool
+        Take off the mean of the chirps. What the noise then lacks at low velocities is reckoned with; targets that
+        move less than about one velocity bin are lost.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+    min_range, max_range : float, optional
+        Limits of the range [m]. Default: all but two range bins next to the radar (and, for real samples, the last),
+        where it hears itself; they do not train either.
+    dynamic_range_db : float
+        What is weaker by more than that than the strongest is not reported: receivers and simulations are not more
+        exact [dB].
+
+    Returns
+    -------
+    detections : Detections
+        By increasing range. `snr_db` is the power of the echo over the noise, in a cell whose middle it would be in;
+        the mean of the channels. The noise is the median of the training cells.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For shapes that do not fit the radar, NaN or infinite samples, and numbers out of range.
+
+    Examples
+    --------
+    >>> import radarcore as rc
+    >>> radar = rc.bgt60tr13c(num_chirps=32)
+    >>> scene = rc.Scene([rc.PointTarget([1.5, 0.2, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> found = rc.detect(rc.Simulator(scene, radar).frame())
+    >>> found.range.round(2).tolist()
+    [1.5]
+    """
+    # Check all arguments before any work.
+    cube, radar = cube_and_radar(frame, radar)
+    wf = radar.waveform
+    samples = checked_samples(
+        cube,
+        "(channel, chirp, sample)",
+        num_dimensions=3,
+        num_channels=radar.num_channels,
+        num_chirps=wf.num_chirps,
+        num_samples=wf.num_samples,
+    )
+    if not np.isfinite(samples).all():
+        bad = np.argwhere(~np.isfinite(samples))
+        raise ValueError(
+            f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
+        )
+    rate = checked_rate(false_alarm_rate)
+    if rate > _HIGHEST_RATE:
+        raise ValueError(f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {rate:g}")
+    check.choice("method", method, METHODS)
+    limits = _limits(wf, min_range, max_range)
+    dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    guards = _pair("guard", guard)
+    trainings = None if training is None else _pair("training", training)
+    if trainings is not None and not any(trainings):
+        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
+    if remove_static and wf.num_chirps < 2:
+        raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
+    layout = _layout(radar, window, doppler_window, remove_static, np.iscomplexobj(samples))
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+
+    # Power over velocity and range; the noise is the same in all cells.
+    cells, power = _map(samples, wf, layout, window, doppler_window, remove_static)
+
+    # Cells above the threshold of their surroundings that no neighbour exceeds.
+    first, last = layout.searched(limits[0])
+    searched = power[:, first:last]
+    noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
+    test = _test(searched.shape, layout, guards, trainings, rate, method)
+    is_maximum = _local_maxima(power, layout.is_iq)[:, first:last] & layout.is_tested[:, None]
+    rows, columns, least, around = test.passed(searched, is_maximum)
+    time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
+    if len(rows) == 0:
+        return _none(time)
+
+    # Without sidelobes, and without what rounding of the samples may be.
+    least = np.maximum(least, test.factor[rows, columns] * noise_floor)
+    peak_row, peak_column, height = _between_cells(power, rows, columns + first, layout)
+    kept = _without_sidelobes(peak_row, peak_column, height, searched[rows, columns], least, layout, dynamic_range)
+    if len(kept) == 0:
+        return _none(time)
+    start = np.stack([peak_row - rows, peak_column - columns - first], axis=1)[kept]
+
+    # The tones, and how far they are above the noise.
+    noise = np.maximum(_medians(around[kept]) / median_of_unit_mean(layout.num_looks), noise_floor) / layout.num_looks
+    rows, columns = rows[kept], columns[kept]
+    columns = columns + first
+    tones = _fitted(cells, rows, columns, start, layout)
+    matched = np.sum(np.abs(tones.amplitude) ** 2, axis=1) * tones.energy_gain / noise
+    snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
+    in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
+
+    # Range and velocity, and their covariance.
+    beat = np.sign(wf.slope) * layout.beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
+    doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
+    range_, velocity = layout.coordinates.at(beat, doppler)
+    covariance = np.full((len(rows), 4, 4), np.nan)
+    covariance[:, :2, :2] = _covariance(layout, wf, tones, snr)
+
+    # Directions: of the channels' amplitudes.
+    snapshots = _snapshots(tones.amplitude, radar.num_channels)
+    seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
+    covariance[:, 2:, 2:] = seen.covariance
+    found = Detections(
+        range=range_ if layout.has_range else np.full(len(rows), np.nan),
+        velocity=velocity,
+        azimuth=seen.azimuth,
+        elevation=seen.elevation,
+        snr_db=10.0 * np.log10(in_cell),
+        covariance=covariance,
+        time=time,
+    )
+    order = np.lexsort((found.velocity, found.range))
+    if layout.has_range:
+        order = order[(found.range[order] >= limits[0]) & (found.range[order] <= limits[1])]
+    return found[order]
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """What the cells of a map are: (look, row, column)."""
+
+    slow: NDArray[np.float64]
+    """Window over what the rows are the transform of; a single 1 where there is one row."""
+    fast: NDArray[np.float64]
+    has_velocity: bool
+    has_range: bool
+    is_iq: bool
+    is_down: bool
+    num_looks: int
+    num_columns: int
+    row_gain: NDArray[np.float64]
+    """Noise of every row, relative to that without removal of static echoes, (row,)."""
+    beat_step: float
+    doppler_step: float
+    smear: float
+    """Cells that a target crosses in a frame per row of its velocity."""
+    coordinates: Coordinates
+
+    @property
+    def is_tested(self) -> NDArray[np.bool_]:
+        return self.row_gain > _LEAST_GAIN
+
+    @property
+    def gain(self) -> float:
+        """Amplitude of a tone of amplitude 1 in the middle of a cell."""
+        return float(self.slow.sum() * (self.fast.sum()))
+
+    @property
+    def num_rows(self) -> int:
+        return len(self.row_gain)
+
+    def searched(self, lowest: float) -> tuple[int, int]:
+        """First and last column (exclusive) to be searched."""
+        if not self.has_range or self.num_columns <= 2 * _MAIN_LOBE:
+            return 0, self.num_columns
+        nearest = abs(self.beat_step * self.coordinates.slopes()[0, 0])  # [m] per column
+        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / nearest))
+        return first, self.num_columns - (first if self.is_iq else 1)
+
+    def wrapped_row(self, row: Any) -> Any:
+        """Rows from zero velocity on: half a row below the lowest velocity is the highest."""
+        half = 0.5 * self.num_rows
+        return (row - self.num_rows // 2 + half) % self.num_rows - half
+
+    def wrapped_column(self, column: Any) -> Any:
+        return column % len(self.fast) if self.is_iq and self.has_range else column
+
+
+def _layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
+    wf = radar.waveform
+    fast = window_weights("window", window, wf.num_samples)
+    slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
+    centres = window_centre(fast), window_centre(slow)
+    has_velocity = wf.has_uniform_chirps and bool(np.count_nonzero(slow) > 1)
+    has_range = not wf.is_cw and bool(np.count_nonzero(fast) > 1)
+    num_looks = radar.num_channels
+    row_gain = np.ones(1)
+    if has_velocity:
+        row_gain = np.ones(len(slow))
+        if remove_static:
+            row_gain -= np.abs(np.fft.fftshift(np.fft.fft(slow))) ** 2 / (len(slow) * np.sum(slow**2))
+    else:
+        slow = np.ones(1)
+        num_looks *= wf.num_chirps - int(remove_static)
+    return _Layout(
+        slow=slow,
+        fast=fast,
+        has_velocity=has_velocity,
+        has_range=has_range,
+        is_iq=is_iq,
+        is_down=wf.slope < 0.0,
+        num_looks=num_looks,
+        num_columns=1 if not has_range else wf.num_samples if is_iq else wf.num_samples // 2 + 1,
+        row_gain=row_gain,
+        beat_step=wf.sample_rate / wf.num_samples,
+        doppler_step=1.0 / (wf.num_chirps * wf.chirp_interval),
+        smear=wf.velocity_resolution * wf.duration / wf.range_resolution if has_velocity and has_range else 0.0,
+        coordinates=Coordinates(wf, *centres, has_velocity),
+    )
+
+
+def _pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
+    """Counts for rows and columns."""
+    row, column = per_axis(name, value, 2, 0)
+    return row, column
+
+
+def _limits(wf: Waveform, min_range: float | None, max_range: float | None) -> tuple[float, float]:
+    lowest = -np.inf if min_range is None else check.non_negative("min_range", min_range, "m")
+    highest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
+    if highest < lowest:
+        raise ValueError(f"max_range: expected at least min_range = {lowest:g} m, got {highest:g}")
+    if min_range is not None or max_range is not None:
+        wf.require_range()
+    return lowest, highest
+
+
+def _map(
+    samples: NDArray[Any],
+    wf: Waveform,
+    layout: _Layout,
+    window: Window,
+    doppler_window: Window,
+    remove_static: bool,
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
+    moving = remove_mean(samples) if remove_static else samples
+    if layout.has_velocity:
+        cells = spectrum(
+            moving,
+            wf,
+            window=window,
+            doppler_window=doppler_window,
+            num_range_bins=None,
+            num_velocity_bins=None,
+        )
+    else:
+        profiles = fast_spectrum(moving, wf, window=window, num_bins=None)
+        cells = profiles.reshape(-1, 1, profiles.shape[-1])
+    cells = cells[..., : layout.num_columns]
+    power = (np.square(cells.real) + np.square(cells.imag)).sum(axis=0)
+    if remove_static and layout.has_velocity:
+        power /= np.maximum(layout.row_gain, _LEAST_GAIN)[:, None].astype(power.dtype)
+        for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
+            power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
+    return cells, power
+
+
+def _test(
+    shape: tuple[int, int],
+    layout: _Layout,
+    guards: tuple[int, int],
+    trainings: tuple[int, int],
+    rate: float,
+    method: str,
+) -> MapTest:
+    windows = layout.slow.tobytes(), layout.fast.tobytes() if layout.has_range else np.ones(1).tobytes()
+    return map_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
+
+
+def _local_maxima(power: NDArray[Any], is_iq: bool) -> NDArray[np.bool_]:
+    """Cells that none of their eight neighbours exceeds; velocity is cyclic, range too with I/Q."""
+    beside = _beside(power, is_iq)
+    highest = np.maximum(np.maximum(beside[:, :-2], beside[:, 2:]), power)
+    around = np.concatenate([highest[-1:], highest, highest[:1]])
+    highest = np.maximum(np.maximum(around[:-2], around[2:]), highest)
+    return np.asarray((power > 0.0) & (power >= highest))
+
+
+def _beside(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
+    """The map with a column more on both sides; the spectrum of real samples is even about both its ends."""
+    left, right = (-1, 0) if is_iq or power.shape[1] < 2 else (1, -2)
+    return np.concatenate([power[:, [left]], power, power[:, [right]]], axis=1)
+
+
+def _between_cells(
+    power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: _Layout
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Row, column and height of local maxima by parabolas through the logarithm of the power."""
+    beside = _beside(power, layout.is_iq)
+    middle = power[rows, columns].astype(np.float64)
+    height = np.log(middle)
+    peaks = []
+    for at, (before, after) in (
+        (rows, (power[rows - 1, columns], power[(rows + 1) % len(power), columns])),
+        (columns, (beside[rows, columns], beside[rows, columns + 2])),
+    ):
+        left, right = (np.log(np.maximum(side, 1e-30 * middle)) - np.log(middle) for side in (before, after))
+        curvature = left + right
+        is_peak = curvature < 0.0
+        offset = np.clip(0.5 * (left - right) / np.where(is_peak, curvature, -1.0), -0.5, 0.5) * is_peak
+        height = height - 0.25 * (left - right) * offset
+        peaks.append(at + offset)
+    return peaks[0], peaks[1], np.exp(height)
+
+
+def _without_sidelobes(
+    row: NDArray[np.float64],
+    column: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: _Layout,
+    dynamic_range_db: float,
+) -> NDArray[np.intp]:
+    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones."""
+    order = np.argsort(-height, kind="stable")
+    at_row, at_column = np.round(row), np.round(column)
+    amplitude, least = np.sqrt(cell.astype(np.float64)), np.sqrt(threshold.astype(np.float64))
+    least = np.maximum(least, np.sqrt(height[order[0]]) * 10.0 ** (-dynamic_range_db / 20.0))
+    velocity = np.abs(layout.wrapped_row(row))
+    leaked = np.zeros(len(row))
+    kept = []
+    for index in order:
+        if amplitude[index] - leaked[index] <= least[index]:
+            continue
+        kept.append(index)
+        if len(kept) == len(order):
+            break
+        # The distance that a target crosses in a frame widens its lobes along both axes alike.
+        near = _OFF_PEAK + 0.5 * layout.smear * velocity[index]
+        rows, columns = np.abs(at_row - row[index]), np.abs(at_column - column[index])
+        rows = np.minimum(rows, layout.num_rows - rows)
+        if layout.is_iq:
+            columns = np.minimum(columns, layout.num_columns - columns)
+        lobes = envelope(layout.slow, np.maximum(rows - near, 0.0))
+        if layout.has_range:
+            lobes = lobes * envelope(layout.fast, np.maximum(columns - near, 0.0))
+        leaked += np.sqrt(height[index]) * lobes
+    return np.array(kept, dtype=np.intp)
+
+
+def _medians(around: NDArray[Any]) -> NDArray[np.float64]:
+    """Medians of training cells, of which those that are missing are inf."""
+    ordered = np.sort(around, axis=1).astype(np.float64)
+    number = np.count_nonzero(np.isfinite(ordered), axis=1)
+    each = np.arange(len(ordered))
+    return np.asarray(0.5 * (ordered[each, (number - 1) // 2] + ordered[each, number // 2]))
+
+
+def _fitted(
+    cells: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], start: NDArray[np.float64], layout: _Layout
+) -> Fit:
+    """The tones of the cells about some peaks."""
+    num_rows, num_columns = min(2 * REACH + 1, cells.shape[1]), min(2 * REACH + 1, cells.shape[2])
+    slow = axis_of(layout.slow, num_rows, -(num_rows // 2))
+    row = (rows[:, None] + np.arange(num_rows) - num_rows // 2) % cells.shape[1]
+    first = np.full(len(columns), -(num_columns // 2))
+    if not layout.is_iq:  # real samples have no columns beyond the edges
+        first = np.clip(columns + first, 0, cells.shape[2] - num_columns) - columns
+    column = (columns + first)[:, None] + np.arange(num_columns)
+    patches = np.moveaxis(cells[:, row[:, :, None], column[:, None, :] % cells.shape[2]], 0, 1)
+
+    # Peaks near an edge have other cells about them.
+    parts = [np.flatnonzero(first == each) for each in np.unique(first)]
+    fast = [axis_of(layout.fast, num_columns, int(first[p[0]]), is_conjugate=layout.is_down) for p in parts]
+    fits = [fit(patches[p], start[p], slow, axis) for p, axis in zip(parts, fast, strict=True)]
+    if len(fits) == 1:
+        return fits[0]
+    back = np.argsort(np.concatenate(parts))
+    return Fit(*(np.concatenate([getattr(each, name) for each in fits])[back] for name in vars(fits[0])))
+
+
+def _covariance(layout: _Layout, wf: Waveform, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
+    covariance = np.full((len(snr), 2, 2), np.nan)
+    slopes = layout.coordinates.slopes() * (np.sign(wf.slope) * layout.beat_step, layout.doppler_step)
+    told = [i for i, is_told in enumerate((layout.has_range, layout.has_velocity)) if is_told]
+    used = [axis for axis, is_told in ((1, layout.has_range), (0, layout.has_velocity)) if is_told]
+    by_cell = slopes[np.ix_(told, told)]
+    variance = 1.0 / (2.0 * snr[:, None] * tones.information[:, used])  # (detection, coordinate), in cells^2
+    covariance[np.ix_(range(len(snr)), told, told)] = (by_cell * variance[:, None, :]) @ by_cell.T
+    return covariance
+
+
+def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:
+    """Amplitudes of the channels; those of several chirps with phases of their own are brought together."""
+    chirps = amplitude.reshape(len(amplitude), num_channels, -1)
+    if chirps.shape[2] == 1:
+        return chirps[:, :, 0]
+    vectors, sizes, _ = np.linalg.svd(chirps, full_matrices=False)
+    return np.asarray(vectors[:, :, 0] * sizes[:, :1])
+
+
+def _none(time: float) -> Detections:
+    empty = np.empty(0)
+    return Detections(empty, empty, empty, empty, empty, time=time)

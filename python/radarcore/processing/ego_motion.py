@@ -1,0 +1,275 @@
+"""Echoes of what stands still, taken off frames of a moving radar.
+
+Seen from a sensor that moves at v, what stands still in the direction u has the range rate ``-v . u``: clutter lies on
+a known curve of angle and velocity. Over channels k at the positions p and chirps at the times T its phase is, at the
+frequency f of a sample, ``-2 pi f/c (p_k + 2 v T) . u``: a moving sensor is an array along its path (displaced phase
+centres; Klemm, Principles of Space-Time Adaptive Processing, 2002).
+
+The velocities of clutter within the beam are a band about some centre velocity. Turned by that velocity, its echoes
+are slow functions of the chirps' times, which low polynomials span; as the turn is that of every sample's own
+frequency, the migration of ranges is in it. Of a sensor at rest the polynomial is a constant: the mean over the chirps
+goes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.radar.beam import is_in_beam
+from radarcore.radar.pattern import Pattern
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+from radarcore.units import SPEED_OF_LIGHT
+
+METHODS = ("doppler", "space-time")
+
+_GRID = 36
+"""Steps of the directions across the field of view, each way."""
+
+_WIDE_DEG = 110.0
+"""Horizontal field of view beyond which the vertical angle is seen from the sides too, as `Simulator` has it."""
+
+_BAND_OF_A_SUBSPACE = 4e-3
+"""Part of the carrier that shares one subspace of channels and polynomials: phases of pi are then right to 40 dB."""
+
+_TRANSITION = 3.0
+"""Range bins from each end in which real samples hardly tell the sign of frequencies: a bit more than a Hann lobe."""
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@overload
+def remove_static(
+    frame: Frame,
+    sensor_velocity: ArrayLike,
+    *,
+    method: str = ...,
+    field_of_view_deg: tuple[float, float] | None = ...,
+    suppression_db: float = ...,
+) -> Frame: ...
+@overload
+def remove_static(
+    frame: Recording,
+    sensor_velocity: ArrayLike,
+    *,
+    method: str = ...,
+    field_of_view_deg: tuple[float, float] | None = ...,
+    suppression_db: float = ...,
+) -> Recording: ...
+def remove_static(
+    frame: Frame | Recording,
+    sensor_velocity: ArrayLike,
+    *,
+    method: str = "doppler",
+    field_of_view_deg: tuple[float, float] | None = None,
+    suppression_db: float = 50.0,
+) -> Frame | Recording:
+    """Take the echoes of what stands still off frames of a moving sensor.
+
+    With a velocity of 0 the mean over the chirps is taken off, of every channel and sample. Otherwise a band of
+    velocities is, from the smallest to the largest that the field of view has, and some bins about it, the more the
+    stronger the suppression: targets in it are lost with ``method="doppler"``. What moves with the sensor, such as
+    coupling between its antennas, has the velocity 0 and stays unless 0 is in the band.
+
+    The angular velocity does not matter: the range of no point changes when the sensor turns about the centre of its
+    array, and antennas that are millimetres off that centre gain millimetres per second for each radian per second.
+
+    Parameters
+    ----------
+    frame : Frame or Recording
+        Of at least two chirps, at any times.
+    sensor_velocity : (3,) or (frame, 3) array_like
+        Velocity of the array's centre over the ground in the middle of the frame, along the sensor's own axes [m/s]: of
+        a motion ``motion.at(time).rotation.T @ motion.rate_at(time)[:, 3]``. One per frame for a recording, or one.
+    method : "doppler" or "space-time"
+        The band in every channel, whatever their phases; or, in the band, only what comes from directions that have
+        the velocity. The latter leaves slow targets in other directions, which takes an array that resolves them (with
+        three antennas and a wide beam it leaves little), with phases and positions of channels as the radar has them.
+    field_of_view_deg : (horizontal, vertical), optional
+        Directions of what stands still, as `Simulator` has them [degrees]; default: the antennas' beam, down to 20 dB
+        below the largest two-way gain.
+    suppression_db : float
+        By how much an echo at the edge of the band falls at least [dB], if it is a far point at constant velocity.
+
+    Returns
+    -------
+    frame : Frame or Recording
+        With filtered samples in the dtype they had, and no codes.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For other shapes, real samples of a CW radar, which do not tell the sign of a velocity, and where the band takes
+        all that the chirps tell.
+    """
+    if not isinstance(frame, Frame | Recording):
+        raise TypeError(f"frame: expected Frame or Recording, got {type(frame).__name__}")
+    is_one = isinstance(frame, Frame)
+    radar = frame.radar
+    single = is_one or np.ndim(sensor_velocity) == 1
+    given = check.array("sensor_velocity", sensor_velocity, (3,) if single else (len(frame.cube), 3))
+    if (fastest := float(np.abs(given).max(initial=0.0))) > 1e-3 * SPEED_OF_LIGHT:
+        raise ValueError(f"sensor_velocity: expected at most {1e-3 * SPEED_OF_LIGHT:.0f} m/s, got {fastest:g}")
+    is_joint = check.choice("method", method, METHODS) == "space-time"
+    view = _field_of_view(field_of_view_deg)
+    residual = 10.0 ** (-0.1 * check.positive("suppression_db", suppression_db, "dB"))
+    if radar.waveform.is_cw and not np.iscomplexobj(frame.cube):
+        raise ValueError("frame: expected I/Q samples of a CW radar (slope = 0 Hz/s), got real ones")
+
+    if isinstance(frame, Frame):
+        return replace(frame, cube=_filtered(frame.cube, radar, given, view, residual, is_joint), raw=None)
+    velocities = np.broadcast_to(given, (len(frame), 3))
+    cube = np.empty_like(frame.cube)
+    for samples, velocity, out in zip(frame.cube, velocities, cube, strict=True):
+        out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
+    return replace(frame, cube=cube)
+
+
+def _filtered(
+    samples: NDArray[Any],
+    radar: Radar,
+    velocity: Array,
+    view: tuple[float, float] | None,
+    residual: float,
+    is_joint: bool,
+) -> NDArray[Any]:
+    """Samples (channel, chirp, sample) without clutter."""
+    wf = radar.waveform
+    directions = _directions(radar.tx_patterns, radar.rx_patterns, view)
+    band = _band(wf, directions, velocity, residual)
+
+    # Turn clutter to zero velocity and project it onto the polynomials.
+    signal = _analytic(samples, wf)
+    projected = band.polynomials.T @ (signal * band.turn.conj())  # (channel, degree, sample)
+    if is_joint:
+        projected = _from_clutter(projected, radar, velocity, directions, band, residual)
+    clutter = band.turn * (band.polynomials @ projected)
+    found = clutter if np.iscomplexobj(samples) else clutter.real
+    filtered: NDArray[Any] = (samples - found).astype(samples.dtype)
+    return filtered
+
+
+class _Band(NamedTuple):
+    """Velocities of clutter, and the functions of slow time that span its echoes."""
+
+    centre: float
+    """Velocity in the middle of the band [m/s]."""
+    turn: Complex
+    """Echo of the centre velocity, (chirp, sample)."""
+    polynomials: Array
+    """Orthonormal over the chirps, (chirp, degree)."""
+    time: Array
+    """Of the chirps, from their middle [s], (chirp,)."""
+
+
+def _band(waveform: Waveform, directions: Array, velocity: Array, residual: float) -> _Band:
+    """The band of what stands still in some directions (direction, 3)."""
+    speed = float(np.linalg.norm(velocity))
+    rates = -(directions @ velocity)
+    lowest, highest = float(rates.min()), float(rates.max())
+    centre, half = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
+    time = waveform.chirp_times - 0.5 * (waveform.chirp_times[0] + waveform.chirp_times[-1])
+    frequency = _frequencies(waveform)
+    turn = np.exp(4j * np.pi * centre / SPEED_OF_LIGHT * np.outer(time, frequency))
+
+    # As many polynomials as an echo at the edge of the band needs; of a sensor at rest the constant is all.
+    extent = max(float(np.abs(time).max()), 1e-300)
+    edge = 4.0 * np.pi * half / SPEED_OF_LIGHT * float(frequency.max())  # [rad/s]
+    num_most = min(waveform.num_chirps, int(1.5 * edge * extent) + 30) if speed > 0.0 else 1
+    orthonormal = np.linalg.qr(np.polynomial.legendre.legvander(time / extent, num_most - 1))[0]
+    caught = np.cumsum(np.abs(orthonormal.T @ np.exp(1j * edge * time)) ** 2) / len(time)
+    is_enough = caught >= 1.0 - max(residual, 1e-12)  # all but rounding is enough for any suppression
+    num_needed = 1 + int(np.argmax(is_enough)) if is_enough.any() else waveform.num_chirps
+    if num_needed >= waveform.num_chirps:
+        raise ValueError(
+            f"frame: expected more than {num_needed} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s fills "
+            f"as many, got {waveform.num_chirps}"
+        )
+    return _Band(centre, turn, orthonormal[:, :num_needed], time)
+
+
+def _from_clutter(
+    projected: Complex, radar: Radar, velocity: Array, directions: Array, band: _Band, residual: float
+) -> Complex:
+    """The part of (channel, degree, sample) that comes from directions which have the velocity."""
+    num_channels, num_degrees, num_samples = projected.shape
+    # Where every channel is at the middle of its chirps.
+    positions = radar.virtual_array + 2.0 * radar.channel_offsets[:, None] * velocity
+    along = positions @ directions.T  # (channel, direction)
+    rates = -(directions @ velocity) - band.centre
+    frequency = _frequencies(radar.waveform)
+    kept = np.empty_like(projected)
+    step = max(1, int(num_samples * _BAND_OF_A_SUBSPACE * frequency.min() / max(float(np.ptp(frequency)), 1.0)))
+    for first in range(0, num_samples, step):
+        part = slice(first, min(first + step, num_samples))
+        wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
+        over_time = band.polynomials.T @ np.exp(2j * wavenumber * np.outer(band.time, rates))  # (degree, direction)
+        steering = (np.exp(-1j * wavenumber * along)[:, None] * over_time).reshape(num_channels * num_degrees, -1)
+        power, vectors = np.linalg.eigh(steering @ steering.conj().T)  # increasing
+        left = np.cumsum(power.clip(0.0))
+        basis = vectors[:, int(np.count_nonzero(left <= residual * left[-1])) :]
+        flat = projected[..., part].reshape(num_channels * num_degrees, -1)
+        kept[..., part] = (basis @ (basis.conj().T @ flat)).reshape(num_channels, num_degrees, -1)
+    return kept
+
+
+def _frequencies(waveform: Waveform) -> Array:
+    """Transmitted frequency at every sample [Hz]: the phase of a delay grows by it, but for a millionth."""
+    return waveform.start_frequency + waveform.slope * waveform.sample_times
+
+
+def _analytic(samples: NDArray[Any], waveform: Waveform) -> NDArray[Any]:
+    """I/Q samples whose real part real samples are: without the frequencies of the wrong sign.
+
+    A step from none to all would leave echoes of the wrong sign beside it, from the leakage of every strong one.
+    """
+    if np.iscomplexobj(samples):
+        return samples
+    number = samples.shape[-1]
+    bins = np.fft.fftfreq(number, 1.0 / number) * np.sign(waveform.slope)
+    to_end = np.minimum(np.abs(bins), 0.5 * number - np.abs(bins))
+    weights = 1.0 + np.sign(bins) * np.sin(0.5 * np.pi * np.minimum(to_end / _TRANSITION, 1.0))
+    return np.fft.ifft(np.fft.fft(samples, axis=-1) * weights, axis=-1)
+
+
+@lru_cache(maxsize=16)
+def _directions(
+    tx_patterns: tuple[Pattern, ...], rx_patterns: tuple[Pattern, ...], view: tuple[float, float] | None
+) -> Array:
+    """Unit vectors (direction, 3) over a field of view, or over the beam of the antennas."""
+    horizontal, vertical = (150.0, 150.0) if view is None else view
+    azimuth = np.deg2rad(_across(horizontal))[:, None]
+    across, side = np.cos(azimuth), np.sin(azimuth)
+    forward = across if horizontal <= _WIDE_DEG else np.maximum(across, np.abs(side))
+    up = forward * np.tan(np.deg2rad(_across(vertical)))
+    vectors = np.stack(np.broadcast_arrays(across, side, up), axis=-1).reshape(-1, 3)
+    if view is None:
+        inside = is_in_beam(tx_patterns, rx_patterns, vectors)
+        inside[len(vectors) // 2] = True  # the x axis, which the narrowest of beams may alone have
+        vectors = vectors[inside]
+    return check.frozen(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def _across(angle_deg: float) -> Array:
+    """Angles across a field of view [degrees], 0 among them."""
+    return angle_deg * np.linspace(-0.5, 0.5, _GRID + 1) if angle_deg > 0.0 else np.zeros(1)
+
+
+def _field_of_view(value: tuple[float, float] | None) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    angles = check.array("field_of_view_deg", value, (2,))
+    if not ((angles >= 0.0) & (angles < 180.0)).all():
+        raise ValueError(
+            f"field_of_view_deg: expected angles from 0 to below 180 degrees, got {tuple(angles.tolist())}"
+        )
+    return float(angles[0]), float(angles[1])

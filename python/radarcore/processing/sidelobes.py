@@ -1,0 +1,28 @@
+"""How much an echo can add to the cells around it: the envelope of the sidelobes of a window."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+_PER_CELL = 16
+"""Points of the window's spectrum per cell."""
+
+
+def envelope(weights: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest amplitude at this distance [cells] or farther, relative to that at the peak.
+
+    Farther than half of the transform there is no other cell: that distance has the last value.
+    """
+    table = _envelope(weights.tobytes())
+    index = np.floor(distance * _PER_CELL).astype(np.intp)
+    return table[np.clip(index, 0, len(table) - 1)]
+
+
+@lru_cache(maxsize=64)
+def _envelope(window: bytes) -> NDArray[np.float64]:
+    weights = np.frombuffer(window)
+    spectrum = np.abs(np.fft.rfft(weights, _PER_CELL * len(weights))) / weights.sum()
+    return np.maximum.accumulate(spectrum[::-1])[::-1]

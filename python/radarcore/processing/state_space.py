@@ -1,0 +1,182 @@
+"""States of targets and what a radar measures of them: range and range rate, with angles or without.
+
+Targets that have no angles move in one dimension: state (range, velocity). Those with an azimuth move in the plane,
+those with an elevation too in space: state (position, velocity), in the coordinates of a sensor at rest. In d
+dimensions the first d + 1 of range, velocity, azimuth and elevation are measured.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from radarcore.processing.kalman import Array, alone
+
+SHORTEST_RANGE = 1e-3
+"""Nearer than this [m] there is no direction."""
+
+
+class Expected(NamedTuple):
+    """What a radar is expected to measure of targets."""
+
+    value: Array
+    """(target, d + 1): range [m], velocity [m/s], azimuth, elevation [rad]; their mean, to second order."""
+    jacobian: Array
+    """(target, d + 1, 2 d): derivative of the values by the state."""
+    covariance: Array
+    """(target, d + 1, d + 1): of the values, to first order."""
+    curvature: Array
+    """(target, d + 1, d + 1): what second order adds to that covariance."""
+
+
+def observe(state: Array) -> tuple[Array, Array]:
+    """Range, velocity, azimuth and elevation of targets, and their derivatives by the state.
+
+    Parameters
+    ----------
+    state : (target, 2 d) float64
+
+    Returns
+    -------
+    value : (target, d + 1) float64
+        Range [m], velocity [m/s], azimuth, elevation [rad]: the first d + 1 of them.
+    jacobian : (target, d + 1, 2 d) float64
+    """
+    number, d = state.shape[0], state.shape[1] // 2
+    if d == 1:
+        return state, np.broadcast_to(np.eye(2), (number, 2, 2))
+    position, motion = state[:, :d], state[:, d:]
+    distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", position, position)), SHORTEST_RANGE)
+    towards = position / distance[:, None]
+    rate = np.einsum("ij,ij->i", towards, motion)
+    value, jacobian = np.empty((number, d + 1)), np.zeros((number, d + 1, 2 * d))
+    value[:, 0], value[:, 1] = distance, rate
+    jacobian[:, 0, :d] = jacobian[:, 1, d:] = towards
+    jacobian[:, 1, :d] = (motion - rate[:, None] * towards) / distance[:, None]
+
+    # Angles: azimuth in the plane, elevation above it.
+    x, y = position[:, 0], position[:, 1]
+    across = np.maximum(np.hypot(x, y), SHORTEST_RANGE)
+    value[:, 2] = np.arctan2(y, x)
+    jacobian[:, 2, 0], jacobian[:, 2, 1] = -y / across**2, x / across**2
+    if d == 3:
+        z = position[:, 2]
+        value[:, 3] = np.arctan2(z, across)
+        jacobian[:, 3, :2] = position[:, :2] * (-z / (distance**2 * across))[:, None]
+        jacobian[:, 3, 2] = across / distance**2
+    return value, jacobian
+
+
+def expect(state: Array, covariance: Array) -> Expected:
+    """What is measured of targets whose states are known to some covariance.
+
+    Range and velocity are taken to second order, as in the second-order extended Kalman filter (Bar-Shalom, Li and
+    Kirubarajan 2001, section 10.3): where angles or the velocity across are poorly known, the range rate varies
+    with the product of both errors, which first order does not see. Angles are taken to first order.
+
+    Parameters
+    ----------
+    state, covariance : (target, 2 d), (target, 2 d, 2 d) float64
+    """
+    value, jacobian = observe(state)
+    number, d = len(state), state.shape[1] // 2
+    first_order = jacobian @ covariance @ jacobian.mT
+    curvature = np.zeros_like(first_order)
+    if d == 1:
+        return Expected(value, jacobian, first_order, curvature)
+
+    # Second derivatives of range and range rate: of the direction, as both are its products with place and motion.
+    distance, rate = value[:, 0, None, None], value[:, 1, None, None]
+    towards, turning = jacobian[:, 0, :d], jacobian[:, 1, :d]
+    bend = (np.eye(d) - towards[:, :, None] * towards[:, None, :]) / distance
+    crossed = towards[:, :, None] * turning[:, None, :]
+    second = np.zeros((number, 2, 2 * d, 2 * d))
+    second[:, 0, :d, :d] = second[:, 1, :d, d:] = second[:, 1, d:, :d] = bend
+    second[:, 1, :d, :d] = -(crossed + crossed.mT + rate * bend) / distance
+
+    # Half the traces of their products with the covariance, and of the products of two of those.
+    spread = second @ covariance[:, None]
+    value[:, :2] += 0.5 * np.einsum("nkii->nk", spread)
+    curvature[:, :2, :2] = 0.5 * np.einsum("nkij,nlji->nkl", spread, spread)
+    return Expected(value, jacobian, first_order, curvature)
+
+
+def begin(measured: Array, noise: Array, speed_deviation: float) -> tuple[Array, Array]:
+    """States and covariances of targets from their first measurements.
+
+    Parameters
+    ----------
+    measured : (target, d + 1) float64
+        Range [m], velocity [m/s], azimuth, elevation [rad]; a velocity may be NaN.
+    noise : (target, d + 1, d + 1) float64
+        Their covariance.
+    speed_deviation : float
+        Standard deviation of the velocity along each axis where nothing was measured [m/s].
+    """
+    number, d = measured.shape[0], measured.shape[1] - 1
+    unknown = np.zeros(measured.shape, dtype=bool)
+    unknown[:, 1] = np.isnan(measured[:, 1])
+    measured = np.where(unknown, 0.0, measured)
+    noise = np.where(unknown[:, :, None] & unknown[:, None, :], speed_deviation**2, alone(noise, unknown))
+    if d == 1:
+        return measured, noise
+
+    distance, rate, azimuth = measured[:, 0], measured[:, 1], measured[:, 2]
+    elevation = measured[:, 3] if d == 3 else np.zeros(number)
+    towards = directions(azimuth, elevation)[:, :d]
+    leftward = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(number)], axis=1)[:, :d]
+    turns = [np.cos(elevation)[:, None] * leftward]
+    if d == 3:
+        turns.append(directions(azimuth, elevation + 0.5 * np.pi))
+    state = np.concatenate([distance[:, None] * towards, rate[:, None] * towards], axis=1)
+
+    # Derivative of the state by what was measured; of the velocity across the line of sight nothing is known.
+    slope = np.zeros((number, 2 * d, d + 1))
+    slope[:, :d, 0] = slope[:, d:, 1] = towards
+    for k, turn in enumerate(turns, start=2):
+        slope[:, :d, k], slope[:, d:, k] = distance[:, None] * turn, rate[:, None] * turn
+    covariance = slope @ noise @ slope.mT
+    covariance[:, d:, d:] += speed_deviation**2 * (np.eye(d) - towards[:, :, None] * towards[:, None, :])
+    return state, covariance
+
+
+def polar(state: Array, covariance: Array) -> tuple[Array, Array]:
+    """Range, velocity, azimuth and elevation of targets (target, 4) with their covariance (target, 4, 4).
+
+    As in `expect`: the means to second order, the covariance with what that adds. NaN for angles that are not told.
+    """
+    expected = expect(state, covariance)
+    number, told = expected.value.shape
+    value, spread = np.full((number, 4), np.nan), np.full((number, 4, 4), np.nan)
+    value[:, :told] = expected.value
+    spread[:, :told, :told] = expected.covariance + expected.curvature
+    return value, spread
+
+
+def cartesian(state: Array) -> tuple[Array, Array]:
+    """Places of targets and their rates, (target, 3) each; NaN without angles, 0 along z without an elevation."""
+    number, d = len(state), state.shape[1] // 2
+    position, motion = np.full((2, number, 3), np.nan if d == 1 else 0.0)
+    if d > 1:
+        position[:, :d], motion[:, :d] = state[:, :d], state[:, d:]
+    return position, motion
+
+
+def directions(azimuth: Array, elevation: Array) -> Array:
+    """Unit vectors (..., 3) towards angles [rad]: x ahead, y to the left, z up."""
+    across = np.cos(elevation)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def points_at(values: Array) -> Array:
+    """Points [m] at ranges, velocities, azimuths and perhaps elevations (target, 3 or 4): in the plane, or in space.
+
+    An elevation that is not told counts as 0.
+    """
+    across = values[:, 0]
+    if values.shape[1] > 3:
+        elevation = np.where(np.isnan(values[:, 3]), 0.0, values[:, 3])
+        up, across = across * np.sin(elevation), across * np.cos(elevation)
+        return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2]), up]).T
+    return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2])]).T

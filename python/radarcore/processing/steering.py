@@ -1,0 +1,106 @@
+"""Steering vectors: the phases that a plane wave has in the channels of an array, and the weights that undo them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.radar.radar import Radar
+
+_UNEQUAL = 1e-3
+"""Steps between elements that differ by less than this part of their mean are equal: rounded positions."""
+
+
+def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
+    """Directions (..., 3) in the sensor frame (x forward, y left, z up) of angles [rad], broadcast together."""
+    az, el = np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64)
+    across = np.cos(el)
+    return np.stack(np.broadcast_arrays(across * np.cos(az), across * np.sin(az), np.sin(el)), axis=-1)
+
+
+def steering_vectors(
+    positions: NDArray[np.float64], wavelength: float, directions: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Beat signal of a plane wave from unit vectors (..., 3) at positions (channel, 3) [m], (..., channel).
+
+    ``exp(-2 pi j position . direction / wavelength)``: an antenna nearer to the target has less delay, and the phase
+    of the beat signal grows with delay.
+    """
+    turns = directions @ positions.T / wavelength
+    vectors: NDArray[np.complex128] = np.exp(-2j * np.pi * turns)
+    return vectors
+
+
+def steering_weights(
+    positions: ArrayLike, wavelength: float, azimuth: ArrayLike, elevation: ArrayLike = 0.0
+) -> NDArray[np.complex128]:
+    """Weights of modulus 1 that steer an array: ``sum(weights * channels)`` adds an echo from there in phase.
+
+    They multiply beat signals. A phase shifter in front of an antenna turns the wave itself by the opposite phase, as
+    the beat signal is the transmitted signal times the conjugate of the received one.
+
+    Parameters
+    ----------
+    positions : (element, 3) array_like
+        Of transmitters, of receivers or of channels (`Radar.virtual_array`) in the sensor frame [m].
+    wavelength : float
+        [m], as `Waveform.wavelength`.
+    azimuth, elevation : array_like
+        Where to steer to [rad], positive to the left and up, broadcast together.
+
+    Returns
+    -------
+    weights : (..., element) complex128
+    """
+    places = check.array("positions", positions, (None, 3))
+    length = check.positive("wavelength", wavelength, "m")
+    return steering_vectors(places, length, unit_vectors(*checked_angles(azimuth, elevation))).conj()
+
+
+def uniform_row(positions: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]] | None:
+    """Order of elements along a line and the step (3,) [m] from one to the next; None unless all steps are equal."""
+    if len(positions) < 2:
+        return None
+    from_first = positions - positions[0]
+    line = from_first[np.square(from_first).sum(axis=1).argmax()]
+    order = np.argsort(from_first @ line, kind="stable")
+    steps = np.diff(positions[order], axis=0)
+    step = steps.mean(axis=0)
+    length = float(np.linalg.norm(step))
+    is_uniform = length > 0.0 and bool((np.linalg.norm(steps - step, axis=1) <= _UNEQUAL * length).all())
+    return (order, step) if is_uniform else None
+
+
+def checked_angles(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Finite angles [rad] that broadcast together; degrees are warned of."""
+    az, el = (
+        check.radians(name, check.array(name, value, (None,) * np.ndim(value)))
+        for name, value in (("azimuth", azimuth), ("elevation", elevation))
+    )
+    try:
+        np.broadcast_shapes(az.shape, el.shape)
+    except ValueError:
+        raise ValueError(
+            f"elevation: expected a shape that broadcasts with azimuth's, {az.shape}, got {el.shape}"
+        ) from None
+    return az, el
+
+
+def channel_corrections(
+    radar: Radar, velocity: ArrayLike | None, channel_phase: ArrayLike | None
+) -> NDArray[np.complex128]:
+    """Factors (..., channel) that take off what is not direction.
+
+    What a target at `velocity` (...,) [m/s], receding positive, adds in channels whose chirps come later, and the
+    phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_phases`. A velocity of NaN, or none,
+    takes nothing off.
+    """
+    phase = radar.channel_phases
+    if channel_phase is not None:
+        phase = check.array("channel_phase", channel_phase, (radar.num_channels,))
+    if velocity is not None:
+        doppler = 2.0 * np.nan_to_num(np.asarray(velocity, np.float64)) / radar.waveform.wavelength
+        phase = phase + 2.0 * np.pi * doppler[..., None] * radar.channel_offsets
+    factors: NDArray[np.complex128] = np.exp(-1j * phase)
+    return factors

@@ -1,0 +1,306 @@
+"""Multi-target tracking: detections of frames in, tracks out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.assignment import assign
+from radarcore.processing.clustering import (
+    Indices,
+    connected,
+    coordinates,
+    covariances,
+    groups,
+    levels,
+    pairs_within,
+    periods_of,
+    wrapped,
+)
+from radarcore.processing.detection import detect
+from radarcore.processing.kalman import Array, predict, update, white_acceleration
+from radarcore.processing.point_cloud import Detections
+from radarcore.processing.state_space import SHORTEST_RANGE, Expected, begin, expect
+from radarcore.processing.tracker_settings import TrackerSettings
+from radarcore.processing.tracks import Tracks, TrackState, tracks_of
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+
+_KNOWN_WITHIN = 1.0 / 3.0
+"""A velocity tells in which of its periods it is when it is expected to this fraction of half a period: 3 sigma."""
+
+
+class Tracker:
+    """Tracks of a stream of frames: their state, which each update takes on.
+
+    A frame is brought in by these steps: clustering, prediction to its time, gating and assignment, the update of
+    the tracks that were detected, confirmations and ends, and new tracks from detections that belong to none. The
+    sensor is at rest.
+
+    Parameters
+    ----------
+    **settings
+        Those of `TrackerSettings`.
+
+    Attributes
+    ----------
+    settings : TrackerSettings
+    time : float
+        Of the newest detections [s]; -inf before the first.
+    num_dimensions : int or None
+        1, 2 or 3 of space; None until detections have told.
+    num_begun : int
+        Tracks that began, confirmed or not: the id of the next.
+    """
+
+    _state: Array
+    _covariance: Array
+    _ids: Indices
+    _hits: Indices
+    _age: Indices
+    _missed: Indices
+    _seen: Array
+    _confirmed: NDArray[np.bool_]
+
+    def __init__(self, **settings: Any) -> None:
+        self.settings = TrackerSettings(**settings)
+        self.time = -np.inf
+        self.num_dimensions = self.settings.num_dimensions
+        self.num_begun = 0
+        self._periods = periods_of(self.settings.max_velocity)
+        self._usual = np.diag(np.square(self.settings.deviations))
+        self._clear(2)
+
+    def update(self, detections: Detections) -> list[TrackState]:
+        """States of all targets after the detections of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            At a later time than those before. Values that are NaN are left out; those that lack one of the coordinates
+            but the velocity begin no track.
+
+        Returns
+        -------
+        states : list of TrackState
+            By id; of confirmed tracks and of those that are not yet.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For anything but detections at a later time; the tracks are then as before.
+        """
+        if not isinstance(detections, Detections):
+            raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
+        if not detections.time > self.time:
+            raise ValueError(
+                f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
+            )
+        values, covariance = coordinates(detections), covariances(detections)
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        if ((variance < 0.0) | (variance == np.inf)).any():
+            raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
+
+        self._choose_dimensions(values)
+        self._predict(detections.time)
+        if self.num_dimensions is None:
+            return []
+        told = self.num_dimensions + 1
+        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], levels(detections))
+
+        expected = expect(self._state, self._covariance)
+        innovation = self._innovations(measured, expected)
+        spread = expected.covariance + expected.curvature
+        tracks, found = assign(innovation, spread, noise, self.settings.gate)
+        self._state[tracks], self._covariance[tracks] = update(
+            self._state[tracks],
+            self._covariance[tracks],
+            innovation[tracks, found],
+            expected.jacobian[tracks],
+            noise[found] + expected.curvature[tracks],
+        )
+        self._count(tracks)
+        self._end()
+        is_left = np.ones(len(measured), dtype=bool)
+        is_left[found] = False
+        self._begin(measured[is_left], noise[is_left])
+        return self._states()
+
+    def _targets(self, values: Array, covariance: Array, level: Array) -> tuple[Array, Array]:
+        """What was measured of targets, and its covariance, from all detections."""
+        s, told = self.settings, values.shape[1]
+
+        # The usual errors where detections do not tell theirs.
+        unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+        if unknown.any():
+            usual = self._usual[:told, :told]
+            covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
+
+        if s.cluster_distance is not None or s.cluster_velocity is not None:
+            periods = self._periods[:told]
+            pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
+            _, found = groups(values, level, covariance, connected(len(values), *pairs), periods)
+            values, covariance = found.values, found.covariance
+
+        # Echoes come from anywhere on the target.
+        covariance = covariance.copy()
+        covariance[:, 0, 0] += s.extent**2
+        covariance[:, 1, 1] += s.velocity_extent**2
+        angle = np.square(s.extent / np.fmax(values[:, 0], max(s.extent, SHORTEST_RANGE)))
+        for k in range(2, told):
+            covariance[:, k, k] += angle
+        return values, covariance
+
+    def _choose_dimensions(self, measured: Array) -> None:
+        """Dimensions of space that the first detections tell."""
+        if self.num_dimensions is None and len(measured) > 0:
+            has_azimuth, has_elevation = (bool(np.isfinite(measured[:, k]).any()) for k in (2, 3))
+            self.num_dimensions = 1 + has_azimuth * (1 + has_elevation)
+        if self.num_dimensions is not None and self._state.shape[1] != 2 * self.num_dimensions:
+            self._clear(2 * self.num_dimensions)
+
+    def _predict(self, time: float) -> None:
+        """Tracks at the time of a frame, but those that were last seen too long before."""
+        if self.settings.max_gap is not None:
+            self._keep(time - self._seen <= self.settings.max_gap)
+        if len(self._ids) > 0:
+            d = self._state.shape[1] // 2
+            motion = white_acceleration(time - self.time, self.settings.acceleration_density, d)
+            self._state, self._covariance = predict(self._state, self._covariance, *motion)
+        self.time = time
+
+    def _innovations(self, measured: Array, expected: Expected) -> Array:
+        """Measured less expected values (track, detection, coordinate), by the shorter way around."""
+        periods = self._periods[: measured.shape[1]]
+        innovation = wrapped(measured - expected.value[:, None], periods)
+        if self.settings.max_velocity is not None:
+            deviation = np.sqrt(expected.covariance[:, 1, 1] + expected.curvature[:, 1, 1])
+            innovation[deviation > _KNOWN_WITHIN * self.settings.max_velocity, :, 1] = np.nan
+        return innovation
+
+    def _count(self, tracks: Indices) -> None:
+        """Count the frame for all tracks, and the detections of some."""
+        self._age += 1
+        self._missed += 1
+        self._missed[tracks] = 0
+        self._seen[tracks] = self.time
+        self._hits[tracks] += 1
+        s = self.settings
+        self._confirmed |= (self._hits >= s.confirm_hits) & (self._age <= s.confirm_frames)
+
+    def _end(self) -> None:
+        """Leave out tracks that cannot be confirmed any more, or have not been detected for too many frames."""
+        s = self.settings
+        can_be = self._hits + np.maximum(s.confirm_frames - self._age, 0) >= s.confirm_hits
+        self._keep(np.where(self._confirmed, self._missed <= s.max_missed, can_be))
+
+    def _keep(self, which: NDArray[np.bool_]) -> None:
+        """Leave out all other tracks."""
+        if not which.all():
+            for name in _ROWS:
+                setattr(self, name, getattr(self, name)[which])
+
+    def _begin(self, measured: Array, noise: Array) -> None:
+        """Begin tracks with detections."""
+        s = self.settings
+        if len(measured) == 0:
+            return
+        velocity = measured[:, 1].copy()
+        if s.max_velocity is not None:
+            # In which period a velocity is: known if only one is within the largest speed.
+            velocity = wrapped(velocity, self._periods[1])
+            other = np.abs(velocity) >= 2.0 * s.max_velocity - s.max_speed
+            velocity[other] = np.nan
+            is_slow = np.isnan(velocity) | (np.abs(velocity) <= s.max_speed)
+        else:
+            is_slow = ~(np.abs(velocity) > s.max_speed)
+        starts = is_slow & (measured[:, 0] > SHORTEST_RANGE) & np.isfinite(measured[:, 2:]).all(axis=1)
+        if not (number := int(starts.sum())):
+            return
+        kept = measured[starts]
+        kept[:, 1] = velocity[starts]
+        state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))  # even within the largest speed
+        ids = np.arange(self.num_begun, self.num_begun + number)
+        once, none = np.ones(number, dtype=np.int64), np.zeros(number, dtype=np.int64)
+        new = (state, covariance, ids, once, once, none, np.full(number, self.time), once >= s.confirm_hits)
+        for name, rows in zip(_ROWS, new, strict=True):
+            setattr(self, name, np.concatenate([getattr(self, name), rows]))
+        self.num_begun += number
+
+    def _states(self) -> list[TrackState]:
+        """States of all tracks."""
+        states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
+        columns = self._ids, np.asarray(self._missed == 0), self._confirmed, self._hits
+        rows = zip(states, covariances, *(column.tolist() for column in columns), strict=True)
+        return [
+            TrackState(number, self.time, state, covariance, is_detected, is_confirmed, hits)
+            for state, covariance, number, is_detected, is_confirmed, hits in rows
+        ]
+
+    def _clear(self, length: int) -> None:
+        """No tracks, of states of a length."""
+        self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
+        self._ids, self._hits, self._age, self._missed = np.zeros((4, 0), dtype=np.int64)
+        self._seen, self._confirmed = np.zeros(0), np.zeros(0, dtype=bool)
+
+
+_ROWS = ("_state", "_covariance", "_ids", "_hits", "_age", "_missed", "_seen", "_confirmed")
+"""Attributes of a tracker that have a row per track."""
+
+
+def track(
+    source: Recording | Iterable[Detections | Frame],
+    *,
+    detector: Callable[[Frame], Detections] | None = None,
+    **settings: Any,
+) -> Tracks:
+    """Track the targets of a recording.
+
+    An object that gives many detections, such as a person, is clustered first (`cluster`), and the centroids are
+    tracked: by a Kalman filter for range and range rate, or by an extended one for positions and velocities where
+    detections have angles. Detections are assigned to tracks as global nearest neighbours within their gates.
+
+    Parameters
+    ----------
+    source : Recording or iterable of Detections or Frame
+        In the order of time. Lost frames and uneven intervals are bridged by the motion model.
+    detector : callable, optional
+        Detections of a frame; default: `detect`.
+    **settings
+        Those of `TrackerSettings`.
+
+    Returns
+    -------
+    tracks : Tracks
+        Those that were confirmed, each from its first to its last detection.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For settings and times that are refused by `TrackerSettings` and `Tracker.update`; for anything but detections
+        and frames.
+    """
+    TrackerSettings(**settings)  # refused before work starts
+    if detector is not None and not callable(detector):
+        raise TypeError(f"detector: expected a function of a frame, got {type(detector).__name__}")
+    if not isinstance(source, Iterable | Recording):
+        raise TypeError(
+            f"source: expected Recording or an iterable of Detections or Frame, got {type(source).__name__}"
+        )
+    items = iter(source.frames() if isinstance(source, Recording) else source)
+    first = next(items, None)
+    if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
+        settings = {"max_velocity": first.radar.waveform.max_velocity} | settings
+    tracker = Tracker(**settings)
+    times, states = [], []
+    for item in items if first is None else chain([first], items):
+        if isinstance(item, Frame):
+            item = detect(item) if detector is None else detector(item)
+        states.append(tracker.update(item))
+        times.append(tracker.time)
+    return tracks_of(times, states)

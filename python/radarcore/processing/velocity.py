@@ -1,0 +1,365 @@
+"""Range and velocity of one echo, measured in four ways, each with its predicted standard deviation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing import bounds
+from radarcore.processing.beat_search import search_beat, search_doppler
+from radarcore.processing.inputs import Samples, require_uniform_chirps
+from radarcore.processing.peaks import limits
+from radarcore.processing.phase_fit import PhaseFit, fit_phase
+from radarcore.processing.single_echo import (
+    Echo,
+    EchoInput,
+    VelocityEstimate,
+    checked_input,
+    checked_noise,
+    decibels,
+    delay_between,
+    measured,
+    measured_echo,
+    snr,
+    stacked,
+)
+from radarcore.processing.windows import Window, window_weights
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
+from radarcore.units import SPEED_OF_LIGHT
+
+Array = NDArray[np.float64]
+
+
+def doppler_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    min_velocity: float | None = None,
+    max_velocity: float | None = None,
+    window: Window = None,
+    doppler_window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Range and velocity from the phase over all chirps: the peak of the range-Doppler transform, refined.
+
+    The most accurate way. The strongest local maximum of the transform within the limits is refined by least squares
+    with eq. (1)'s phase at constant velocity, one amplitude per channel: the maximum-likelihood estimate, which reaches
+    `doppler_bound`. Velocities are taken as unambiguous, within ``waveform.max_velocity``.
+
+    Parameters
+    ----------
+    cube : ([frame,] channel, chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
+        Beat signal, real or I/Q, finite.
+    waveform : Waveform or Radar, optional
+        Of a cube; a frame or recording has its own. A ramp, and at least two chirps at equal intervals.
+    min_range, max_range, min_velocity, max_velocity : float, optional
+        Limits of the search [m], [m/s].
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, as the noise
+        wants it; a Hann window makes deviations 1.53 times larger, and keeps other echoes off.
+    noise : float, optional
+        Power of the noise per sample, I and Q together. Default: measured, from the median of the
+        range-Doppler map of what the fitted echo leaves: other echoes, in a few cells, do not count.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        Numbers for one frame, arrays (frame,) for several.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
+        and limits in the wrong order.
+    """
+    given = checked_input(cube, waveform)
+    wf = given.waveform
+    require_uniform_chirps(wf)
+    if wf.num_chirps < 2:
+        raise ValueError(f"waveform: expected at least 2 chirps, got {wf.num_chirps}")
+    ranges = limits("range", "m", min_range, max_range)
+    velocities = limits("velocity", "m/s", min_velocity, max_velocity)
+    weights = np.outer(
+        window_weights("doppler_window", doppler_window, wf.num_chirps),
+        window_weights("window", window, wf.num_samples),
+    )
+    level = checked_noise(noise)
+    slow, fast = bounds.times_from_middle(wf)
+    gradients = bounds.range_and_velocity_gradients(wf)
+    time = slow + given.offsets[:, None, None] + fast  # (channel or 1, chirp, sample)
+    ramp = wf.sample_times
+
+    def phase(parameters: Array) -> Array:
+        delay = 2.0 / SPEED_OF_LIGHT * (parameters[0] + parameters[1] * time)
+        turned: Array = 2.0 * np.pi * delay * (wf.start_frequency + wf.slope * ramp - 0.5 * wf.slope * delay)
+        return turned
+
+    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
+        return bounds.doppler_bound(
+            wf, snr_db, is_real=is_real, num_channels=num_channels, window=window, doppler_window=doppler_window
+        )
+
+    def measure(frame: NDArray[Any]) -> Echo:
+        start = search_doppler(frame, wf, ranges, velocities, window, doppler_window)
+        if start is None:
+            return Echo()
+        fit = fit_phase(frame, phase, gradients, np.array(start), weights, per_chirp=False)
+        return measured_echo(frame, wf, fit, fit.parameters[0], fit.parameters[1], level, bound, weights)
+
+    return measured(given, measure)
+
+
+def up_down_velocity(
+    up: Samples,
+    down: Samples,
+    up_waveform: Waveform | Radar | None = None,
+    down_waveform: Waveform | Radar | None = None,
+    *,
+    down_delay: float | None = None,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Range and velocity from the beat frequencies of up- and down-chirps: one pair is enough.
+
+    Range and Doppler shift the beat frequencies of opposite slopes in opposite and in equal directions:
+    ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. What the target moves in between is taken into
+    account. No Doppler ambiguity. With several targets their beat frequencies may be paired wrongly: limit the range.
+
+    Parameters
+    ----------
+    up, down : ([frame,] channel, chirp, sample), or Frame or Recording
+        Beat signals of a waveform of positive and of one of negative slope (or the other way round), of one chirp or
+        several; with several, amplitudes of chirps are free and the frequency may move from chirp to chirp.
+    up_waveform, down_waveform : Waveform or Radar, optional
+        Of cubes; frames and recordings have their own.
+    down_delay : float, optional
+        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times, or
+        ``up_waveform.frame_interval`` for cubes.
+    min_range, max_range : float, optional
+        Limits of the search [m], each for the range that a chirp alone tells: ``velocity * f / abs(slope)`` too far for
+        an up-chirp and too near for a down-chirp.
+    max_velocity : float
+        Fastest target [m/s]: how far the frequency may move from chirp to chirp.
+    window, noise
+        As in `doppler_velocity`.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is that at the middle between the middles of both.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For slopes of equal sign, and as `doppler_velocity`.
+    """
+    both = checked_input(up, up_waveform, "up"), checked_input(down, down_waveform, "down")
+    waveforms = both[0].waveform, both[1].waveform
+    kinds = ["one frame" if given.is_one else f"{len(given.samples)} frames in an array" for given in both]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"down: expected {kinds[0]} as up, got {kinds[1]}")
+    delay = down_delay if down_delay is not None else delay_between(up, down)
+    equations = bounds.up_down_equations(*waveforms, delay)
+    ranges = limits("range", "m", min_range, max_range)
+    fastest = check.non_negative("max_velocity", max_velocity, "m/s")
+    level = checked_noise(noise)
+    searches = [_beat_fit(given, ranges, fastest, window) for given in both]
+
+    rows: list[Echo] = []
+    for frames in zip(both[0].samples, both[1].samples, strict=True):
+        fits = [search(frame) for search, frame in zip(searches, frames, strict=True)]
+        if fits[0] is None or fits[1] is None:
+            rows.append(Echo())
+            continue
+        # The delay within slope * delay**2 / 2 shifts the carrier by the beat frequency: a millionth of it.
+        beats = np.array([fit.parameters[0] for fit in fits if fit is not None])
+        matrix = equations.copy()
+        distance, velocity = np.linalg.solve(matrix, beats)
+        for _ in range(2):
+            matrix[:, 1] = (
+                equations[:, 1] - np.array([wf.slope for wf in waveforms]) * 4.0 * distance / SPEED_OF_LIGHT**2
+            )
+            distance, velocity = np.linalg.solve(matrix, beats)
+        powers = [
+            snr(frame, wf, fit, level, _weights(wf, window))
+            for frame, wf, fit in zip(frames, waveforms, fits, strict=True)
+            if fit is not None
+        ]
+        snr_db = decibels(float(np.mean(powers)))
+        limit = bounds.up_down_bound(
+            *waveforms,
+            snr_db,
+            down_delay=delay,
+            is_real=not np.iscomplexobj(frames[0]),
+            num_channels=len(frames[0]),
+            window=window,
+        )
+        rows.append(Echo(float(distance), float(velocity), float(limit.range), float(limit.velocity), snr_db))
+    return stacked(rows, both[0].is_one)
+
+
+def chirp_rate_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Velocity from the change of the beat frequency within the chirps, ``4 slope velocity / c`` [Hz/s].
+
+    The third term of the beat phase, ``2 slope velocity / c t^2`` turns; one chirp is enough, and velocities have no
+    ambiguity. It takes long and wide chirps: the deviation falls as ``1 / (bandwidth * duration)`` of a chirp. The rate
+    is sought by dechirping with those of velocities up to `max_velocity` and fitted by least squares, with an amplitude
+    and phase per channel and chirp; the frequency may move from chirp to chirp, but tells nothing here.
+
+    Parameters
+    ----------
+    cube, waveform, min_range, max_range, window, noise
+        As in `doppler_velocity`; at least three samples per chirp, chirps at any times.
+    max_velocity : float
+        Fastest target [m/s].
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is corrected by this velocity, whose error shows in it: ``f / slope`` metres per m/s.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `doppler_velocity`.
+    """
+    given = checked_input(cube, waveform)
+    if given.waveform.num_samples < 3:
+        raise ValueError(f"waveform: expected at least 3 samples per chirp, got {given.waveform.num_samples}")
+    return _from_frequency_change(
+        given, -1, 4.0, bounds.chirp_rate_bound, min_range, max_range, max_velocity, window, noise
+    )
+
+
+def range_migration_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Velocity from the change of the beat frequency from chirp to chirp: the range's migration over the frame.
+
+    Amplitudes and phases of chirps are free, so that velocities have no ambiguity, chirps may come at any times, and
+    the phase of the oscillator need not hold from chirp to chirp. ``sqrt(12) f / bandwidth`` times less accurate than
+    Doppler: use it to tell which of Doppler's velocities is right. Fitted by least squares as in `chirp_rate_velocity`,
+    from the best of the velocities up to `max_velocity`; what changes within a chirp tells nothing here.
+
+    Parameters
+    ----------
+    cube, waveform, min_range, max_range, max_velocity, window, noise
+        As in `chirp_rate_velocity`; at least two chirps.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is corrected by this velocity, as in `chirp_rate_velocity`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `doppler_velocity`.
+    """
+    given = checked_input(cube, waveform)
+    if given.waveform.num_chirps < 2:
+        raise ValueError(f"waveform: expected at least 2 chirps, got {given.waveform.num_chirps}")
+    return _from_frequency_change(
+        given, 1, 2.0, bounds.range_migration_bound, min_range, max_range, max_velocity, window, noise
+    )
+
+
+def _from_frequency_change(
+    given: EchoInput,
+    which: int,
+    factor: float,
+    bound_of: Callable[..., bounds.CramerRaoBound],
+    min_range: float,
+    max_range: float | None,
+    max_velocity: float,
+    window: Window,
+    noise: float | None,
+) -> VelocityEstimate:
+    """Velocity from one of the changes of the beat frequency, ``factor * slope * velocity / c``."""
+    wf = given.waveform
+    ranges = limits("range", "m", min_range, max_range)
+    fastest = check.non_negative("max_velocity", max_velocity, "m/s")
+    level = checked_noise(noise)
+    search = _beat_fit(given, ranges, fastest, window)
+    weights = _weights(wf, window)
+
+    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
+        return bound_of(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
+
+    def measure(frame: NDArray[Any]) -> Echo:
+        fit = search(frame)
+        if fit is None:
+            return Echo()
+        velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
+        # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
+        shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
+        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
+        return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
+
+    return measured(given, measure)
+
+
+def _beat_fit(
+    given: EchoInput, ranges: tuple[float, float], fastest: float, window: Window
+) -> Callable[[NDArray[Any]], PhaseFit | None]:
+    """Fit of the mean beat frequency of a frame and of what can be told of its changes.
+
+    From chirp to chirp where there are several, and, as the last parameter, within chirps of more than two samples.
+    """
+    wf = given.waveform
+    told = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
+    gradients = bounds.beat_gradients(wf)[told]
+    weights = _weights(wf, window)
+    slow, fast = bounds.beat_times(wf)
+    shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
+
+    def phase(parameters: Array) -> Array:
+        frequency, change, rate = _in_place(parameters, told)
+        turned: Array = 2.0 * np.pi * ((frequency + change * shifted) * fast + 0.5 * rate * fast**2)
+        return turned
+
+    def search(frame: NDArray[Any]) -> PhaseFit | None:
+        start = search_beat(frame, wf, ranges, fastest, window)
+        if start is None:
+            return None
+        return fit_phase(frame, phase, gradients, np.array(start)[told], weights, per_chirp=True)
+
+    return search
+
+
+def _in_place(parameters: Array, told: list[int]) -> Array:
+    """All three parameters, those not fitted being 0."""
+    full = np.zeros(3)
+    full[told] = parameters
+    return full
+
+
+def _weights(waveform: Waveform, window: Window) -> Array:
+    """Of least squares whose amplitudes are free from chirp to chirp, (chirp, sample)."""
+    return np.tile(window_weights("window", window, waveform.num_samples), (waveform.num_chirps, 1))

@@ -1,0 +1,310 @@
+"""Settings of a waveform from wishes: range, velocity, resolutions and rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from radarcore import check
+from radarcore.units import SPEED_OF_LIGHT
+
+WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
+"""Names of the wishes."""
+
+_NUM_SAMPLES, _NUM_CHIRPS = 128, 64
+"""Numbers of samples and chirps that nobody asked for."""
+
+_ROUNDING = 1e-9
+"""Part of a number that is its rounding."""
+
+_UNITS = {
+    "max_range": "m",
+    "max_velocity": "m/s",
+    "range_resolution": "m",
+    "velocity_resolution": "m/s",
+    "rate": "Hz",
+}
+
+
+_LEAST = ("range_resolution", "velocity_resolution")
+"""Wishes that can be had down to a number; the others can be had up to one."""
+
+
+class WishError(ValueError):
+    """Error for a wish that cannot be had.
+
+    Parameters
+    ----------
+    wish : str
+        Its name.
+    possible : float
+        What can be had.
+    beside : str
+        What that depends on.
+    got : float
+    """
+
+    def __init__(self, wish: str, possible: float, beside: str, got: float) -> None:
+        is_least = wish in _LEAST
+        # Four digits, to the side on which it can be had.
+        step = 10.0 ** (math.floor(math.log10(possible)) - 3) if 0.0 < possible < math.inf else 1.0
+        number = step * (math.ceil if is_least else math.floor)(possible / step) if possible < math.inf else possible
+        side = "at least" if is_least else "at most"
+        super().__init__(f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}")
+        self.wish, self.possible = wish, possible
+
+    def is_better_than(self, other: WishError) -> bool:
+        """True if more can be had of the same wish than by another error."""
+        if self.wish != other.wish:
+            return False
+        return self.possible < other.possible if self.wish in _LEAST else self.possible > other.possible
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a radar can do.
+
+    Parameters
+    ----------
+    sample_rate : float
+        Samples per second [Hz].
+    frequencies : (float, float)
+        Lowest and highest frequency from the start of a ramp to the end of its samples [Hz].
+    max_samples, max_chirps : int
+        Largest numbers per chirp and per frame.
+    max_slope : float
+        Steepest slope [Hz/s].
+    slope_step : float
+        Step of slopes [Hz/s]; 0: any.
+    adc_delay : float
+        From the start of the ramp to the first sample [s].
+    idle_time : float
+        From the end of the samples to the next ramp, at least [s].
+    timer_rounding : (float, float)
+        Rounding of times, relative and absolute [s].
+    """
+
+    sample_rate: float
+    frequencies: tuple[float, float] = (0.0, math.inf)
+    max_samples: int = 2**24
+    max_chirps: int = 2**24
+    max_slope: float = math.inf
+    slope_step: float = 0.0
+    adc_delay: float = 0.0
+    idle_time: float = 0.0
+    timer_rounding: tuple[float, float] = (0.0, 0.0)
+
+    def longest(self, interval: float) -> float:
+        """Longest that an interval can become by the rounding of timers [s]."""
+        relative, absolute = self.timer_rounding
+        return interval * (1.0 + relative) + absolute
+
+    def shortened(self, interval: float) -> float:
+        """Interval that does not become longer than a given one [s]."""
+        relative, absolute = self.timer_rounding
+        return (interval - absolute) / (1.0 + relative)
+
+
+def keywords_for(
+    limits: Limits,
+    *,
+    max_range: float | None = None,
+    max_velocity: float | None = None,
+    range_resolution: float | None = None,
+    velocity_resolution: float | None = None,
+    rate: float | None = None,
+    start_frequency: float | None = None,
+    default_start: float = 60e9,
+    num_samples: int | None = None,
+    num_chirps: int | None = None,
+    default_bandwidth: float | None = None,
+    default_interval: float | None = None,
+    num_tx: int = 1,
+) -> dict[str, Any]:
+    """Keywords of a waveform that meets all wishes, see `Waveform.design`; a WishError names one that cannot be had.
+
+    `default_start`, `default_bandwidth` and `default_interval`: first frequency [Hz], sampled band [Hz] and time from
+    chirp to chirp [s] where wishes leave them free.
+    """
+    wishes = {
+        name: check.positive(name, value, _UNITS[name])
+        for name, value in (
+            ("max_range", max_range),
+            ("max_velocity", max_velocity),
+            ("range_resolution", range_resolution),
+            ("velocity_resolution", velocity_resolution),
+            ("rate", rate),
+        )
+        if value is not None
+    }
+    asked = {
+        "num_samples": None if num_samples is None else check.count("num_samples", num_samples),
+        "num_chirps": None if num_chirps is None else check.count("num_chirps", num_chirps),
+    }
+    chirp = _chirp(limits, wishes, asked["num_samples"], start_frequency, default_start, default_bandwidth)
+    times = _times(limits, wishes, asked["num_chirps"], chirp, default_interval, check.count("num_tx", num_tx))
+    return {"sample_rate": limits.sample_rate, "adc_delay": limits.adc_delay, **chirp, **times}
+
+
+def _chirp(
+    limits: Limits,
+    wishes: dict[str, float],
+    num_samples: int | None,
+    start_frequency: float | None,
+    default_start: float,
+    default_bandwidth: float | None,
+) -> dict[str, Any]:
+    """Start, slope and number of samples of a chirp."""
+    rate, (lowest, highest) = limits.sample_rate, limits.frequencies
+    widest = highest - (lowest if start_frequency is None else start_frequency)
+    reach, fineness = wishes.get("max_range"), wishes.get("range_resolution")
+    shared = _with(wishes, ("max_range",), limits)
+
+    if num_samples is not None and num_samples > limits.max_samples:
+        text = f"expected at most {limits.max_samples} at {_hertz(rate)}, got {num_samples}"
+        raise ValueError(f"num_samples: {text}")
+
+    # The slope: as steep as the range allows, which makes the shortest chirps.
+    most = limits.max_samples if num_samples is None else num_samples
+    samples = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
+    if reach is not None:
+        slope = _stepped(limits, min(SPEED_OF_LIGHT * rate / (4.0 * reach), limits.max_slope), math.floor)
+        if slope <= 0.0:
+            farthest = SPEED_OF_LIGHT * rate / (4.0 * limits.slope_step)
+            raise WishError("max_range", farthest, f" at {_hertz(rate)}", reach)
+    elif fineness is not None:
+        slope = _resolving(limits, fineness, samples)
+        # The more samples, the less of the band is lost before the first.
+        while (
+            num_samples is None
+            and samples < most
+            and _needed(limits, fineness, slope) > _fitting(limits, slope, widest)
+        ):
+            samples = min(most, samples + samples // 8 + 1)
+            slope = _resolving(limits, fineness, samples)
+    elif default_bandwidth is not None:
+        slope = _stepped(limits, default_bandwidth * rate / samples, math.floor)
+    else:
+        raise ValueError("range_resolution: expected it or max_range, got neither")
+
+    # The samples: as many as the resolution asks for, or fewer than usual where the band is too narrow for these.
+    fitting = min(most, _fitting(limits, slope, widest))
+    if fineness is not None:
+        needed = _needed(limits, fineness, slope)
+        if needed > fitting:
+            if reach is None:
+                slope = _stepped(limits, min(widest / (limits.adc_delay + most / rate), limits.max_slope), math.floor)
+                fitting = min(most, _fitting(limits, slope, widest))
+            finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
+            raise WishError("range_resolution", finest, shared, fineness)
+        needed = max(needed, num_samples or 1)
+    else:
+        needed = min(samples, fitting) if num_samples is None else num_samples
+        if not 1 <= needed <= fitting:
+            text = f"expected at most {fitting} in a band of {widest:g} Hz{shared}, got {max(needed, 1)}"
+            raise ValueError(f"num_samples: {text}")
+
+    sweep = slope * (limits.adc_delay + needed / rate)
+    start = min(default_start, highest - sweep) if start_frequency is None else start_frequency
+    return {"start_frequency": start, "slope": slope, "num_samples": needed}
+
+
+def _resolving(limits: Limits, fineness: float, num_samples: int) -> float:
+    """Least slope whose samples resolve a distance [Hz/s]; at most the steepest."""
+    slope = _stepped(limits, SPEED_OF_LIGHT * limits.sample_rate / (2.0 * fineness * num_samples), math.ceil)
+    return slope if slope <= limits.max_slope else _stepped(limits, limits.max_slope, math.floor)
+
+
+def _needed(limits: Limits, fineness: float, slope: float) -> int:
+    """Least number of samples that resolve a distance."""
+    return math.ceil(SPEED_OF_LIGHT * limits.sample_rate / (2.0 * fineness * slope) * (1.0 - _ROUNDING))
+
+
+def _fitting(limits: Limits, slope: float, widest: float) -> int:
+    """Largest number of samples of a ramp within a band [Hz]."""
+    if widest == math.inf:
+        return limits.max_samples
+    return max(0, math.floor(limits.sample_rate * (widest / slope - limits.adc_delay) * (1.0 + _ROUNDING)))
+
+
+def _times(
+    limits: Limits,
+    wishes: dict[str, float],
+    num_chirps: int | None,
+    chirp: dict[str, Any],
+    default_interval: float | None,
+    num_tx: int,
+) -> dict[str, Any]:
+    """Number of chirps, their interval and that of frames."""
+    sampled: float = chirp["num_samples"] / limits.sample_rate
+    centre: float = chirp["start_frequency"] + chirp["slope"] * (limits.adc_delay + 0.5 * sampled)
+    wavelength = SPEED_OF_LIGHT / centre
+    shortest = num_tx * (limits.adc_delay + sampled + limits.idle_time)
+    speed, fineness, rate = (wishes.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
+    frame = math.inf if rate is None else 1.0 / rate
+    turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
+
+    # From chirp to chirp.
+    usual = _NUM_CHIRPS if num_chirps is None else num_chirps
+    if speed is not None:
+        longest = wavelength / (4.0 * speed)
+        if longest < shortest * (1.0 - _ROUNDING):
+            shared = _with(wishes, ("range_resolution", "max_range"), limits)
+            raise WishError("max_velocity", wavelength / (4.0 * shortest), shared + turns, speed)
+        interval = limits.shortened(longest)
+    elif fineness is not None:
+        interval = limits.longest(wavelength / (2.0 * fineness * usual))
+    else:
+        interval = shortest if default_interval is None else num_tx * default_interval
+    # Faster where the usual number of chirps would not fit into the frame; where that is still too slow, it is refused.
+    interval = max(shortest, min(interval, limits.shortened(frame / usual)))
+
+    # Chirps: as many as the resolution asks for, or as usual, or fewer where the frame is too short for these.
+    least = 1 if speed is None and fineness is None else 2
+    most = limits.max_chirps
+    if rate is not None:
+        most = min(most, math.floor(frame / limits.longest(interval) * (1.0 + _ROUNDING)))
+        if most < least:
+            shared = _with(wishes, ("range_resolution", "max_range"), limits)
+            chirps = "a single chirp" if least == 1 else "two chirps"
+            raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{shared}", rate)
+    needed = min(_NUM_CHIRPS, most)
+    if fineness is not None:
+        shortened = limits.shortened(interval)
+        needed = max(least, math.ceil(wavelength / (2.0 * fineness * shortened) * (1.0 - _ROUNDING)))
+        allowed = most if num_chirps is None else min(most, num_chirps)
+        if needed > allowed:
+            shared = _with(wishes, ("rate", "max_velocity"), limits, at_rate=False)
+            chirps = "" if num_chirps is None else f" and num_chirps = {num_chirps}"
+            finest = wavelength / (2.0 * allowed * shortened)
+            raise WishError("velocity_resolution", finest, shared + chirps, fineness)
+    if num_chirps is not None:
+        if num_chirps > limits.max_chirps:
+            raise ValueError(f"num_chirps: expected at most {limits.max_chirps}, got {num_chirps}")
+        needed = num_chirps
+    if rate is not None and needed > most:
+        highest = 1.0 / (needed * limits.longest(interval))
+        shared = _with({"num_chirps": needed} | wishes, ("num_chirps", "range_resolution", "max_range"), limits)
+        raise WishError("rate", highest, shared, rate)
+    return {"num_chirps": needed, "chirp_interval": interval, "frame_interval": None if rate is None else frame}
+
+
+def _stepped(limits: Limits, slope: float, rounding: Callable[[float], int]) -> float:
+    """Slope in steps, rounded down or up."""
+    if limits.slope_step == 0.0:
+        return slope
+    towards = _ROUNDING if rounding is math.floor else -_ROUNDING
+    return float(limits.slope_step * rounding(slope / limits.slope_step + towards))
+
+
+def _with(wishes: dict[str, float], names: tuple[str, ...], limits: Limits, *, at_rate: bool = True) -> str:
+    """Text of the other wishes that a wish depends on."""
+    given = [f"{name} = {wishes[name]:g} {_UNITS.get(name, '')}".rstrip() for name in names if name in wishes]
+    text = f" with {' and '.join(given)}" if given else ""
+    return f"{text} at {_hertz(limits.sample_rate)}" if at_rate else text
+
+
+def _hertz(rate: float) -> str:
+    return f"{rate / 1e6:g} MHz"

@@ -1,0 +1,257 @@
+"""Schedules of transmitters: in turns (TDM), at once with a Doppler code (DDM), or at once as one beam."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+
+KINDS = ("tdm", "ddm", "steered")
+"""Kinds of schedules."""
+
+_LARGEST_WEIGHT = 1.0 + 1e-9
+"""Largest magnitude of a weight, with room for its rounding: a transmitter sends its power or less."""
+
+
+@check.knows_keywords
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Schedule:
+    """Which transmitter sends when, and in which phase; made by `tdm`, `ddm` and `steered`.
+
+    A radar without a schedule has every transmitter apart from the others as if by magic: each is received as if it
+    were alone, at the same time. Schedules are what real radars do about it.
+
+    Parameters
+    ----------
+    kind : "tdm", "ddm" or "steered"
+    interval : float, optional
+        TDM: from the ramp of one transmitter to that of the next [s].
+    order : tuple of int, optional
+        TDM: numbers of the transmitters in the order of their turns.
+    turns : (tx,) array_like, optional
+        DDM: turns by which the phase of every transmitter advances from chirp to chirp.
+    weights : (tx,) or (chirp, tx) array_like of complex, optional
+        Steered: factors of the transmitted fields.
+    azimuth, elevation : float or (chirp,) array_like, optional
+        Steered: direction of the beam [rad], in place of weights.
+    """
+
+    kind: str
+    interval: float | None = None
+    order: tuple[int, ...] | None = None
+    turns: NDArray[np.float64] | None = None
+    weights: NDArray[np.complex128] | None = None
+    azimuth: NDArray[np.float64] | None = None
+    elevation: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        check.choice("kind", self.kind, KINDS)
+        for name, kind in _KIND_OF.items():
+            if getattr(self, name) is not None and kind != self.kind:
+                raise ValueError(f"{name}: expected none in a schedule of kind {self.kind!r}, as it is for {kind!r}")
+        put = object.__setattr__
+        if self.interval is not None:
+            put(self, "interval", check.positive("interval", self.interval, "s"))
+        if self.order is not None:
+            put(self, "order", _order(self.order))
+        if self.turns is not None:
+            put(self, "turns", _turns(self.turns))
+        if self.weights is not None:
+            put(self, "weights", _weights(self.weights))
+        for name in ("azimuth", "elevation"):
+            if (angles := getattr(self, name)) is not None:
+                shape: tuple[int | None, ...] = (None,) if np.ndim(angles) else ()
+                put(self, name, check.frozen(check.radians(name, check.array(name, angles, shape))))
+        if self.kind == "steered":
+            has_angles = self.azimuth is not None or self.elevation is not None
+            if (self.weights is not None) == has_angles:
+                got = "both" if has_angles else "neither"
+                raise ValueError(f"weights: expected either weights or azimuth and elevation, got {got}")
+
+    @classmethod
+    def tdm(cls, interval: float | None = None, order: Sequence[int] | None = None) -> Schedule:
+        """Transmitters take turns (time-division multiplexing): after every chirp of the first comes one of the second.
+
+        ``waveform.chirp_times`` are then the starts of the ramps of the transmitter whose turn is first; those of
+        number k in turn start `k interval` later. Velocity axes stay those of the waveform; a moving target has moved
+        between the turns: its phase differs between transmitters by ``2 pi f_doppler k interval``. Channels are
+        ``tx * num_rx + rx``, and `Radar.channel_offsets` has their times.
+
+        Parameters
+        ----------
+        interval : float, optional
+            From one turn to the next [s]; default: the shortest interval between chirps over
+            the number of transmitters.
+        order : sequence of int, optional
+            Numbers of the transmitters in the order of their turns; default: 0, 1, 2, ...
+        """
+        return cls(kind="tdm", interval=interval, order=order)  # type: ignore[arg-type]  # __post_init__ makes it one
+
+    @classmethod
+    def ddm(cls, turns: ArrayLike | None = None) -> Schedule:
+        """All transmitters send at once, told apart by their Doppler frequency (Doppler-division multiplexing).
+
+        The phase of transmitter i advances by ``turns[i]`` from chirp to chirp. Receivers get the sum: echoes of every
+        transmitter appear at velocities of their own, ``-turns[i] * 2 max_velocity`` beside the true one, and
+        `demultiplex` makes channels of them. Unambiguous velocities are fewer by the number of transmitters. Channels
+        are the receivers.
+
+        Parameters
+        ----------
+        turns : (tx,) array_like, optional
+            Turns per chirp; default: ``i / num_tx``. ``i / (num_tx + 1)`` leaves a band empty, by which real radars
+            tell which transmitter is which.
+        """
+        return cls(kind="ddm", turns=turns)  # type: ignore[arg-type]  # __post_init__ makes it an array
+
+    @classmethod
+    def steered(
+        cls,
+        weights: ArrayLike | None = None,
+        *,
+        azimuth: ArrayLike | None = None,
+        elevation: ArrayLike | None = None,
+    ) -> Schedule:
+        """All transmitters send at once, as one array whose beam is steered, chirp by chirp if need be.
+
+        Every transmitter sends `Radar.tx_power` times ``abs(weight)**2``; n of them add up to n**2 times the power of
+        one in the direction of the beam. What is received is the sum over transmitters of the samples that each alone
+        gives, times ``conj(weight)``: a field that lags by a phase is an echo of a greater delay, whose phase is
+        greater, docs/theory.md eq. (1). Channels are the receivers.
+
+        Parameters
+        ----------
+        weights : (tx,) or (chirp, tx) array_like of complex
+            Factors of the transmitted fields (time dependence ``exp(j w t)``), of magnitudes up to 1.
+        azimuth, elevation : float or (chirp,) array_like
+            Direction of the beam [rad], in place of weights: azimuth positive to the left (+y), elevation up.
+        """
+        return cls(kind="steered", weights=weights, azimuth=azimuth, elevation=elevation)  # type: ignore[arg-type]
+
+    @property
+    def is_sum(self) -> bool:
+        """True if all transmitters send at once, so that receivers get the sum of their echoes."""
+        return self.kind != "tdm"
+
+    def require_fit(self, num_tx: int, num_chirps: int) -> None:
+        """Refuse a number of transmitters or of chirps that the schedule does not fit."""
+        if self.order is not None and len(self.order) != num_tx:
+            raise ValueError(f"schedule: expected an order of {num_tx} transmitters, got {list(self.order)}")
+        if self.turns is not None and len(self.turns) != num_tx:
+            raise ValueError(f"schedule: expected turns of {num_tx} transmitters, got {self.turns.tolist()}")
+        if self.weights is not None and self.weights.shape not in ((num_tx,), (num_chirps, num_tx)):
+            expected = f"({num_tx},) or ({num_chirps}, {num_tx})"
+            raise ValueError(f"schedule: expected weights of shape {expected}, got {self.weights.shape}")
+        for name in ("azimuth", "elevation"):
+            if (angles := getattr(self, name)) is not None and angles.shape not in ((), (num_chirps,)):
+                raise ValueError(f"schedule: expected one {name} or {num_chirps} of them, got {len(angles)}")
+
+    def offsets(self, num_tx: int, shortest: float) -> NDArray[np.float64]:
+        """Time from the chirps of a waveform to the ramps of every transmitter [s], (tx,).
+
+        `shortest`: shortest interval between chirps [s].
+        """
+        offsets = np.zeros(num_tx)
+        if self.kind == "tdm":
+            interval = shortest / num_tx if self.interval is None else self.interval
+            offsets[list(range(num_tx) if self.order is None else self.order)] = interval * np.arange(num_tx)
+        return offsets
+
+    def tx_turns(self, num_tx: int) -> NDArray[np.float64]:
+        """Turns by which the phase of every transmitter advances from chirp to chirp, (tx,); zero without DDM."""
+        if self.turns is not None:
+            return self.turns
+        return np.arange(num_tx) / num_tx if self.kind == "ddm" else np.zeros(num_tx)
+
+    def tx_weights(self, tx: NDArray[np.float64], wavelength: float, num_chirps: int) -> NDArray[np.complex128]:
+        """Factors of the fields of transmitters at positions `tx` (tx, 3) [m] in every chirp, (chirp, tx)."""
+        num_tx = len(tx)
+        if self.kind == "ddm":
+            coded: NDArray[np.complex128]
+            coded = np.exp(2j * np.pi * (np.arange(num_chirps)[:, None] * self.tx_turns(num_tx) % 1.0))
+            return coded
+        if self.weights is not None:
+            return np.broadcast_to(self.weights, (num_chirps, num_tx)).copy()
+        azimuth = 0.0 if self.azimuth is None else self.azimuth
+        elevation = 0.0 if self.elevation is None else self.elevation
+        x, y, z = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
+        direction = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+        # The transmitter nearer to the target lags, so that its field arrives with those of the others.
+        turns = direction @ (tx - tx.mean(axis=0)).T / wavelength
+        return np.broadcast_to(np.exp(-2j * np.pi * turns), (num_chirps, num_tx)).copy()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Schedule as plain numbers and lists, for JSON; complex numbers as pairs."""
+        values: dict[str, Any] = {"kind": self.kind}
+        for name in _KIND_OF:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if name == "weights":
+                value = np.stack([value.real, value.imag], axis=-1)
+            values[name] = value.tolist() if isinstance(value, np.ndarray) else value
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Schedule:
+        """The schedule that `to_dict` described."""
+        values = dict(values)
+        if values.get("weights") is not None:
+            pairs = np.asarray(values["weights"], dtype=np.float64)
+            if pairs.ndim < 2 or pairs.shape[-1] != 2:
+                raise ValueError(f"weights: expected pairs of real and imaginary parts, got shape {pairs.shape}")
+            values["weights"] = pairs[..., 0] + 1j * pairs[..., 1]
+        return cls(**values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Schedule) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.interval, self.order))
+
+
+_KIND_OF = {
+    "interval": "tdm",
+    "order": "tdm",
+    "turns": "ddm",
+    "weights": "steered",
+    "azimuth": "steered",
+    "elevation": "steered",
+}
+"""Kind of schedule that has each setting."""
+
+
+def _order(value: Sequence[int]) -> tuple[int, ...]:
+    if not np.iterable(value):
+        raise TypeError(f"order: expected numbers of transmitters, got {value!r}")
+    order = tuple(check.count(f"order[{i}]", number, 0) for i, number in enumerate(value))
+    if sorted(order) != list(range(len(order))):
+        raise ValueError(f"order: expected every number from 0 to {len(order) - 1} once, got {list(order)}")
+    return order
+
+
+def _turns(value: ArrayLike) -> NDArray[np.float64]:
+    turns = check.array("turns", value, (None,))
+    if len(turns) > 1 and np.diff(np.sort(turns % 1.0)).min() < 1e-9:
+        raise ValueError(f"turns: expected another part of a turn for every transmitter, got {turns.tolist()}")
+    return check.frozen(turns)
+
+
+def _weights(value: ArrayLike) -> NDArray[np.complex128]:
+    try:
+        weights = np.array(value, dtype=np.complex128)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"weights: expected complex numbers (tx,) or (chirp, tx), got {value!r}") from error
+    if weights.ndim not in (1, 2) or weights.size == 0:
+        raise ValueError(f"weights: expected shape (tx,) or (chirp, tx), got {weights.shape}")
+    if not np.isfinite(weights).all():
+        raise ValueError("weights: expected finite numbers, got some that are not")
+    if (largest := float(np.abs(weights).max())) > _LARGEST_WEIGHT:
+        raise ValueError(f"weights: expected magnitudes up to 1 (tx_power_dbm sets the power), got {largest:g}")
+    weights.flags.writeable = False
+    return weights

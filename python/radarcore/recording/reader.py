@@ -1,0 +1,55 @@
+"""Reader of recordings that need not fit into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+from radarcore.recording.native import Stored
+from radarcore.recording.recording import Recording, stored_at
+
+_CHUNK = 16
+"""Frames that are read at once."""
+
+
+class RecordingReader:
+    """Frames of a recording on disk, a few at a time in memory, however many there are.
+
+    Parameters
+    ----------
+    path : path
+        As for `Recording.load`. An ``.npz`` file is read whole.
+    radar : Radar, optional
+        Of a bare ``.npy`` file, see `Recording.load`.
+
+    Attributes
+    ----------
+    radar : Radar
+    source : dict
+        Origin of the frames.
+    """
+
+    def __init__(self, path: str | PathLike[str], *, radar: Radar | None = None) -> None:
+        self._stored: Stored = stored_at(path, radar=radar)
+        Recording(**self._part(0))  # refuses what does not fit together
+        self.radar = self._stored.radar
+        self.source: dict[str, Any] = self._stored.source
+
+    def __len__(self) -> int:
+        return len(self._stored.cube)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """The frames in order."""
+        for first in range(0, len(self), _CHUNK):
+            yield from Recording(**self._part(first)).frames()
+
+    def _part(self, first: int) -> dict[str, Any]:
+        """Fields of the recording of some frames."""
+        stored, rows = self._stored, slice(first, first + _CHUNK)
+        truth = None if stored.truth is None else stored.truth[rows]
+        lost = None if stored.lost is None else stored.lost[rows]
+        return vars(replace(stored, cube=stored.cube[rows], time=stored.time[rows], truth=truth, lost=lost))

@@ -1,0 +1,161 @@
+"""Clusters of detections: groups, centroids and covariances worked out on paper."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarcore.processing.clustering import Clusters, cluster
+from radarcore.processing.point_cloud import Detections
+
+NAN = np.nan
+
+
+def detections(
+    distance: Any, velocity: Any = None, azimuth: Any = None, elevation: Any = None, snr_db: Any = 0.0, **others: Any
+) -> Detections:
+    """Detections with what is given; NaN otherwise."""
+    number = len(distance)
+    columns = [np.full(number, NAN) if values is None else values for values in (velocity, azimuth, elevation)]
+    return Detections(distance, *columns, np.broadcast_to(snr_db, number), **others)
+
+
+def labels(*args: Any, **options: Any) -> list[int]:
+    return cluster(*args, **options).labels.tolist()
+
+
+def test_chain_of_near_detections_is_one_cluster_and_a_gap_divides_it() -> None:
+    chain = detections(1.0 + 0.25 * np.arange(30))
+    assert labels(chain, distance=0.2501) == [0] * 30
+    assert labels(chain, distance=0.2499) == list(range(30))
+    assert labels(detections([3.0, 1.0, 3.2, 1.2]), distance=0.3) == [1, 0, 1, 0]
+
+
+def test_velocity_keeps_apart_what_has_one_range() -> None:
+    crossing = detections([2.0, 2.0, 2.1, 2.1], [-1.0, 1.0, -0.8, 1.2])
+    assert labels(crossing, distance=0.3, velocity=0.5) == [0, 1, 0, 1]
+    assert labels(crossing, distance=0.3) == [0, 0, 0, 0]
+    assert labels(crossing, distance=None, velocity=0.5) == [0, 1, 0, 1]
+
+
+def test_distance_is_that_in_space_where_there_are_angles() -> None:
+    # 60 degrees apart at 2 m: 2 m, whatever the ranges say; the same elevations up.
+    sides = detections([2.0, 2.0, 2.0], None, np.deg2rad([-30.0, 30.0, 30.0]), np.deg2rad([0.0, 0.0, 60.0]))
+    assert labels(sides, distance=1.9) == [0, 1, 2]
+    assert labels(sides, distance=2.0 + 1e-9) == [0, 0, 0]
+    assert labels(detections([2.0, 2.0], None, np.deg2rad([-30.0, 30.0])), distance=1.9) == [0, 1]
+    # One without an azimuth: ranges are compared.
+    assert labels(detections([2.0, 2.0], None, [-0.5, NAN]), distance=0.1) == [0, 0]
+
+
+def test_many_detections_are_grouped_like_few() -> None:
+    """A tree finds the pairs of many: the same groups as those of a line cut into pieces on paper."""
+    order = np.random.default_rng(0).permutation(1200)
+    distance = 1.0 + 0.01 * np.arange(1200) + 0.1 * (np.arange(1200) // 100)
+    found = cluster(detections(distance[order], np.zeros(1200)), distance=0.05, velocity=0.1)
+    np.testing.assert_array_equal(found.labels, order // 100)
+    assert found.num_detections.tolist() == [100] * 12
+
+
+def test_groups_within_deviations_of_their_errors() -> None:
+    covariance = np.full((3, 4, 4), NAN)
+    covariance[:, :2, :2] = np.diag([0.1**2, 0.5**2])
+    # 0.3 m and 1 m/s over sqrt(2) times the deviations: Mahalanobis distance sqrt(4.5 + 2).
+    three = detections([1.0, 1.3, 9.0], [0.0, 1.0, 0.0], covariance=covariance)
+    assert labels(three, num_deviations=np.sqrt(6.5) + 1e-9) == [0, 0, 1]
+    assert labels(three, num_deviations=np.sqrt(6.5) - 1e-9) == [0, 1, 2]
+
+
+def test_velocities_and_angles_go_around() -> None:
+    covariance = np.broadcast_to(np.eye(4) * 1e-2, (2, 4, 4))
+    around = detections([2.0, 2.0], [1.9, -1.9], [np.pi - 0.01, 0.01 - np.pi], [0.0, 0.0], covariance=covariance)
+    assert labels(around, velocity=0.3) == [0, 1]
+    found = cluster(around, velocity=0.3, max_velocity=2.0)
+    assert found.labels.tolist() == [0, 0]
+    assert abs(found.centroids.velocity[0]) == pytest.approx(2.0)
+    assert abs(found.centroids.azimuth[0]) == pytest.approx(np.pi)
+    np.testing.assert_allclose(found.extent[0], [0.0, 0.1, 0.01, 0.0], atol=1e-12)
+    assert labels(around, num_deviations=1.5, max_velocity=2.0) == [0, 0]
+
+
+def test_centroid_is_the_mean_weighted_by_power() -> None:
+    """Powers 1 and 3: weights 1/4 and 3/4, so 2.3, spread 0.4 sqrt(3) / 4, level 10 log10 4."""
+    found = cluster(detections([2.0, 2.4], [1.0, 0.0], snr_db=[0.0, 10.0 * np.log10(3.0)]), distance=0.5, velocity=1.5)
+    assert found.centroids.range[0] == pytest.approx(2.3)
+    assert found.centroids.velocity[0] == pytest.approx(0.25)
+    assert found.centroids.snr_db[0] == pytest.approx(10.0 * np.log10(4.0))
+    np.testing.assert_allclose(found.extent[0, :2], np.sqrt(3.0) / 4.0 * np.array([0.4, 1.0]))
+    assert np.isnan(found.centroids.azimuth[0])
+    assert np.isnan(found.extent[0, 2:]).all()
+
+
+def test_covariance_of_a_centroid_has_errors_and_spread() -> None:
+    """Weights 1/4 and 3/4: errors add up to (1/16 + 9/16) of one, and of the spread stays as much."""
+    covariance = np.full((2, 4, 4), NAN)
+    covariance[:, :2, :2] = [[0.04, 0.01], [0.01, 0.09]]
+    pair = detections([2.0, 2.4], [1.0, 0.0], snr_db=[0.0, 10.0 * np.log10(3.0)], covariance=covariance)
+    found = cluster(pair, distance=0.5)
+    spread = 3.0 / 16.0 * np.outer([0.4, -1.0], [0.4, -1.0])
+    np.testing.assert_allclose(found.centroids.covariance[0, :2, :2], 0.625 * (covariance[0, :2, :2] + spread))
+    assert np.isnan(found.centroids.covariance[0, 2:]).all()
+    alone = cluster(pair, distance=0.1)
+    np.testing.assert_allclose(alone.centroids.covariance, covariance)
+
+
+def test_a_coordinate_that_some_do_not_tell_is_the_mean_of_the_others() -> None:
+    found = cluster(detections([2.0, 2.1, 2.2], [NAN, 0.4, 0.6], snr_db=[30.0, 0.0, 0.0]), velocity=1.0)
+    assert found.labels.tolist() == [0, 0, 0]
+    assert found.centroids.velocity[0] == pytest.approx(0.5)
+
+
+def test_clusters_of_fewer_than_so_many_detections_are_noise() -> None:
+    """Three of a chain have three near ones, themselves included, or belong to one that has; the pair has not."""
+    some = detections([1.0, 1.1, 1.2, 3.0, 3.1, 5.0])
+    assert labels(some, distance=0.11, min_detections=3) == [0, 0, 0, -1, -1, -1]
+    assert labels(some, distance=0.11, min_detections=2) == [0, 0, 0, 1, 1, -1]
+    found = cluster(some, distance=0.11, min_detections=4)
+    assert found.labels.tolist() == [-1] * 6
+    assert len(found) == len(found.centroids) == 0
+
+
+def test_clusters_are_numbered_by_range_and_do_not_depend_on_order() -> None:
+    rng = np.random.default_rng(2)
+    distance, snr_db = rng.uniform(1.0, 4.0, 40), rng.uniform(0.0, 30.0, 40)
+    order = rng.permutation(40)
+    one = cluster(detections(distance, snr_db=snr_db), distance=0.1)
+    other = cluster(detections(distance[order], snr_db=snr_db[order]), distance=0.1)
+    np.testing.assert_array_equal(one.labels[order], other.labels)
+    np.testing.assert_allclose(one.centroids.range, other.centroids.range, rtol=1e-14)
+    assert (np.diff(one.centroids.range) > 0.0).all()
+
+
+def test_no_detections_are_no_clusters() -> None:
+    found = cluster(detections([]))
+    assert isinstance(found, Clusters)
+    assert len(found) == 0
+    assert found.labels.shape == (0,)
+    assert found.extent.shape == (0, 4)
+    assert len(cluster(detections([NAN, 1.0, NAN]))) == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"distance": 0.0}, ValueError, "distance: expected a positive number"),
+        ({"velocity": -1.0}, ValueError, "velocity: expected a positive number"),
+        ({"distance": NAN}, ValueError, "distance: expected a finite number"),
+        ({"min_detections": 0}, ValueError, "min_detections: expected at least 1, got 0"),
+        ({"max_velocity": "fast"}, TypeError, "max_velocity: expected a number"),
+        ({"num_deviations": 3.0}, ValueError, "num_deviations: expected detections with positive variances, got nan"),
+    ],
+)
+def test_silly_options_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        cluster(detections([1.0, 2.0]), **options)
+
+
+def test_other_things_than_detections_are_refused() -> None:
+    with pytest.raises(TypeError, match="detections: expected Detections, got list"):
+        cluster([1.0])  # type: ignore[arg-type]

@@ -1,0 +1,91 @@
+"""Removal of static echoes, and levels of noise: gains on paper."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.processing.noise import receiver_noise
+
+RNG = np.random.default_rng(1)
+CUBE = RNG.standard_normal((2, 3, 8, 5)).astype(np.float32)
+
+
+def test_mean_is_removed_along_the_axis_named() -> None:
+    for axis in (-1, -2, -4, 0):
+        moving = rc.remove_mean(CUBE + 7.0, axis=axis)
+        assert moving.dtype == np.float32
+        np.testing.assert_allclose(moving.mean(axis=axis), 0.0, atol=1e-6)  # float32 rounding of 7
+    np.testing.assert_allclose(rc.remove_mean(CUBE + 5.0), rc.remove_mean(CUBE), atol=1e-6)
+
+
+@pytest.mark.parametrize("num_pulses", [2, 3])
+def test_canceller_has_the_gain_of_its_pulses(num_pulses: int) -> None:
+    for turns in (0.0, 0.1, 0.5, 1.0):
+        tone = np.exp(2j * np.pi * turns * np.arange(8))[:, None] * np.ones((2, 1, 5))
+        moving = rc.cancel_pulses(tone, num_pulses=num_pulses)
+        assert moving.shape == (2, 8 - num_pulses + 1, 5)
+        expected = abs(2.0 * np.sin(np.pi * turns)) ** (num_pulses - 1)
+        np.testing.assert_allclose(np.abs(moving), expected, atol=1e-12)
+
+
+def test_running_mean_is_that_of_all_frames_at_first_and_forgets_later() -> None:
+    cube = RNG.standard_normal((300, 1, 4, 3))
+    moving = rc.remove_running_mean(cube, 0.1 * np.arange(300), time_constant=2.0)
+    np.testing.assert_allclose(moving[0], cube[0] - cube[0].mean(axis=-2, keepdims=True), atol=1e-12)
+    np.testing.assert_allclose(moving[9], cube[9] - cube[:10].mean(axis=(0, -2)), atol=1e-12)
+    # An offset that comes up has gone down to exp(-t / time constant) after t.
+    step = np.where(np.arange(400)[:, None, None, None] >= 300, 1.0, np.zeros((1, 1, 4, 3)))
+    moving = rc.remove_running_mean(step, 0.1 * np.arange(400), time_constant=2.0)
+    assert moving[300 + 19, 0, 0, 0] == pytest.approx(np.exp(-1.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("num_looks", [1, 2, 5])
+def test_noise_level_is_the_mean_in_spite_of_echoes(num_looks: int) -> None:
+    power = 3.0 * np.random.default_rng(2).gamma(num_looks, size=(100, 400))
+    echoes = power.copy()
+    echoes[3:6] = 1e9  # 3 of 100 cells: the median is where 51.5 of 100 are below, up by 2.2 to 4.4 %
+    # The median of n exponential powers scatters by 1 / (ln 2 sqrt(n)): 0.7 %.
+    assert rc.noise_level(power, num_looks=num_looks) == pytest.approx(3.0 * num_looks, rel=4.0 * 0.0072)
+    assert rc.noise_level(echoes, num_looks=num_looks) == pytest.approx(3.0 * num_looks * 1.025, rel=4.0 * 0.0072)
+    assert rc.noise_level(np.empty((0, 3))) == 0.0
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_noise_of_the_receiver_is_that_of_the_map(output: str) -> None:
+    wf = rc.Waveform(
+        start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=1e-4
+    )
+    of = rc.Radar(wf, receiver=rc.Receiver(output=output, noise_figure_db=12.0))
+    frame = rc.Simulator(rc.Scene(), of).frame()
+    level = rc.noise_level(np.abs(rc.range_doppler(frame)) ** 2)
+    # The median of 1000 or 2000 cells, of which about a quarter are independent: 1 / (ln 2 sqrt(270)) is 9 %.
+    assert receiver_noise(of) == pytest.approx(level, rel=0.36)
+    assert receiver_noise(rc.Radar(wf)) is None
+    assert receiver_noise(rc.Radar(wf, receiver=rc.Receiver())) is None
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "keywords", "error", "message"),
+    [
+        (rc.remove_mean, [CUBE], {"axis": 4}, ValueError, "axis: expected an index below 4, got 4"),
+        (rc.remove_mean, [CUBE.astype(int)], {}, TypeError, "cube: expected float32"),
+        (rc.cancel_pulses, [CUBE], {"num_pulses": 4}, ValueError, "num_pulses: expected 2 or 3, got 4"),
+        (rc.cancel_pulses, [CUBE[..., :1, :]], {}, ValueError, r"cube: expected at least 2 chirps \(num_pulses\)"),
+        (rc.remove_running_mean, [CUBE, [0.0]], {"time_constant": 1.0}, ValueError, r"time: expected shape \(2,\)"),
+        (rc.remove_running_mean, [CUBE, [1.0, 0.0]], {"time_constant": 1.0}, ValueError, "time: expected increasing"),
+        (rc.remove_running_mean, [CUBE, [0.0, 1.0]], {"time_constant": 0.0}, ValueError, "time_constant: expected a"),
+        (rc.remove_running_mean, [CUBE[0, 0], [0.0] * 8], {"time_constant": 1.0}, ValueError, r"cube: expected shape"),
+        (rc.noise_level, [-CUBE], {}, ValueError, "power: expected 0 or above"),
+        (rc.noise_level, [CUBE**2], {"num_looks": 0}, ValueError, "num_looks: expected at least 1"),
+        (receiver_noise, [None], {}, TypeError, "radar: expected Radar, got NoneType"),
+    ],
+)
+def test_silly_input_is_refused_by_name(
+    function: Any, arguments: Any, keywords: dict[str, Any], error: Any, message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        function(*arguments, **keywords)

@@ -1,0 +1,312 @@
+"""Detections: false alarms at the rate set, errors at the bound, covariances that hold, no sidelobes, all radars."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore.processing.cells import Coordinates
+from radarcore.processing.correlated_noise import correlation, independent_cells
+from radarcore.processing.tone_fit import axis_of, both_axes, tones
+from radarcore.processing.windows import window_weights
+from radarcore.units import SPEED_OF_LIGHT
+from reference import beat_signal_reference
+
+UP, DOWN = 1.0, -1.0
+
+
+def radar(direction: float = UP, *, num_channels: int = 1, real: bool = False, **changes: Any) -> rc.Radar:
+    """1 GHz in 32 us; bins of 0.15 m, and of 0.19 m/s with 32 chirps."""
+    settings: dict[str, Any] = {"num_samples": 64, "num_chirps": 32, "chirp_interval": 400e-6, "adc_delay": 5e-6}
+    wf = rc.Waveform.from_sweep(
+        start_frequency=60e9, stop_frequency=60e9 + direction * 1e9, sample_rate=2e6, **(settings | changes)
+    )
+    rx = [[0.0, 2.4e-3 * i, 0.0] for i in range(num_channels)]
+    return rc.Radar(wf, rx=rx, receiver=rc.Receiver(output="real") if real else None)
+
+
+def target(of: rc.Radar, distance: float, velocity: float, amplitude: float = 1.0) -> NDArray[Any]:
+    """Cube of a point in front that is at `distance` [m] in the middle of the frame."""
+    wf = of.waveform
+    start, rate = distance - velocity * wf.duration / 2.0, 2.0 * velocity / SPEED_OF_LIGHT
+    cube = amplitude * beat_signal_reference([2.0 * start / SPEED_OF_LIGHT], [1.0], wf, delay_rate=[rate])
+    cube = np.repeat(cube, of.num_channels, axis=0)
+    return cube.real if of.is_real else cube
+
+
+def noise(of: rc.Radar, rng: np.random.Generator) -> NDArray[Any]:
+    """White noise, of variance 1 per sample."""
+    shape = (of.num_channels, of.waveform.num_chirps, of.waveform.num_samples)
+    if of.is_real:
+        return rng.standard_normal(shape)
+    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
+
+
+def num_tested(of: rc.Radar) -> int:
+    """Cells that `detect` tests: all but two range bins next to the radar, and the last from real samples."""
+    wf = of.waveform
+    ranges = wf.num_samples // 2 + 1 - 3 if of.is_real else wf.num_samples - 4
+    return wf.num_chirps * ranges
+
+
+@pytest.mark.parametrize("method", ["ca", "os"])
+@pytest.mark.parametrize("remove_static", [False, True])
+@pytest.mark.parametrize(("num_channels", "real"), [(1, False), (3, True)])
+def test_noise_is_detected_as_often_as_set(num_channels: int, real: bool, remove_static: bool, method: str) -> None:
+    of = radar(num_channels=num_channels, real=real)
+    rng = np.random.default_rng(num_channels)
+    rate, num_frames = 3e-3, 100
+    options: dict[str, Any] = {"false_alarm_rate": rate, "method": method, "remove_static": remove_static}
+    found = sum(len(rc.detect(noise(of, rng), of, **options)) for _ in range(num_frames))
+    expected = rate * num_frames * num_tested(of)
+    # 10 %, what `detect` is measured to keep, and 4 standard deviations of the count (300 or more).
+    assert abs(found / expected - 1.0) <= 0.1 + 4.0 / np.sqrt(expected)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"num_chirps": 1}, {"chirp_times": [0.0, 1e-4, 3e-4, 4e-4]}], ids=["one", "uneven"]
+)
+def test_noise_of_profiles_is_detected_as_often_as_set(changes: dict[str, Any]) -> None:
+    of = radar(**({"num_chirps": 4, "num_samples": 128} | changes))
+    rng = np.random.default_rng(4)
+    found = sum(len(rc.detect(noise(of, rng), of, false_alarm_rate=5e-3)) for _ in range(500))
+    expected = 5e-3 * 500 * (128 - 4)
+    assert abs(found / expected - 1.0) <= 0.1 + 4.0 / np.sqrt(expected)
+
+
+@pytest.mark.parametrize("num_channels", [1, 3])
+def test_empty_noisy_scene_has_no_detections(num_channels: int) -> None:
+    of = radar(num_channels=num_channels, real=True, num_chirps=16)
+    rng = np.random.default_rng(5)
+    # 1e-9 for each of 480 cells: 5e-5 in 100 frames.
+    assert not any(len(rc.detect(noise(of, rng), of, false_alarm_rate=1e-9)) for _ in range(100))
+
+
+def least_variance(of: rc.Radar, snr: float) -> tuple[float, float]:
+    """Cramer-Rao bounds of range and velocity from all samples: a tone of unknown phase in each channel.
+
+    The variance of a frequency is ``6 / (snr N^2 (2 pi)^2)`` bins^2 times N^2 / (N^2 - 1), with the SNR of all samples
+    of all channels together.
+    """
+    wf = of.waveform
+    beat, doppler = (6.0 / (snr * (2.0 * np.pi) ** 2) * n**2 / (n**2 - 1.0) for n in (wf.num_samples, wf.num_chirps))
+    coupling = wf.velocity_resolution * wf.center_frequency / wf.slope
+    return beat * wf.range_resolution**2 + doppler * coupling**2, doppler * wf.velocity_resolution**2
+
+
+@pytest.mark.parametrize(("direction", "real"), [(UP, True), (DOWN, False)])
+@pytest.mark.parametrize("snr_db", [20.0, 40.0])
+def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, real: bool, snr_db: float) -> None:
+    of = radar(direction, num_channels=2, real=real)
+    wf = of.waveform
+    rng = np.random.default_rng(int(snr_db))
+    snr = 10.0 ** (
+        snr_db / 10.0
+    )  # of all samples of a channel: a real tone has half of the power, in half of the cells
+    amplitude = np.sqrt(snr * (4.0 if real else 1.0) / (wf.num_samples * wf.num_chirps))
+    errors, covariances, snr_in_cell = [], [], []
+    for _ in range(150):
+        distance, velocity = rng.uniform(1.0, 3.8), rng.uniform(-2.5, 2.5)
+        found = rc.detect(target(of, distance, velocity, amplitude) + noise(of, rng), of)
+        best = found[int(np.argmax(found.snr_db))]
+        errors.append([best.range[0] - distance, best.velocity[0] - velocity])
+        covariances.append(best.covariance[0, :2, :2])
+        snr_in_cell.append(best.snr_db[0])
+    errors_, covariances_ = np.array(errors), np.array(covariances)
+
+    # The bound of 9 cells of Hann windows is 1.26 to 1.34 times that of all samples; a mean square of 150 errors
+    # scatters by 12 %, its root by 6 %.
+    rms = np.sqrt(np.mean(errors_**2, axis=0))
+    bound = np.sqrt(least_variance(of, 2.0 * snr))
+    assert (rms <= 1.5 * bound * (1.0 + 4.0 * 0.06)).all()
+    assert (rms >= bound * (1.0 - 4.0 * 0.06)).all()
+    # Squares of errors over their covariance are chi-squared with 2 degrees of freedom: mean 2, variance 4.
+    squares = np.einsum("ni,nij,nj->n", errors_, np.linalg.inv(covariances_), errors_)
+    assert squares.mean() == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(150) + 0.1)
+    # In a cell the Hann windows lose 3.5 dB; the mean of the median of so many cells and of the fit is good to 0.3 dB.
+    assert np.mean(snr_in_cell) == pytest.approx(snr_db - 20.0 * np.log10(1.5), abs=0.3)
+
+
+def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
+    # All cells of a transform without a window are all samples: the information is the sum of squared phase slopes
+    # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of that of a tone of length 1.
+    both = both_axes(axis_of(np.ones(8), 8, -4), axis_of(np.ones(8), 8, -4))
+    *_, information = tones(np.array([[0.0, 0.1], [0.3, 0.0], [-0.5, 0.2]]), both)
+    np.testing.assert_allclose(information, np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0), rtol=1e-9)
+
+
+def test_noise_of_neighbouring_cells_is_correlated_as_the_window_says() -> None:
+    hann = window_weights("window", "hann", 32)
+    # Squared Hann weights are 3/8 - cos / 2 + cos 2 / 8: -2/3 and 1/6 of the mean beside it, nothing farther.
+    np.testing.assert_allclose(correlation(hann, np.arange(4)), [1.0, -2.0 / 3.0, 1.0 / 6.0, 0.0], atol=1e-12)
+    assert independent_cells(hann, None) == pytest.approx(32.0 / (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)))
+
+
+def test_slopes_of_the_coordinates_are_their_derivatives() -> None:
+    wf = radar(DOWN).waveform
+    coordinates = Coordinates(wf, 32.0, 16.0, has_velocity=True)
+    beat, doppler = -3e5, 200.0
+    steps = np.array([[1.0, 0.0], [0.0, 1.0]])
+    differences = [
+        (np.array(coordinates.at(beat + b, doppler + d)) - coordinates.at(beat - b, doppler - d)) / 2.0
+        for b, d in steps
+    ]
+    # The shift of the frequency by the target's delay is left out: 3e5 / 60e9 of the velocity, times the coupling.
+    np.testing.assert_allclose(np.transpose(differences), coordinates.slopes(), rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("window", ["hann", None, "hamming"])
+@pytest.mark.parametrize("level_db", [30.0, 60.0, 110.0])
+def test_sidelobes_of_a_strong_echo_are_not_reported(window: Any, level_db: float) -> None:
+    of = radar(num_channels=2)
+    rng = np.random.default_rng(6)
+    amplitude = np.sqrt(10.0 ** (level_db / 10.0) / (64 * 32))
+    options: dict[str, Any] = {"window": window, "doppler_window": window}
+    for _ in range(10):
+        cube = target(of, rng.uniform(1.0, 8.0), rng.uniform(-2.5, 2.5), amplitude) + noise(of, rng)
+        assert len(rc.detect(cube, of, **options)) == 1
+
+
+def test_weak_echoes_above_the_sidelobes_of_a_strong_one_are_found() -> None:
+    of = radar(num_channels=2)
+    rng = np.random.default_rng(7)
+    bin_, step = of.waveform.range_resolution, of.waveform.velocity_resolution
+    for _ in range(10):
+        # 40 dB below, six bins away: the sidelobes of the Hann window are 59 dB down there.
+        cube = target(of, 3.0, 0.3) + target(of, 3.0 + 6.3 * bin_, 0.3 + 2.0 * step, 0.01) + 1e-3 * noise(of, rng)
+        # The mean of the training cells has the strong one in it; the ordered statistic has not.
+        found = rc.detect(cube, of, method="os")
+        assert found.range == pytest.approx([3.0, 3.0 + 6.3 * bin_], abs=0.1 * bin_)
+        # 3.5 bins apart, equally strong: two echoes, not one.
+        cube = target(of, 3.0, 0.3) + target(of, 3.0 + 3.5 * bin_, 0.3) + 1e-2 * noise(of, rng)
+        assert len(rc.detect(cube, of, method="os")) == 2
+
+
+@pytest.mark.parametrize("real", [False, True])
+@pytest.mark.parametrize("direction", [UP, DOWN])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"num_chirps": 5}, {"num_chirps": 3}, {"num_samples": 12}, {"num_chirps": 200, "num_samples": 16}],
+    ids=str,
+)
+def test_target_is_where_it_is(real: bool, direction: float, changes: dict[str, Any]) -> None:
+    of = radar(direction, real=real, **changes)
+    wf = of.waveform
+    for velocity in (-0.8 * wf.max_velocity, 0.0, 0.999 * wf.max_velocity):  # the last between the highest and lowest
+        distance = 3.3 * wf.range_resolution
+        cube = target(of, distance, velocity) + 1e-2 * noise(of, np.random.default_rng(8))
+        best = rc.detect(cube, of)
+        assert len(best) == 1
+        assert abs(best.range[0] - distance) <= 0.05 * wf.range_resolution
+        off = (best.velocity[0] - velocity + wf.max_velocity) % (2.0 * wf.max_velocity) - wf.max_velocity
+        assert abs(off) <= 0.05 * wf.velocity_resolution
+
+
+@pytest.mark.parametrize("changes", [{"num_chirps": 1}, {"num_chirps": 2}, {"chirp_times": [0.0, 1e-4, 3e-4, 4e-4]}])
+def test_frames_without_a_velocity_have_ranges(changes: dict[str, Any]) -> None:
+    of = radar(num_channels=2, **({"num_chirps": 4} | changes))
+    found = rc.detect(target(of, 2.03, 0.0) + 0.05 * noise(of, np.random.default_rng(9)), of)
+    assert len(found) == 1
+    assert abs(found.range[0] - 2.03) <= 5.0 * np.sqrt(found.covariance[0, 0, 0])
+    assert np.isnan(found.velocity[0])
+    assert np.isnan(found.covariance[0, 1]).all()
+    assert abs(found.azimuth[0]) <= 5.0 * np.sqrt(found.covariance[0, 2, 2])  # in front
+
+
+def test_cw_radar_has_velocities_and_no_ranges() -> None:
+    wf = rc.Waveform(
+        start_frequency=24e9, slope=0.0, sample_rate=1e6, num_samples=32, num_chirps=64, chirp_interval=200e-6
+    )
+    of = rc.Radar(wf)
+    found = rc.detect(target(of, 20.0, 3.0) + 0.5 * noise(of, np.random.default_rng(10)), of)
+    assert abs(found.velocity[0] - 3.0) <= 5.0 * np.sqrt(found.covariance[0, 1, 1])
+    assert np.isnan([found.range[0], found.covariance[0, 0, 0], found.covariance[0, 0, 1]]).all()
+    with pytest.raises(ValueError, match=r"a CW radar .* measures no range"):
+        rc.detect(target(of, 20.0, 3.0), of, min_range=1.0)
+
+
+def test_simulated_point_is_found_with_its_direction_at_the_middle_of_the_frame() -> None:
+    of = rc.bgt60tr13c(num_chirps=32)
+    scene = rc.Scene([rc.PointTarget([0.7, 0.2, 0.1], rcs=0.1, velocity=[-0.6, 0.3, 0.0])])
+    frame = rc.Simulator(scene, of, resolution=8).frame(0.5)
+    assert frame.truth is not None
+    found = rc.detect(frame)
+    assert found.time == pytest.approx(0.5 + of.waveform.duration / 2.0)
+    best = found[int(np.argmax(found.snr_db))]
+    for name, scale in (("range", 0.02 * of.waveform.range_resolution), ("velocity", 0.02), ("azimuth", 0.02)):
+        assert abs(getattr(best, name)[0] - getattr(frame.truth, name)[0]) <= scale, name
+    same = rc.detect(frame.cube, of)
+    assert same.time == pytest.approx(of.waveform.duration / 2.0)
+    np.testing.assert_array_equal(same.range, found.range)
+
+
+def test_static_echoes_are_removed_and_moving_ones_stay() -> None:
+    of = radar(num_channels=2)
+    cube = 100.0 * target(of, 1.5, 0.0) + target(of, 3.0, 1.1) + 0.3 * noise(of, np.random.default_rng(11))
+    (velocity,) = rc.detect(cube, of, remove_static=True).velocity
+    assert velocity == pytest.approx(1.1, abs=0.01)
+    assert len(rc.detect(cube, of, method="os")) == 2
+
+
+def test_limits_of_range_and_the_first_bins() -> None:
+    of = radar()
+    cube = target(of, 1.5, 0.5) + target(of, 3.0, -1.0) + 0.1 * noise(of, np.random.default_rng(12))
+    assert rc.detect(cube, of).range == pytest.approx([1.5, 3.0], abs=0.01)
+    assert rc.detect(cube, of, min_range=2.0).range == pytest.approx([3.0], abs=0.01)
+    assert rc.detect(cube, of, max_range=2.0).range == pytest.approx([1.5], abs=0.01)
+    near = 100.0 * target(of, 0.1, 0.0) + 0.1 * noise(of, np.random.default_rng(13))  # what leaks
+    assert len(rc.detect(near, of)) == 0
+    assert len(rc.detect(near, of, min_range=0.0)) == 1
+
+
+@pytest.mark.parametrize("real", [False, True])
+@pytest.mark.parametrize("changes", [{"num_samples": 1}, {"num_samples": 2}, {"num_samples": 3, "num_chirps": 2}, {}])
+def test_silence_and_tiny_frames_have_no_detections(real: bool, changes: dict[str, Any]) -> None:
+    of = radar(real=real, **changes)
+    for cube in (0.0 * noise(of, np.random.default_rng(14)), noise(of, np.random.default_rng(15))):
+        for method in ("ca", "os"):
+            assert len(rc.detect(cube, of, method=method)) == 0
+            assert len(rc.detect(cube.astype(np.float32 if real else np.complex64), of, method=method)) == 0
+
+
+CUBE = np.zeros((1, 32, 64), np.complex64)
+
+
+@pytest.mark.parametrize(
+    ("cube", "keywords", "error", "message"),
+    [
+        (CUBE[0], {}, ValueError, r"cube: expected shape \(channel, chirp, sample\)"),
+        (np.zeros((2, 32, 64)), {}, ValueError, r"num_channels = 1, .*got \(2, 32, 64\)"),
+        (CUBE.real.astype(np.int16), {}, TypeError, "got int16"),
+        (
+            np.where(np.eye(32, 64), np.nan, CUBE),
+            {},
+            ValueError,
+            r"frame: expected finite samples, got 32 .* at \(0, 0, 0",
+        ),
+        (CUBE, {"radar": None}, TypeError, "radar: expected Radar with a cube"),
+        (CUBE, {"radar": radar().waveform}, TypeError, "radar: expected Radar with a cube .*got Waveform"),
+        (CUBE, {"false_alarm_rate": 0.0}, ValueError, "false_alarm_rate: expected a positive number"),
+        (CUBE, {"false_alarm_rate": 0.02}, ValueError, "false_alarm_rate: expected at most 0.01 per cell, got 0.02"),
+        (CUBE, {"method": "go"}, ValueError, "method: expected one of"),
+        (CUBE, {"guard": (1,)}, ValueError, r"guard: expected one number, or one per axis \(2\)"),
+        (CUBE, {"training": -1}, ValueError, "training: expected at least 0, got -1"),
+        (CUBE, {"training": 0}, ValueError, "training: expected at least one cell"),
+        (CUBE, {"window": "henn"}, ValueError, "window: expected a window"),
+        (CUBE, {"min_range": -1.0}, ValueError, "min_range: expected zero or a positive number"),
+        (CUBE, {"min_range": 2.0, "max_range": 1.0}, ValueError, "max_range: expected at least min_range = 2 m, got 1"),
+        (CUBE, {"dynamic_range_db": 0.0}, ValueError, "dynamic_range_db: expected a positive number"),
+    ],
+)
+def test_silly_input_is_refused_by_name(cube: Any, keywords: dict[str, Any], error: Any, message: str) -> None:
+    with pytest.raises(error, match=message):
+        rc.detect(cube, **({"radar": radar()} | keywords))
+
+
+def test_one_chirp_has_no_static_echo_to_remove() -> None:
+    with pytest.raises(ValueError, match="remove_static: expected at least two chirps"):
+        rc.detect(CUBE[:, :1], radar(num_chirps=1), remove_static=True)

@@ -1,0 +1,186 @@
+"""Directions of detections: against far targets on paper, the Cramer-Rao bound and its closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore.units import SPEED_OF_LIGHT
+
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=32, num_chirps=16, chirp_interval=60e-6
+)
+WAVELENGTH = WAVEFORM.wavelength
+RNG = np.random.default_rng(20)
+
+EXACT = 1e-6
+"""Error without noise [rad]: targets at 1e5 m have phases curved by 1e-7 turns over a few wavelengths, and the phases
+of 4e7 turns are rounded to 1e-8."""
+
+
+class Multiplexed(rc.Radar):
+    """A radar whose transmitters take turns, one chirp each."""
+
+    @property
+    def channel_offsets(self) -> NDArray[np.float64]:
+        return np.repeat(20e-6 * np.arange(len(self.tx)), len(self.rx))
+
+
+def row(number: int, spacing: float, axis: int = 1) -> NDArray[np.float64]:
+    """Positions along an axis; spacing in wavelengths."""
+    return WAVELENGTH * spacing * np.arange(number)[:, None] * np.eye(3)[axis]
+
+
+ONE = np.zeros((1, 3))
+ARRAYS = {
+    "pair": (ONE, row(2, 0.5), (True, False)),
+    "row of 3 x 4": (row(3, 2.0), row(4, 0.5), (True, False)),
+    "column": (ONE, row(4, 0.5, axis=2), (False, True)),
+    "plane of 3 x 4": (row(3, 0.5, axis=2), row(4, 0.5), (True, True)),
+    "L of 3": (ONE, WAVELENGTH * np.array([[0, 0, 0], [0, 0.5, 0], [0, 0, 0.5]]), (True, True)),
+    "bent plane": (row(3, 0.5, axis=2), WAVELENGTH * np.array([[0, 0, 0], [0.2, 0.5, 0], [0.1, 1, 0]]), (True, True)),
+    "oblique line": (ONE, WAVELENGTH * np.array([[0, 0, 0], [0, 0.5, 0.5], [0, 1, 1]]), (False, False)),
+    "along x": (ONE, row(3, 0.5, axis=0), (False, False)),
+    "single": (ONE, ONE, (False, False)),
+}
+
+
+def unit(azimuth: Any, elevation: Any) -> NDArray[np.float64]:
+    across = np.cos(elevation)
+    parts = (across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation))
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def echoes(radar: rc.Radar, azimuth: Any, elevation: Any, velocity: Any = 0.0) -> NDArray[np.complex128]:
+    """Cells (n, channel) of far targets, from their distances to every antenna."""
+    far = 1e5 * unit(azimuth, elevation)
+    lengths = [np.linalg.norm(far[:, None] - antennas, axis=-1) for antennas in (radar.tx, radar.rx)]
+    total = (lengths[0][:, :, None] + lengths[1][:, None, :]).reshape(len(far), -1)
+    total = total + 2.0 * np.multiply.outer(velocity * np.ones(len(far)), radar.channel_offsets)
+    return np.exp(2j * np.pi * WAVEFORM.center_frequency / SPEED_OF_LIGHT * total)
+
+
+def angles(told: tuple[bool, bool], largest: float = 1.2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return tuple(RNG.uniform(-largest, largest, 60) * is_told for is_told in told)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(("tx", "rx", "told"), ARRAYS.values(), ids=ARRAYS)
+def test_single_target_has_its_direction_or_nan_where_the_array_tells_none(
+    tx: Any, rx: Any, told: tuple[bool, bool]
+) -> None:
+    azimuth, elevation = angles(told, largest=1.0 if np.ptp(rx[:, 0]) > 0.0 else 1.2)
+    radar = rc.Radar(WAVEFORM, tx=tx, rx=rx)
+    found = rc.directions(echoes(radar, azimuth, elevation), radar)
+    assert len(found) == 60
+    for estimate, truth, is_told in zip((found.azimuth, found.elevation), (azimuth, elevation), told, strict=True):
+        if is_told:
+            np.testing.assert_allclose(estimate, truth, atol=4 * EXACT)  # angles by sines: 1 / cos(1.2) = 2.8
+        else:
+            assert np.isnan(estimate).all()
+    assert np.isnan(found.covariance).all()
+
+
+@pytest.mark.parametrize("spacing", [0.7, 1.0, 2.0])
+def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: float) -> None:
+    # Sines 1 / spacing apart give the same phases: those within half of it of the front come out as they are.
+    radar = rc.Radar(WAVEFORM, rx=row(6, spacing), tx=row(2, spacing, axis=2))
+    sines = RNG.uniform(-0.45, 0.45, (50, 2)) / spacing
+    for shift in ((0, 0), (1 / spacing, 0), (0, -1 / spacing), (1 / spacing, 1 / spacing)):
+        shifted = sines + shift
+        visible = np.linalg.norm(shifted, axis=1) < 0.9
+        if not visible.any():
+            continue
+        el = np.arcsin(shifted[visible, 1])
+        az = np.arcsin(shifted[visible, 0] / np.cos(el))
+        found = rc.directions(echoes(radar, az, el), radar)
+        np.testing.assert_allclose(np.sin(found.elevation), sines[visible, 1], atol=EXACT)
+        np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(found.elevation), sines[visible, 0], atol=EXACT)
+
+
+def test_target_beyond_the_horizon_of_a_dense_array_is_put_at_the_horizon() -> None:
+    radar = rc.Radar(WAVEFORM, rx=row(4, 0.4))
+    phases = np.exp(-2j * np.pi * 1.1 * 0.4 * np.arange(4))  # of a sine of 1.1, as noise may give
+    assert rc.directions([phases], radar).azimuth == pytest.approx(np.pi / 2)
+
+
+def test_movement_between_the_turns_of_transmitters_is_taken_off() -> None:
+    radar = Multiplexed(WAVEFORM, tx=row(3, 2.0), rx=row(4, 0.5))
+    azimuth = np.deg2rad([-40.0, 0.0, 25.0])
+    snapshots = echoes(radar, azimuth, 0.0, velocity=8.0)
+    np.testing.assert_allclose(rc.directions(snapshots, radar, velocity=np.full(3, 8.0)).azimuth, azimuth, atol=EXACT)
+    # 8 m/s turns the next transmitter's channels by 2 pi 2 v dt / wavelength = 0.40 rad: in the sine by as much as
+    # 0.40 / (2 pi 2) = 1.8 degrees at the front, where the blocks of four hold the estimate only weakly.
+    without = rc.directions(snapshots, radar).azimuth
+    assert (np.abs(without - azimuth) > np.deg2rad(1.5)).all()
+    nothing = rc.directions(snapshots, radar, velocity=[np.nan] * 3).azimuth
+    np.testing.assert_array_equal(nothing, without)
+
+
+def test_phases_of_channels_are_taken_off() -> None:
+    radar = rc.Radar(WAVEFORM, rx=row(4, 0.5), tx=row(2, 0.5, axis=2))
+    azimuth, elevation = angles((True, True))
+    phase = RNG.uniform(-3.0, 3.0, 8)
+    found = rc.directions(echoes(radar, azimuth, elevation) * np.exp(1j * phase), radar, channel_phase=phase)
+    np.testing.assert_allclose(found.azimuth, azimuth, atol=4 * EXACT)
+    np.testing.assert_allclose(found.elevation, elevation, atol=4 * EXACT)
+
+
+def test_scale_and_phase_of_a_cell_do_not_matter_and_cells_without_a_wave_are_nan() -> None:
+    radar = rc.Radar(WAVEFORM, rx=row(4, 0.5))
+    snapshots = echoes(radar, np.full(6, 0.3), 0.0) * np.array([[1e-150], [1e150j], [0.0], [np.nan], [np.inf], [-2.0]])
+    found = rc.directions(snapshots, radar, snr_db=np.full(6, 20.0))
+    is_nan = [False, False, True, True, True, False]
+    np.testing.assert_allclose(found.azimuth, np.where(is_nan, np.nan, 0.3), atol=EXACT)
+    assert (np.isnan(found.covariance[:, 0, 0]) == is_nan).all()
+    assert len(rc.directions(np.empty((0, 4)), radar)) == 0
+
+
+@pytest.mark.parametrize("number", [2, 8])
+@pytest.mark.parametrize("azimuth", [0.0, 0.8])
+def test_variance_of_a_row_is_its_closed_form(number: int, azimuth: float) -> None:
+    # 1 / (2 snr (2 pi d / wavelength)^2 cos^2 S), where S = N (N^2 - 1) / 12 sums the squared places about their mean.
+    radar = rc.Radar(WAVEFORM, rx=row(number, 0.5))
+    found = rc.directions(echoes(radar, [azimuth], 0.0), radar, snr_db=[13.0])
+    expected = 6.0 / (10**1.3 * number * (number**2 - 1) * np.pi**2 * np.cos(azimuth) ** 2)
+    assert found.covariance[0, 0, 0] == pytest.approx(expected, rel=1e-4)  # the azimuth is good to EXACT
+    assert np.isnan(found.covariance[0, [0, 1, 1], [1, 0, 1]]).all()
+
+
+@pytest.mark.parametrize("name", ["row of 3 x 4", "column", "plane of 3 x 4", "bent plane"])
+def test_spread_of_estimates_in_noise_is_their_covariance(name: str) -> None:
+    tx, rx, told = ARRAYS[name]
+    radar = rc.Radar(WAVEFORM, tx=tx, rx=rx)
+    number = 3000
+    truth = np.array([0.5, -0.3]) * told
+    waves = np.repeat(echoes(radar, truth[:1], truth[1:]), number, axis=0)
+    noise = RNG.standard_normal((*waves.shape, 2)) @ [1.0, 1.0j] * np.sqrt(0.5 * 10**-2.5)
+    found = rc.directions(waves + noise, radar, snr_db=np.full(number, 25.0))
+    errors = (np.stack([found.azimuth, found.elevation], axis=1) - truth)[:, told]
+    bound = found.covariance.mean(axis=0)[np.ix_(told, told)]
+    # Whitened by the bound, the errors have unit variance, to 4 sigma of 3000 draws, sqrt(2 / 3000) each.
+    whitened = np.linalg.solve(np.linalg.cholesky(bound), errors.T)
+    np.testing.assert_allclose(whitened @ whitened.T / number, np.eye(sum(told)), atol=4 * np.sqrt(2 / number))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
+        ({"snapshots": np.ones((3, 5))}, ValueError, r"snapshots: expected shape \(n, 4\), got \(3, 5\)"),
+        ({"snapshots": np.ones(4)}, ValueError, r"snapshots: expected shape \(n, 4\), got \(4,\)"),
+        ({"snapshots": "cells"}, TypeError, r"snapshots: expected numbers \(n, 4\), got str"),
+        ({"velocity": [1.0]}, ValueError, r"velocity: expected shape \(3,\), got \(1,\)"),
+        ({"velocity": "fast"}, TypeError, "velocity: expected numbers"),
+        ({"snr_db": 10.0}, ValueError, r"snr_db: expected shape \(3,\), got \(\)"),
+        ({"channel_phase": [0.0]}, ValueError, r"channel_phase: expected shape \(4,\), got \(1,\)"),
+        ({"channel_phase": [0.0, 0.0, 0.0, np.nan]}, ValueError, "channel_phase: expected finite numbers"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(changes: dict[str, Any], error: type[Exception], message: str) -> None:
+    given = {"snapshots": np.ones((3, 4)), "radar": rc.Radar(WAVEFORM, rx=row(4, 0.5))} | changes
+    with pytest.raises(error, match=message):
+        rc.directions(given.pop("snapshots"), given.pop("radar"), **given)

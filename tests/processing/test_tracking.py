@@ -1,0 +1,531 @@
+"""Tracker: births and deaths, identities, gaps, false tracks and consistency, of synthetic detections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radarcore.processing.assignment import assign, gate_limits
+from radarcore.processing.clustering import periods_of, wrapped
+from radarcore.processing.kalman import predict, update, white_acceleration
+from radarcore.processing.point_cloud import Detections
+from radarcore.processing.state_space import begin, expect
+from radarcore.processing.tracker_settings import TrackerSettings
+from radarcore.processing.tracking import Tracker, track
+from radarcore.processing.tracks import Track, Tracks, assign_to_truth
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+
+NAN = np.nan
+RATE = 40.0
+ERRORS = np.array([0.02, 0.1, 0.03, 0.03])
+"""Standard deviations of synthetic range [m], velocity [m/s], azimuth and elevation [rad]."""
+
+POINTS: dict[str, Any] = {"extent": 0.0, "velocity_extent": 0.0, "cluster_distance": None, "cluster_velocity": None}
+"""Settings for targets that are points, of one detection each."""
+
+
+def detections(values: Any, time: float, errors: Any = ERRORS) -> Detections:
+    """Detections of (target, 2 to 4) values with their errors; no detection of a row whose range is NaN."""
+    values = np.reshape(np.asarray(values, dtype=np.float64), (-1, np.shape(values)[-1]))
+    values = values[~np.isnan(values[:, 0])]
+    told = values.shape[1]
+    padded = np.full((len(values), 4), NAN)
+    padded[:, :told] = values
+    covariance = np.full((len(values), 4, 4), NAN)
+    covariance[:, :told, :told] = np.diag(np.square(errors[:told]))
+    return Detections(*padded.T, np.full(len(values), 20.0), covariance, time)
+
+
+def stream(values: Any, *, noise: bool = True, seed: int = 0, times: Any = None) -> list[Detections]:
+    """Frames of (frame, target, coordinate) values, with errors, at 40 Hz."""
+    values = np.asarray(values, dtype=np.float64)
+    if noise:
+        values = values + ERRORS[: values.shape[2]] * np.random.default_rng(seed).standard_normal(values.shape)
+    times = np.arange(len(values)) / RATE if times is None else times
+    return [detections(rows, time) for rows, time in zip(values, times, strict=True)]
+
+
+def moving(start: float, velocity: float, number: int) -> NDArray[np.float64]:
+    """Range and velocity of a target over frames, (frame, 2)."""
+    return np.stack([start + velocity * np.arange(number) / RATE, np.full(number, velocity)], axis=1)
+
+
+def frames_of(tracks: Iterable[Track]) -> list[tuple[int, int]]:
+    return [(int(one.frame[0]), int(one.frame[-1])) for one in tracks]
+
+
+def test_target_is_tracked_from_its_first_to_its_last_detection() -> None:
+    values = moving(2.0, 0.5, 60)[:, None]
+    values[:10] = values[30:] = NAN
+    tracks = track(stream(values, noise=False), max_missed=4, **POINTS)
+    assert frames_of(tracks) == [(10, 29)]
+    (one,) = tracks
+    assert one.is_confirmed.tolist() == [False, False] + [True] * 18
+    assert one.is_detected.all()
+    np.testing.assert_allclose(one.range, values[10:30, 0, 0], atol=1e-12)  # no noise: the model holds exactly
+    np.testing.assert_allclose(one.velocity, 0.5, atol=1e-12)
+    np.testing.assert_allclose(one.time, np.arange(10, 30) / RATE)
+
+
+def test_tracks_of_a_stream_begin_and_end_at_the_frames_that_are_set() -> None:
+    values = moving(2.0, 0.5, 60)[:, None]
+    values[:10] = values[30:] = NAN
+    tracker = Tracker(max_missed=4, confirm_hits=3, confirm_frames=5, **POINTS)
+    states = [tracker.update(frame) for frame in stream(values)]
+    assert [k for k, some in enumerate(states) if some] == list(range(10, 34))  # the fifth miss in a row ends it
+    assert [k for k, some in enumerate(states) if some and some[0].is_confirmed] == list(range(12, 34))
+    assert [some[0].is_detected for some in states[28:34]] == [True, True, False, False, False, False]
+    assert states[33][0].num_hits == 20
+    # Predictions without detections are less and less certain.
+    assert (np.diff([some[0].covariance[0, 0] for some in states[29:34]]) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("hits", "confirmed"), [([1, 1, 1, 0, 0], True), ([1, 0, 1, 0, 1], True), ([1, 0, 0, 1, 0, 1], False), ([1], False)]
+)
+def test_three_detections_within_five_frames_confirm(hits: list[int], confirmed: bool) -> None:
+    values = moving(2.0, 0.0, 20)[:, None]
+    seen = np.zeros(20, dtype=bool)
+    seen[4 : 4 + len(hits)] = hits
+    values[~seen] = NAN
+    frames = stream(values, noise=False)
+    assert len(track(frames, confirm_hits=3, confirm_frames=5, **POINTS)) == int(confirmed)
+    tracker = Tracker(confirm_hits=3, confirm_frames=5, **POINTS)
+    lives = [bool(tracker.update(frame)) for frame in frames]
+    if hits == [1]:  # after three misses two detections are left at most
+        assert lives == [4 <= k < 7 for k in range(20)]
+
+
+def test_one_detection_is_enough_where_one_is_asked_for() -> None:
+    values = moving(2.0, 0.0, 3)[:, None]
+    values[1:] = NAN
+    (one,) = track(stream(values), confirm_hits=1, confirm_frames=1, **POINTS)
+    assert one.is_confirmed.tolist() == [True]
+
+
+@pytest.mark.parametrize(("max_missed", "spans"), [(10, [(0, 59)]), (9, [(0, 24), (35, 59)])])
+def test_gap_of_ten_frames_is_bridged_or_ends_the_track(max_missed: int, spans: list[tuple[int, int]]) -> None:
+    values = moving(2.0, 0.8, 60)[:, None]
+    values[25:35] = NAN
+    tracks = track(stream(values), max_missed=max_missed, **POINTS)
+    assert frames_of(tracks) == spans
+    assert tracks[0].longest_gap == (10 if max_missed == 10 else 0)
+    assert tracks[0].num_hits == (50 if max_missed == 10 else 25)
+
+
+@pytest.mark.parametrize(("max_gap", "number"), [(None, 1), (0.3, 1), (0.25, 2)])
+def test_lost_frames_are_bridged_for_a_time(max_gap: float | None, number: int) -> None:
+    """Ten frames never come: 275 ms between detections, no frame without one."""
+    values = np.delete(moving(2.0, 0.8, 60), slice(25, 35), axis=0)[:, None]
+    times = np.delete(np.arange(60), slice(25, 35)) / RATE
+    tracks = track(stream(values, times=times), max_missed=3, max_gap=max_gap, **POINTS)
+    assert len(tracks) == number
+    assert all(one.is_detected.all() for one in tracks)
+    assert tracks[-1].time[-1] == times[-1]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_crossing_targets_keep_their_identity(seed: int) -> None:
+    """They meet at 3 m in the middle, 2 m/s apart; the detections are in order of range, not of target."""
+    number = 160
+    values = np.stack([moving(1.0, 1.0, number), moving(5.0, -1.0, number)], axis=1)
+    values += ERRORS[:2] * np.random.default_rng(seed).standard_normal(values.shape)
+    values = np.take_along_axis(values, np.argsort(values[:, :, :1], axis=1), axis=1)
+    tracks = track(stream(values, noise=False), **POINTS)
+    assert frames_of(tracks) == [(0, number - 1)] * 2
+    signs = [np.sign(one.velocity) for one in tracks]
+    np.testing.assert_array_equal(np.abs(np.sum(signs, axis=1)), number)  # each keeps its own
+    for one in tracks:
+        assert abs(one.range[-1] - (5.0 if one.velocity[-1] > 0.0 else 1.0)) < 0.1
+
+
+def test_late_target_gets_a_track_of_its_own() -> None:
+    values = np.stack([moving(2.0, 0.0, 80), moving(4.0, -0.5, 80)], axis=1)
+    values[:50, 1] = NAN
+    tracks = track(stream(values), **POINTS)
+    assert frames_of(tracks) == [(0, 79), (50, 79)]
+    assert [one.id for one in tracks] == [0, 1]
+    assert len(tracks.at(49)) == 1
+    assert [state.id for state in tracks.at(50)] == [0, 1]
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_targets_at_one_range_are_told_apart_by_their_angles(dimensions: int) -> None:
+    """Both at 3 m and at rest, 30 degrees apart: in azimuth, or in elevation."""
+    first, second = np.deg2rad([-15.0, 15.0])
+    rows = {
+        2: [[3.0, 0.0, first], [3.0, 0.0, second]],
+        3: [[3.0, 0.0, 0.0, first], [3.0, 0.0, 0.0, second]],
+    }[dimensions]
+    tracks = track(stream(np.broadcast_to(rows, (60, 2, dimensions + 1))))
+    assert frames_of(tracks) == [(0, 59)] * 2
+    for one in tracks:
+        angle = one.azimuth if dimensions == 2 else one.elevation
+        assert abs(abs(angle[-1]) - second) < 0.03  # the error of one detection
+        assert np.ptp(np.sign(angle)) == 0.0
+    # Without angles they are one.
+    assert len(track(stream(np.broadcast_to([[3.0, 0.0]] * 2, (60, 2, 2))))) == 1
+
+
+def test_target_that_passes_by_is_tracked_in_the_plane() -> None:
+    """Along y at x = 2 m, 1 m/s: the range rate goes through zero, the velocity stays."""
+    times = np.arange(160) / RATE
+    place = np.stack([np.full(160, 2.0), -2.0 + times], axis=1)
+    distance = np.hypot(*place.T)
+    values = np.stack([distance, place[:, 1] / distance, np.arctan2(*place.T[::-1])], axis=1)[:, None]
+    (one,) = track(stream(values), acceleration_density=0.1, **POINTS)
+    assert (np.linalg.norm(one.position[20:, :2] - place[20:], axis=1) < 0.15).all()  # 0.03 rad at 2.8 m, twice
+    assert (np.abs(one.motion[40:] - [0.0, 1.0, 0.0]) < 0.4).all()
+    assert (one.position[:, 2] == 0.0).all()
+    assert np.isnan(one.elevation).all()
+
+
+def test_angles_are_tracked_around_the_back() -> None:
+    """Around the sensor at 2 m: azimuth goes from pi to -pi on the way."""
+    times = np.arange(240) / RATE
+    angle = wrapped(2.0 + 0.5 * times, np.array(2.0 * np.pi))
+    values = np.stack([np.full(240, 2.0), np.zeros(240), angle], axis=1)[:, None]
+    (one,) = track(stream(values), **POINTS)
+    assert one.is_detected.all()
+    assert (np.abs(wrapped(one.azimuth - angle, np.array(2.0 * np.pi))) < 0.12).all()  # four errors of a detection
+
+
+def test_velocity_is_unwrapped_to_the_one_that_is_expected() -> None:
+    """A target at 3 m/s before a radar that knows velocities modulo 4 m/s: it measures -1."""
+    values = moving(2.0, 3.0, 80)
+    values[:, 1] = wrapped(values[:, 1], np.array(4.0))
+    assert (values[:, 1] == -1.0).all()
+    (fast,) = track(stream(values[:, None]), max_velocity=2.0, max_speed=4.0, **POINTS)
+    assert abs(fast.velocity[-1] - 3.0) < 0.4  # four errors of a detection
+    assert fast.is_detected.all()
+    # One that speeds up slowly is followed through the end of the axis, from a known period on.
+    speed = np.linspace(0.0, 3.0, 240)
+    distance = 2.0 + np.cumsum(speed) / RATE
+    values = np.stack([distance, wrapped(speed, np.array(4.0))], axis=1)[:, None]
+    (rising,) = track(stream(values), max_velocity=2.0, **POINTS)
+    assert np.abs(rising.velocity - speed).max() < 0.4  # four errors of a detection
+
+
+def test_no_track_begins_faster_than_targets_are() -> None:
+    values = moving(2.0, 2.5, 40)[:, None]
+    assert len(track(stream(values), max_speed=2.0, **POINTS)) == 0
+    assert len(track(stream(values), max_speed=3.0, **POINTS)) == 1
+
+
+def test_ranges_alone_are_enough() -> None:
+    """A single chirp tells no velocity: it follows from the ranges."""
+    values = moving(2.0, 0.7, 120)[:, None]
+    values[:, :, 1] = NAN
+    (one,) = track(stream(values), acceleration_density=0.05, **POINTS)
+    assert abs(one.velocity[-1] - 0.7) < 0.2
+    assert one.deviation[-1, 1] < 0.1
+
+
+def test_detections_that_lack_a_coordinate_continue_a_track_but_begin_none() -> None:
+    rows = np.broadcast_to([[3.0, 0.0, 0.2]], (40, 1, 3)).copy()
+    rows[20:, :, 2] = NAN
+    tracks = track(stream(rows), **POINTS)
+    assert frames_of(tracks) == [(0, 39)]
+    assert tracks[0].is_detected.all()
+    rows[:] = [3.0, 0.0, NAN]
+    assert len(track(stream(rows), num_dimensions=2, **POINTS)) == 0
+    assert len(track(stream(rows), **POINTS)) == 1  # range alone, then
+
+
+def test_person_of_many_detections_is_one_track() -> None:
+    """Twelve detections within 0.2 m and 0.5 m/s: one cluster, whose spread makes its centroid less certain."""
+    rng = np.random.default_rng(5)
+    parts = rng.uniform(-1.0, 1.0, (100, 12, 2)) * [0.1, 0.4]
+    values = moving(2.0, 0.6, 100)[:, None] + parts
+    tracks = track(stream(values), cluster_distance=0.3)
+    assert frames_of(tracks) == [(0, 99)]
+    assert np.abs(tracks[0].range - moving(2.0, 0.6, 100)[:, 0]).max() < 0.07  # four errors of a mean of 12
+    assert len(track(stream(values), cluster_distance=None, cluster_velocity=None)) > 4
+
+
+def test_assignment_is_the_best_of_all_not_the_nearest_first() -> None:
+    """Tracks at 0 and 1, detections at 0.9 and 2.2: nearest first would leave 0 with 2.2, at 4.84 of 6.25 squared."""
+    innovation = (np.array([[0.9, 2.2]]) - np.array([[0.0], [1.0]]))[:, :, None]
+    half = np.full((2, 1, 1), 0.5)
+    tracks, found = assign(innovation, half, half, 0.99)
+    assert list(zip(tracks.tolist(), found.tolist(), strict=True)) == [(0, 0), (1, 1)]
+
+
+def test_nothing_is_assigned_beyond_the_gate() -> None:
+    """Variance 1 in each of two coordinates: the gate of 99 % is a circle of radius sqrt(-2 ln 0.01)."""
+    radius = np.sqrt(-2.0 * np.log(0.01))
+    assert gate_limits(0.99)[2] == pytest.approx(radius**2)
+    half = np.full((1, 1, 1), 0.5) * np.eye(2)
+    for scale, number in ((0.999, 1), (1.001, 0)):
+        innovation = scale * radius * np.array([[[np.sqrt(0.5), np.sqrt(0.5)]]])
+        assert len(assign(innovation, half, half, 0.99)[0]) == number
+    # What was not measured at all belongs to nobody.
+    assert len(assign(np.full((1, 1, 2), NAN), half, half, 0.99)[0]) == 0
+
+
+def test_well_known_track_keeps_its_detection_from_one_that_is_hardly_known() -> None:
+    """A detection 1 sigma from a track of variance 1, and at 0.5 sigma of one of variance 100 (log determinant 4.6)."""
+    innovation = np.array([[[1.0]], [[5.0]]])
+    tracks, _ = assign(innovation, np.array([[[0.5]], [[99.5]]]), np.full((1, 1, 1), 0.5), 0.99)
+    assert tracks.tolist() == [0]
+
+
+def test_clutter_confirms_no_more_tracks_than_predicted() -> None:
+    """Three false detections a frame, even in 10 m and 6 m/s: every one may begin a track, which is confirmed by two
+    more in its gate within four frames. The number in a gate of volume V is Poisson's, of mean density x V; the gate
+    is largest after four frames without one."""
+    rng = np.random.default_rng(1)
+    interval, settings = 0.1, {"acceleration_density": 0.3, "gate": 0.99}
+    tracker = Tracker(**settings, **POINTS, max_speed=4.0, confirm_hits=3, confirm_frames=5, max_missed=0)
+    confirmed: set[int] = set()
+    for frame in range(2500):
+        number = rng.poisson(3.0)
+        values = np.stack([rng.uniform(0.5, 10.5, number), rng.uniform(-3.0, 3.0, number)], axis=1)
+        states = tracker.update(detections(values, interval * frame))
+        confirmed |= {state.id for state in states if state.is_confirmed}
+
+    noise = np.diag(np.square(ERRORS[:2]))
+    volumes = []
+    for misses in range(1, 5):
+        transition, disturbance = white_acceleration(misses * interval, settings["acceleration_density"], 1)
+        spread = transition @ noise @ transition.T + disturbance + noise
+        volumes.append(np.pi * gate_limits(settings["gate"])[2] * np.sqrt(np.linalg.det(spread)))
+    at_most, at_least = (1.0 - np.exp(-3.0 / 60.0 * volumes[k]) for k in (-1, 0))
+
+    def chance(hit: float) -> float:
+        """Of two or more hits in four frames."""
+        return float(1.0 - (1.0 - hit) ** 4 - 4.0 * hit * (1.0 - hit) ** 3)
+
+    predicted = tracker.num_begun * chance(at_most)
+    assert len(confirmed) <= predicted + 4.0 * np.sqrt(predicted)
+    assert len(confirmed) >= 0.1 * tracker.num_begun * chance(at_least)  # and the prediction is not idle
+
+
+def chi_square_bounds(degrees: int) -> tuple[float, float]:
+    """4.5 standard deviations about the mean of chi-square with many degrees of freedom."""
+    return degrees - 4.5 * np.sqrt(2.0 * degrees), degrees + 4.5 * np.sqrt(2.0 * degrees)
+
+
+def test_errors_of_tracks_are_those_that_their_covariance_says() -> None:
+    """NEES of 40 targets with white acceleration, at uneven times: chi-square with 2 degrees of freedom each."""
+    rng = np.random.default_rng(3)
+    density, number = 0.5, 40
+    times = np.cumsum(rng.uniform(0.02, 0.1, 120))
+    # A first state whose errors are those of a first detection, as a Bayesian filter asks for.
+    state = np.stack([10.0 * np.arange(1, number + 1), rng.uniform(-1.0, 1.0, number)], axis=1)
+    truth, frames, last = [], [], times[0]
+    for time in times:
+        transition, noise = white_acceleration(time - last, density, 1)
+        state = state @ transition.T + rng.multivariate_normal([0.0, 0.0], noise, number, check_valid="ignore")
+        truth.append(state)
+        frames.append(detections(state + ERRORS[:2] * rng.standard_normal((number, 2)), time))
+        last = time
+    tracks = track(frames, acceleration_density=density, gate=1.0 - 1e-9, **POINTS, max_speed=20.0)
+    assert frames_of(tracks) == [(0, 119)] * number
+    errors = np.array([one.state for one in tracks]) - np.array(truth).transpose(1, 0, 2)
+    inverse = np.linalg.inv([one.state_covariance for one in tracks])
+    squares = np.einsum("tfi,tfij,tfj->tf", errors, inverse, errors)
+    # The targets are independent, the frames of one are not: each frame by itself.
+    low, high = chi_square_bounds(2 * number)
+    assert ((squares.sum(axis=0) > low) & (squares.sum(axis=0) < high)).all()
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions: int) -> None:
+    """NIS and NEES of 500 targets about 3 m ahead: chi-square, with the second order of the range rate."""
+    rng = np.random.default_rng(4)
+    number, told, density, interval = 500, dimensions + 1, 0.3, 0.1
+    errors = ERRORS[:told]
+    noise = np.broadcast_to(np.diag(np.square(errors)), (number, told, told))
+    place = np.array([3.0, 0.0, 0.0])[:dimensions] + rng.uniform(-0.7, 0.7, (number, dimensions))
+    truth = np.concatenate([place, rng.standard_normal((number, dimensions))], axis=1)  # speeds as the prior has them
+    measured = expect(truth, np.zeros((number, 2 * dimensions, 2 * dimensions))).value
+    state, covariance = begin(measured + errors * rng.standard_normal(measured.shape), noise, 1.0)
+    transition, disturbance = white_acceleration(interval, density, dimensions)
+    for step in range(12):
+        truth = truth @ transition.T + rng.multivariate_normal(np.zeros(2 * dimensions), disturbance, number)
+        state, covariance = predict(state, covariance, transition, disturbance)
+        expected = expect(state, covariance)
+        exact = expect(truth, np.zeros_like(covariance)).value
+        innovation = wrapped(
+            exact + errors * rng.standard_normal(exact.shape) - expected.value,
+            periods_of(None)[:told],
+        )
+        total = expected.covariance + expected.curvature + noise
+        squares = np.einsum("ni,nij,nj->n", innovation, np.linalg.inv(total), innovation)
+        state, covariance = update(state, covariance, innovation, expected.jacobian, noise + expected.curvature)
+        wrong = state - truth
+        nees = np.einsum("ni,nij,nj->n", wrong, np.linalg.inv(covariance), wrong)
+        for found, degrees in ((squares, told * number), (nees, 2 * dimensions * number)):
+            low, high = chi_square_bounds(degrees)
+            # Errors of angles of 0.03 rad leave 2 % to the orders beyond the second.
+            assert 0.98 * low < found.sum() < 1.02 * high, (step, found.sum() / degrees)
+
+
+def test_stream_and_recording_give_the_same_tracks() -> None:
+    frames = stream(np.stack([moving(2.0, 0.3, 40), moving(4.0, -0.3, 40)], axis=1))
+    tracks = track(iter(frames), **POINTS)
+    tracker = Tracker(**POINTS)
+    for index, frame in enumerate(frames):
+        for live, kept in zip(tracker.update(frame), tracks.at(index), strict=True):
+            assert (live.id, live.time, live.range, live.num_hits) == (kept.id, kept.time, kept.range, kept.num_hits)
+            np.testing.assert_array_equal(live.covariance, kept.covariance)
+            np.testing.assert_array_equal(live.position, kept.position)
+
+
+def recording(number: int, truth: Truth | None = None) -> Recording:
+    radar = bgt60tr13c(num_samples=16, num_chirps=4)
+    return Recording(np.zeros((number, 3, 4, 16), np.float32), np.arange(number) / RATE, radar, truth)
+
+
+def test_recording_is_tracked_by_a_detector_of_its_frames() -> None:
+    """Velocities are then known modulo those of the waveform, unless something else is set."""
+    rec = recording(30)
+    limit = rec.radar.waveform.max_velocity
+
+    def detector(frame: Frame) -> Detections:
+        fast = wrapped(np.array(1.2 * limit), np.array(2.0 * limit))
+        return detections([[2.0 + 1.2 * limit * frame.time, float(fast)]], frame.time)
+
+    (one,) = track(rec, detector=detector, max_speed=2.0 * limit, **POINTS)
+    assert abs(one.velocity[-1] - 1.2 * limit) < 0.1
+    assert len(track(rec.frames(), detector=detector, max_speed=2.0 * limit, **POINTS)) == 1
+    # Taken as they are, they contradict the ranges.
+    assert len(track(rec, detector=detector, max_velocity=None, max_speed=2.0 * limit, **POINTS)) == 0
+
+
+def test_tracks_are_assigned_to_the_bodies_that_they_follow() -> None:
+    number = 40
+    values = np.stack([moving(2.0, 0.3, number), moving(4.0, -0.3, number), moving(7.0, 0.0, number)], axis=1)
+    tracks = track(stream(values, seed=6), **POINTS)
+    none = np.full((number, 3), NAN)
+    rows = np.stack([values[:, 1, 0], values[:, 0, 0], none[:, 0]], axis=1)
+    truth = Truth(("far", "near", "hidden"), rows, none, none, none)
+    assert assign_to_truth(tracks, truth) == {0: "near", 1: "far", 2: None}
+    assert assign_to_truth(tracks, truth, max_distance=9.0)[2] == "far"
+
+
+def test_tracks_with_angles_are_assigned_by_their_place() -> None:
+    left, right = 0.4, -0.4
+    tracks = track(stream(np.broadcast_to([[3.0, 0.0, left], [3.0, 0.0, right]], (30, 2, 3))))
+    shape = (30, 2)
+    angles = np.broadcast_to([right, left], shape)
+    truth = Truth(("right", "left"), np.full(shape, 3.0), np.zeros(shape), angles, np.zeros(shape))
+    named = assign_to_truth(tracks, truth)
+    assert {named[one.id]: bool(one.azimuth[-1] > 0.0) for one in tracks} == {"left": True, "right": False}
+
+
+def test_tracks_are_a_sequence_with_states_by_frame() -> None:
+    tracks = track(stream(moving(2.0, 0.3, 20)[:, None]), **POINTS)
+    assert isinstance(tracks, Tracks)
+    assert len(tracks) == len(tracks[:5]) == 1
+    assert tracks[0] is tracks[-1] is next(iter(tracks))
+    assert repr(tracks) == "Tracks(20 frames; 0: frames 0 to 19)"
+    (state,) = tracks.at(-1)
+    assert state.time == tracks.time[-1]
+    assert state.range == tracks[0].range[-1]
+    assert state.velocity == tracks[0].velocity[-1]
+    assert np.isnan([state.azimuth, state.elevation, *state.position, *state.motion]).all()
+    assert len(tracks[0]) == 20
+    with pytest.raises(ValueError, match="frame: expected an index below 20, got 20"):
+        tracks.at(20)
+
+
+def test_nothing_to_track_is_no_tracks() -> None:
+    assert len(track([])) == 0
+    assert repr(track([])) == "Tracks(0 frames; no tracks)"
+    assert len(track(recording(0), detector=lambda frame: detections([[1.0, 0.0]], frame.time))) == 0
+    empty = track([detections(np.zeros((0, 2)), time) for time in (0.0, 1.0)])
+    assert len(empty) == 0
+    assert empty.at(1) == []
+
+
+def test_detections_that_are_refused_leave_the_tracks_as_they_were() -> None:
+    frames = stream(moving(2.0, 0.3, 20)[:, None])
+    spoiled, whole = Tracker(**POINTS), Tracker(**POINTS)
+    for frame in frames[:10]:
+        spoiled.update(frame)
+        whole.update(frame)
+    with pytest.raises(ValueError, match=r"detections: expected those of a later time than 0\.225 s, got 0\.2 s"):
+        spoiled.update(frames[8])
+    with pytest.raises(ValueError, match="detections: expected finite variances from 0 on, got "):
+        spoiled.update(Detections([1.0], [0.0], [NAN], [NAN], [9.0], -np.eye(4)[None], 9.0))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="detections: expected finite variances from 0 on, got "):
+        spoiled.update(Detections([1.0], [0.0], [NAN], [NAN], [9.0], np.full((1, 4, 4), np.inf), 9.0))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="detections: expected Detections, got list"):
+        spoiled.update([1.0])  # type: ignore[arg-type]
+    assert spoiled.update(frames[10])[0].range == whole.update(frames[10])[0].range
+
+
+def test_detections_without_errors_are_followed_exactly() -> None:
+    """Variances of zero, and no extent: the filter believes them, and stays finite."""
+    values = moving(2.0, 0.5, 40)[:, None]
+    values[20:, 0, 0] += 0.01
+    frames = [detections(rows, k / RATE, errors=np.zeros(4)) for k, rows in enumerate(values)]
+    tracks = track(frames, acceleration_density=5.0, gate=1.0 - 1e-12, **POINTS)
+    assert all(np.isfinite(one.covariance[:, :2, :2]).all() for one in tracks)
+    np.testing.assert_allclose(tracks[0].range[:20], values[:20, 0, 0], atol=1e-9)
+
+
+def test_detections_without_covariance_have_the_usual_errors() -> None:
+    plain = [Detections([2.0], [0.1], [NAN], [NAN], [9.0], time=k / RATE) for k in range(10)]  # type: ignore[arg-type]
+    (one,) = track(plain, **POINTS)
+    np.testing.assert_allclose(one.deviation[0, :2], TrackerSettings().deviations[:2])  # type: ignore[index]
+    # Errors whose correlation is not known are independent.
+    halves = np.full((1, 4, 4), NAN)
+    halves[0, :2, :2], halves[0, 2:, 2:] = np.diag([0.01, 0.04]), np.diag([0.0025, 0.0025])
+    (sure,) = Tracker(**POINTS).update(Detections([2.0], [0.1], [0.2], [0.3], [9.0], halves))  # type: ignore[arg-type]
+    np.testing.assert_allclose(np.diag(sure.covariance)[2:], np.diag(halves[0])[2:], rtol=1e-12)
+    assert np.isfinite(sure.covariance).all()
+    wild = Detections([2.0, np.inf, 3.0], [0.1, 0.0, -np.inf], [NAN] * 3, [NAN] * 3, [9.0, NAN, np.inf], time=1.0)  # type: ignore[arg-type]
+    assert [state.range for state in Tracker().update(wild)] == pytest.approx([2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"acceleration_density": 0.0}, ValueError, "acceleration_density: expected a positive number"),
+        ({"acceleration_density": None}, TypeError, "acceleration_density: expected a number"),
+        ({"max_speed": np.inf}, ValueError, "max_speed: expected a finite number"),
+        ({"max_velocity": -2.0}, ValueError, "max_velocity: expected a positive number"),
+        ({"gate": 1.0}, ValueError, "gate: expected a probability between 0 and 1, got 1"),
+        ({"confirm_hits": 0}, ValueError, "confirm_hits: expected at least 1, got 0"),
+        ({"confirm_hits": 6}, ValueError, "confirm_frames: expected at least confirm_hits = 6, got 5"),
+        ({"max_missed": -1}, ValueError, "max_missed: expected at least 0, got -1"),
+        ({"max_missed": 2.5}, TypeError, "max_missed: expected an integer"),
+        ({"max_gap": 0.0}, ValueError, "max_gap: expected a positive number"),
+        ({"cluster_distance": -1.0}, ValueError, "cluster_distance: expected a positive number"),
+        ({"deviations": (0.1, 0.1)}, ValueError, r"deviations: expected shape \(4,\), got \(2,\)"),
+        ({"deviations": (0.1, 0.1, 0.0, 0.1)}, ValueError, "deviations: expected positive numbers"),
+        ({"extent": -0.1}, ValueError, "extent: expected zero or a positive number"),
+        ({"num_dimensions": 4}, ValueError, "num_dimensions: expected 1, 2 or 3, got 4"),
+        ({"max_misses": 4}, TypeError, "TrackerSettings: unknown keyword 'max_misses'; did you mean 'max_missed'?"),
+        ({"detector": 4}, TypeError, "detector: expected a function of a frame, got int"),
+    ],
+)
+def test_silly_settings_are_refused(settings: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        track([], **settings)
+
+
+@pytest.mark.parametrize(
+    ("source", "error", "message"),
+    [
+        (3.0, TypeError, "source: expected Recording or an iterable of Detections or Frame, got float"),
+        ([1.0], TypeError, "detections: expected Detections, got float"),
+        (stream(np.zeros((2, 1, 2)), times=[0.0, 0.0]), ValueError, "detections: expected those of a later time"),
+    ],
+)
+def test_silly_sources_are_refused(source: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        track(source)
+    with pytest.raises(TypeError, match="tracks: expected Tracks, got list"):
+        assign_to_truth([], Truth((), *np.zeros((4, 0))))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"truth: expected arrays of shape \(0, 0\), got \(0,\)"):
+        assign_to_truth(track([]), Truth((), *np.zeros((4, 0))))

@@ -1,0 +1,249 @@
+"""Schedules and sub-sequences as descriptions: times, weights, refusals. Their frames: simulate/test_schedules.py."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+WAVEFORM = rc.Waveform(
+    start_frequency=77e9, slope=20e12, sample_rate=5e6, num_samples=100, num_chirps=8, chirp_interval=60e-6
+)
+TX = [[0.0, 0.0, 0.0], [0.0, 4e-3, 0.0]]
+RX = [[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0], [0.0, 4e-3, 0.0]]
+
+
+def radar_of(schedule: Any = None, waveform: Any = WAVEFORM) -> rc.Radar:
+    return rc.Radar(waveform, tx=TX, rx=RX, schedule=schedule)
+
+
+def test_transmitters_in_turn_share_the_chirp_interval() -> None:
+    radar = radar_of(rc.Schedule.tdm())
+    np.testing.assert_allclose(radar.channel_offsets, [0, 0, 0, 30e-6, 30e-6, 30e-6], rtol=1e-12, atol=0)
+    np.testing.assert_allclose(radar_of(rc.Schedule.tdm(order=[1, 0])).channel_offsets[:1], [30e-6], rtol=1e-12)
+    np.testing.assert_allclose(radar_of(rc.Schedule.tdm(25e-6)).channel_offsets[3:], 3 * [25e-6], rtol=1e-12)
+    assert (radar.num_channels, radar.num_chirps) == (6, 8)
+    # Seven intervals, one turn, and 99 sample times.
+    assert radar.duration == pytest.approx(7 * 60e-6 + 30e-6 + 99 / 5e6, rel=1e-12)
+    np.testing.assert_array_equal(radar.virtual_array, radar_of().virtual_array)
+
+
+@pytest.mark.parametrize("schedule", [rc.Schedule.ddm(), rc.Schedule.steered([1.0, 1j])])
+def test_channels_of_transmitters_at_once_are_the_receivers(schedule: rc.Schedule) -> None:
+    radar = radar_of(schedule)
+    assert radar.num_channels == 3
+    np.testing.assert_allclose(radar.virtual_array[:, 1], [-2e-3, 0.0, 2e-3], rtol=0, atol=1e-18)
+    assert radar.channel_offsets.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_unambiguous_velocity_is_divided_among_transmitters_by_ddm_alone() -> None:
+    for schedule, divisor in (
+        (None, 1),
+        (rc.Schedule.tdm(), 1),
+        (rc.Schedule.ddm(), 2),
+        (rc.Schedule.steered([1, 1]), 1),
+    ):
+        assert radar_of(schedule).max_velocity == WAVEFORM.max_velocity / divisor
+
+
+def test_ddm_weights_turn_by_their_share_from_chirp_to_chirp() -> None:
+    weights = rc.Schedule.ddm().tx_weights(np.zeros((4, 3)), 4e-3, 5)
+    np.testing.assert_allclose(weights[1], [1, 1j, -1, -1j], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(weights[4], np.ones(4), rtol=0, atol=1e-15)
+
+
+def test_weights_of_angles_are_those_of_the_textbook() -> None:
+    """Two antennas half a wavelength apart: pi sin(azimuth) between them, the nearer one behind."""
+    wavelength = 4e-3
+    tx = np.array([[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]])
+    weights = rc.Schedule.steered(azimuth=np.deg2rad(30.0)).tx_weights(tx, wavelength, 3)
+    assert np.angle(weights[:, 1] / weights[:, 0]) == pytest.approx(3 * [-0.5 * np.pi], abs=1e-12)
+    np.testing.assert_allclose(np.abs(weights), 1.0, rtol=1e-15)
+    up = rc.Schedule.steered(elevation=0.3).tx_weights(tx, wavelength, 3)
+    np.testing.assert_allclose(up, 1.0, rtol=0, atol=1e-15)
+
+
+def test_alternating_chirps_share_the_band_and_the_times() -> None:
+    waveform = replace(WAVEFORM, adc_delay=3e-6)
+    up, down = waveform.alternating()
+    np.testing.assert_allclose(up.chirp_times, 120e-6 * np.arange(4), rtol=0, atol=1e-18)
+    np.testing.assert_allclose(down.chirp_times, 60e-6 + 120e-6 * np.arange(4), rtol=0, atol=1e-18)
+    assert (up.slope, down.slope) == (20e12, -20e12)
+    assert down.center_frequency == pytest.approx(up.center_frequency, rel=1e-15)
+    first, last = (down.start_frequency + down.slope * (3e-6 + t) for t in (0.0, 100 / 5e6))
+    assert first == pytest.approx(77e9 + 20e12 * (3e-6 + 20e-6), rel=1e-15)
+    assert last == pytest.approx(77e9 + 20e12 * 3e-6, rel=1e-15)
+    assert (up.frame_interval, down.frame_interval) == 2 * (waveform.frame_interval,)
+    assert up.max_velocity == pytest.approx(waveform.max_velocity / 2.0, rel=1e-3)
+    radar = rc.Radar((up, down))
+    assert (radar.waveform, radar.waveforms, radar.num_chirps) == (up, (up, down), 8)
+    # In turn with the transmitters: a quarter of the interval of each.
+    first_tx, second_tx = rc.Radar((up, down), tx=TX, schedule=rc.Schedule.tdm()).channel_offsets
+    assert (first_tx, second_tx) == (0.0, pytest.approx(30e-6, rel=1e-9))
+
+
+def test_radars_of_sub_sequences_have_the_times_of_the_whole() -> None:
+    radar = radar_of(rc.Schedule.tdm(), WAVEFORM.alternating())
+    for part, waveform in zip(radar.sequences(), radar.waveforms, strict=True):
+        assert part.waveforms == (waveform,)
+        np.testing.assert_array_equal(part.channel_offsets, radar.channel_offsets)
+    alone = radar_of(rc.Schedule.tdm())
+    assert alone.sequences() == (alone,)
+
+
+DOWN = WAVEFORM.replace(slope=-20e12, start_frequency=79e9)
+RADARS = [
+    radar_of(),
+    radar_of(rc.Schedule.tdm()),
+    radar_of(rc.Schedule.tdm(25e-6)),
+    radar_of(rc.Schedule.tdm(order=[1, 0])),
+    radar_of(rc.Schedule.ddm()),
+    radar_of(rc.Schedule.ddm([0.0, 1.0 / 3.0])),
+    radar_of(rc.Schedule.steered([1.0, 0.1 + 0.2j])),
+    radar_of(rc.Schedule.steered(np.exp(1j * np.arange(16.0)).reshape(8, 2))),
+    radar_of(rc.Schedule.steered(azimuth=0.3)),
+    radar_of(rc.Schedule.steered(azimuth=np.linspace(-0.3, 0.3, 8), elevation=0.1)),
+    radar_of(None, [WAVEFORM, DOWN.delayed(8 * 60e-6)]),
+    radar_of(rc.Schedule.tdm(), WAVEFORM.alternating()),
+]
+
+
+@pytest.mark.parametrize("radar", RADARS)
+def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
+    back = rc.Radar.from_dict(json.loads(json.dumps(radar.to_dict())))
+    assert back == radar
+    assert (back.schedule, back.waveforms, hash(back)) == (radar.schedule, radar.waveforms, hash(radar))
+    assert hash(back.schedule) == hash(radar.schedule)
+    assert pickle.loads(pickle.dumps(radar)) == radar
+    assert replace(radar, tx_power_dbm=1.0).waveforms == radar.waveforms
+
+
+def test_radars_are_equal_when_their_schedules_and_waveforms_are() -> None:
+    for i, one in enumerate(RADARS):
+        for j, other in enumerate(RADARS):
+            assert (one == other) == (i == j)
+
+
+def test_radars_that_could_be_described_before_are_described_as_then() -> None:
+    values = radar_of().to_dict()
+    assert not {"schedule", "more_waveforms"} & values.keys()
+    assert rc.Radar.from_dict(values) == radar_of()
+
+
+def test_weights_cannot_be_changed() -> None:
+    weights = np.array([1.0, 1.0])
+    schedule = rc.Schedule.steered(weights)
+    weights[0] = 0.0
+    assert schedule.weights is not None
+    assert schedule.weights.tolist() == [1.0, 1.0]
+    with pytest.raises(ValueError, match="read-only"):
+        schedule.weights[0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"kind": "cdm"}, ValueError, "kind: expected one of 'tdm', 'ddm', 'steered', got 'cdm'"),
+        ({"kind": "ddm", "interval": 1e-3}, ValueError, "interval: expected none in a schedule of kind 'ddm'"),
+        ({"kind": "tdm", "interval": 0.0}, ValueError, "interval: expected a positive number"),
+        ({"kind": "tdm", "interval": "1"}, TypeError, "interval: expected a number"),
+        ({"kind": "tdm", "order": 3}, TypeError, "order: expected numbers of transmitters, got 3"),
+        ({"kind": "tdm", "order": [0, 2]}, ValueError, r"order: expected every number from 0 to 1 once, got \[0, 2\]"),
+        ({"kind": "tdm", "order": [0, 0.5]}, TypeError, r"order\[1\]: expected an integer"),
+        ({"kind": "ddm", "turns": [0.0, 1.0]}, ValueError, "turns: expected another part of a turn for every"),
+        ({"kind": "ddm", "turns": [0.0, np.nan]}, ValueError, "turns: expected finite numbers"),
+        ({"kind": "steered"}, ValueError, "weights: expected either weights or azimuth and elevation, got neither"),
+        ({"kind": "steered", "weights": [1], "azimuth": 0.0}, ValueError, "weights: expected either .* got both"),
+        ({"kind": "steered", "weights": [1.0, 1.1]}, ValueError, r"weights: expected magnitudes up to 1.*got 1\.1"),
+        ({"kind": "steered", "weights": [np.inf]}, ValueError, "weights: expected finite numbers"),
+        ({"kind": "steered", "weights": "all"}, TypeError, "weights: expected complex numbers"),
+        (
+            {"kind": "steered", "weights": 1.0},
+            ValueError,
+            r"weights: expected shape \(tx,\) or \(chirp, tx\), got \(\)",
+        ),
+        ({"kind": "steered", "azimuth": [[0.1]]}, ValueError, r"azimuth: expected shape \(n,\)"),
+        ({"kind": "steered", "azimut": 0.1}, TypeError, "Schedule: unknown keyword 'azimut'; .*'azimuth'"),
+    ],
+)
+def test_schedules_that_make_no_sense_are_refused(
+    arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        rc.Schedule(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("schedule", "waveform", "error", "message"),
+    [
+        (rc.Schedule.tdm(order=[0]), WAVEFORM, ValueError, r"schedule: expected an order of 2 transmitters, got \[0\]"),
+        (rc.Schedule.ddm([0.0]), WAVEFORM, ValueError, "schedule: expected turns of 2 transmitters"),
+        (
+            rc.Schedule.steered([1.0]),
+            WAVEFORM,
+            ValueError,
+            r"schedule: expected weights of shape \(2,\) or \(8, 2\), got \(1,\)",
+        ),
+        (
+            rc.Schedule.steered(azimuth=[0.1]),
+            WAVEFORM,
+            ValueError,
+            "schedule: expected one azimuth or 8 of them, got 1",
+        ),
+        (
+            rc.Schedule.tdm(10e-6),
+            WAVEFORM,
+            ValueError,
+            r"schedule: expected at least 1\.98e-05 s between the ramps of transmitters in turn "
+            r"\(adc_delay \+ samples\), got 1e-05 s",
+        ),
+        (
+            rc.Schedule.tdm(),
+            WAVEFORM.replace(chirp_interval=21e-6),
+            ValueError,
+            "schedule: expected at least 1.98e-05 s",
+        ),
+        (rc.Schedule.tdm(50e-6), WAVEFORM, ValueError, "schedule: expected at least .* got 1e-05 s"),
+        ("tdm", WAVEFORM, TypeError, "schedule: expected .*Schedule.*, got str"),
+        (None, [WAVEFORM, DOWN], ValueError, "waveform: expected at least 1.98e-05 s .* got 0 s at 0 s"),
+        (None, [], ValueError, "waveform: expected at least one, got none"),
+        (None, [WAVEFORM, None], TypeError, r"waveform\[1\]: expected Waveform, got NoneType"),
+        (None, None, TypeError, "waveform: expected Waveform, got NoneType"),
+        (
+            None,
+            [WAVEFORM, DOWN.replace(num_samples=50).delayed(1e-3)],
+            ValueError,
+            r"waveform\[1\]: expected num_samples = 100 as in waveform\[0\], got 50",
+        ),
+        (
+            None,
+            [WAVEFORM, DOWN.replace(sample_rate=10e6).delayed(1e-3)],
+            ValueError,
+            r"waveform\[1\]: expected sample_rate = 5e\+06 Hz as in waveform\[0\], got 1e\+07 Hz",
+        ),
+        (rc.Schedule.tdm(45e-6), WAVEFORM.alternating(), ValueError, "of sub-sequences and transmitters"),
+    ],
+)
+def test_radars_that_cannot_send_so_are_refused(
+    schedule: Any, waveform: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        radar_of(schedule, waveform)
+
+
+def test_odd_numbers_of_chirps_and_cw_do_not_alternate() -> None:
+    with pytest.raises(ValueError, match="num_chirps: expected an even number for chirps in turn, got 7"):
+        WAVEFORM.replace(num_chirps=7).alternating()
+    with pytest.raises(ValueError, match="waveform: expected a ramp"):
+        WAVEFORM.replace(slope=0.0).alternating()
+
+
+def test_turns_of_one_transmitter_are_chirps() -> None:
+    radar = rc.Radar(WAVEFORM, rx=RX, schedule=rc.Schedule.tdm())
+    assert radar.channel_offsets.tolist() == [0.0, 0.0, 0.0]
