@@ -249,6 +249,59 @@ def test_transmitters_of_an_interferer_add_up() -> None:
     assert power_of([pair]) < 1e-5 * friis(77e9, 5.0)
 
 
+PAIR = [[0.0, 0.0, 0.0], [0.0, 4e-3, 0.0]]
+
+
+@pytest.mark.parametrize("schedule", [rc.Schedule.ddm(), rc.Schedule.steered(azimuth=0.3)], ids=["ddm", "steered"])
+def test_receivers_of_transmitters_that_send_at_once_get_the_signal_once(schedule: rc.Schedule) -> None:
+    together = cube_of([tone(1.1e5)], rc.Radar(CW, tx=PAIR, schedule=schedule))
+    np.testing.assert_allclose(together, cube_of([tone(1.1e5)], rc.Radar(CW, tx=PAIR[:1])), rtol=1e-9)
+
+
+def test_transmitters_in_turn_get_the_signal_of_their_times() -> None:
+    interval, offset = 12e-6, 1.1e5
+    radar = rc.Radar(CW.replace(num_samples=8), tx=PAIR, schedule=rc.Schedule.tdm(interval=interval))
+    first, second = cube_of([tone(offset)], radar)
+    # Both are the same tone, at the same receiver.
+    turn = np.exp(2j * np.pi * offset * interval * np.sign(np.angle(first[0, 1] / first[0, 0])))
+    np.testing.assert_allclose(second, first * turn, rtol=1e-6)
+
+
+def test_sub_sequences_are_disturbed_by_themselves() -> None:
+    up, down = FMCW.alternating()
+    both = rc.Radar([up, down])
+    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([3.0, 0.0, 0.0]), bounces=0)
+    simulator = rc.Simulator(rc.Scene([other]), both, tolerance=1e-8)
+    frame = simulator.frame(0.0)
+    for part, waveform in zip(frame.sequences(), (up, down), strict=True):
+        alone = rc.Simulator(rc.Scene([other]), rc.Radar(waveform), tolerance=1e-8).frame(0.0)
+        np.testing.assert_allclose(part.cube, alone.cube, rtol=1e-9)
+    assert frame.stats["chirps_hit"] == sum(
+        rc.Simulator(rc.Scene([other]), rc.Radar(waveform)).frame(0.0).stats["chirps_hit"] for waveform in (up, down)
+    )
+
+
+def test_phase_noise_of_echoes_leaves_the_signal_alone() -> None:
+    quiet, noisy = (
+        rc.Radar(FMCW, receiver=rc.Receiver(phase_noise=pairs)) for pairs in (None, ((1e4, -70.0), (1e6, -90.0)))
+    )
+    expected = cube_of([tone(1e8)], quiet)
+    assert np.abs(expected).max() > 0.0
+    np.testing.assert_allclose(cube_of([tone(1e8)], noisy), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"more_waveforms": [FMCW.delayed(0.01)]}, "radar: expected an interferer of one waveform, got 2"),
+        ({"tx": PAIR, "schedule": rc.Schedule.ddm()}, "radar: expected no schedule, or one of kind 'tdm', got 'ddm'"),
+    ],
+)
+def test_interferers_beyond_the_model_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rc.Interferer(rc.Radar(FMCW, **settings), rc.Pose([3.0, 0.0, 0.0]))
+
+
 # --- First reflections
 
 
@@ -256,7 +309,7 @@ def bounced(parts: list[Any], motion: Any, radar: rc.Radar | None = None, **opti
     """Paths over the scene at the middle of a frame."""
     other = rc.Interferer(rc.Radar(FMCW, **options), motion)
     sim = rc.Simulator(rc.Scene([*parts, other]), rc.Radar(FMCW) if radar is None else radar)
-    bounces = sim._interference._bounces[0]
+    bounces = sim._interferences[0]._bounces[0]
     assert bounces is not None
     return bounces.paths(0.0)
 
@@ -338,7 +391,7 @@ def test_rates_follow_both_radars_and_the_body() -> None:
     ours = rc.Linear(rc.Pose(), velocity=[10.0, 0.0, 0.0], angular_velocity=[0.0, 0.0, 3.0])
     other = rc.Interferer(rc.Radar(FMCW), rc.Linear(PLACE, velocity=[3.0, -5.0, 1.0]))
     sim = rc.Simulator(rc.Scene([moving, other]), rc.Radar(FMCW), radar_motion=ours)
-    bounces = sim._interference._bounces[0]
+    bounces = sim._interferences[0]._bounces[0]
     assert bounces is not None
     paths, middle = bounces.paths(0.0), 0.5 * FMCW.duration
 

@@ -80,7 +80,7 @@ class Interference:
         self._starts = radar.waveform.chirp_times + offsets[:, None]  # (offset, chirp)
 
     def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> Counts:
-        """Add the signals to the samples (channel, chirp, sample) at the receivers of a frame that starts at a time [s].
+        """Add the signals to the samples (channel, chirp, sample) at the receivers, of a frame from a time [s] on.
 
         `engine`: the counterpart of the simulator in the core, which finds what is occluded. Returns counts.
         """
@@ -201,7 +201,7 @@ class Interference:
 
 
 def counted(parts: list[Counts]) -> Counts:
-    """Counts of a frame from those of its sub-sequences: chirps are added, the mean of powers and the strongest count."""
+    """Counts of a frame from those of its sub-sequences: all chirps, the mean of the powers, and the strongest."""
     if not parts:
         return {}
     return parts[0] | {
