@@ -77,7 +77,8 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument(
         "--kind",
         choices=(
-            *("overview", "chirp", "range-profile", "map", "range-time", "spectrogram", "tracks"),
+            *("overview", "chirp", "range-profile", "map", "detections", "range-angle"),
+            *("range-time", "spectrogram", "tracks"),
             *("depth", "reflectance", "above", "experiment"),
         ),
         default="overview",
