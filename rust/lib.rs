@@ -83,6 +83,7 @@
 //!     power: 1e-3,
 //!     frequency: 60e9,
 //!     polarization: None,
+//!     responses: Vec::new(),
 //! };
 //! let smooth = SmoothHits::new(&scene, &hits);
 //! let scatterers = Scatterers::new(&scene, &hits, &smooth, &[CONDUCTOR], antennas, Sampling::Footprint, 0);

@@ -63,9 +63,11 @@ from radarcore.processing.velocity import chirp_rate_velocity as chirp_rate_velo
 from radarcore.processing.velocity import doppler_velocity as doppler_velocity
 from radarcore.processing.velocity import range_migration_velocity as range_migration_velocity
 from radarcore.processing.velocity import up_down_velocity as up_down_velocity
+from radarcore.radar.leakage import Leakage as Leakage
 from radarcore.radar.pattern import GaussianPattern as GaussianPattern
 from radarcore.radar.pattern import IsotropicPattern as IsotropicPattern
 from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern
+from radarcore.radar.preset_tr24 import bgt60tr24 as bgt60tr24
 from radarcore.radar.presets import bgt60tr13c as bgt60tr13c
 from radarcore.radar.radar import Radar as Radar
 from radarcore.radar.receiver import Receiver as Receiver
@@ -78,6 +80,7 @@ from radarcore.recording.recording import Recording as Recording
 from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget
+from radarcore.scene.interferer import Interferer as Interferer
 from radarcore.scene.library import materials as materials
 from radarcore.scene.material import Material as Material
 from radarcore.scene.permittivity import ColeCole as ColeCole

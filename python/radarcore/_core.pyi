@@ -25,6 +25,7 @@ __all__ = [
     "cross_sections",
     "levels",
     "load_obj",
+    "normal",
     "receive",
 ]
 
@@ -60,6 +61,9 @@ def beat_signal(
 
 def levels() -> list[str]:
     """Names of the instruction sets that this processor has, slowest first."""
+
+def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
+    """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""
 
 def receive(ideal: NDArray[Any], *, output: str, deviation: float, seed: int, start: float) -> NDArray[Any]:
     """Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or "real" parts.
@@ -222,8 +226,14 @@ class Antennas:
         power: float,
         frequency: float,
         polarization: tuple[float, float, float] | None = None,
+        responses: NDArray[np.complex128] | None = None,
+        longest_path: float = 0.0,
     ) -> Antennas:
-        """At (n, 3) [m] in the sensor frame, with a pattern each; `polarization`: unit vector along their field."""
+        """At (n, 3) [m] in the sensor frame, with a pattern each; `polarization`: unit vector along their field.
+
+        `responses`: gain of the receiver for the echoes of every transmit antenna (tx, step), over lengths of paths
+        from 0 to `longest_path` [m] in equal steps.
+        """
 
 @final
 class Hits:

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
+use num_complex::Complex64;
 
 use crate::antennas::pattern::{Pattern, Turned};
+use crate::antennas::response::Response;
 use crate::error::{Error, Result};
 
 /// Transmitters and receivers; channel = tx * `num_rx` + rx.
@@ -24,6 +26,8 @@ pub struct Array {
     pub frequency: f64,
     /// Unit vector along the field of every element, projected across the ray; none: antennas without a polarisation.
     pub polarization: Option<DVec3>,
+    /// Gain of the receiver for what every transmit antenna sent; empty: one.
+    pub responses: Vec<Arc<Response>>,
 }
 
 /// View of a point from one antenna.
@@ -56,6 +60,7 @@ impl Array {
             tx_patterns: patterns(&self.tx_patterns),
             rx_patterns: patterns(&self.rx_patterns),
             polarization: self.polarization.map(|field| *rotation * field),
+            responses: self.responses.clone(),
             ..*self
         }
     }
@@ -84,7 +89,26 @@ impl Array {
                 return Err(Error::value(name, expected, patterns.len()));
             }
         }
+        if !self.responses.is_empty() && self.responses.len() != self.tx.len() {
+            let expected = format!("none, or {}, one per transmit antenna", self.tx.len());
+            return Err(Error::value("responses", expected, self.responses.len()));
+        }
         Ok(())
+    }
+
+    /// Gain of the receiver for what the transmitter of a channel sent; none: one.
+    #[inline]
+    pub fn response(&self, channel: usize) -> Option<&Response> {
+        self.responses.get(channel / self.rx.len()).map(Arc::as_ref)
+    }
+
+    /// An amplitude behind the receiver, of a path of a length [m].
+    #[inline]
+    pub fn received(&self, channel: usize, amplitude: Complex64, length: f64) -> Complex64 {
+        match self.response(channel) {
+            Some(response) => amplitude * response.gain(length),
+            None => amplitude,
+        }
     }
 
     /// Number of TX-RX pairs.

@@ -5,3 +5,4 @@ pub mod beam;
 pub mod gain_table;
 pub mod pattern;
 pub mod polarization;
+pub mod response;

@@ -258,7 +258,8 @@ impl Bounces {
         let gains = start.1.gain(departure) * end.1.gain(arrival);
         let weight = self.weights[path * self.num_channels() + channel];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
-        ((length + distance) / SPEED_OF_LIGHT, amplitude)
+        let length = length + distance;
+        (length / SPEED_OF_LIGHT, self.array.received(channel, amplitude, length))
     }
 
     /// Position of a material point at a node, sensor frame [m].

@@ -9,7 +9,7 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::{Members, Scatterers};
 use crate::paths::series::{Paths, Selection};
-use crate::paths::sixteen::{HALF, STEP, Sights, Surface, Weights, antenna_of, dot, offsets};
+use crate::paths::sixteen::{HALF, STEP, Sights, Surface, Weights, antenna_of, dot, offsets, received};
 
 #[cfg(test)]
 mod tests;
@@ -148,6 +148,7 @@ impl Kernel for EvaluateBlock<'_> {
                         let tx = &sights[channel / array.rx.len()];
                         let rx = &sights[num_tx + channel % array.rx.len()];
                         let amplitude = surface.amplitude(array, 1.0, &weights[channel].load(half), tx, rx);
+                        let amplitude = received(array, channel, amplitude, tx, rx);
                         let mut parts = [[0.0; HALF]; 2];
                         for part in 0..2 {
                             amplitude[part].store(&mut parts[part]);

@@ -4,7 +4,7 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::simd::{Isa, Real, Vector};
 use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::Scatterers;
-use crate::paths::sixteen::{HALF, STEP, Sights, Surface, Weights, antenna_of, dot, narrow, offsets};
+use crate::paths::sixteen::{HALF, STEP, Sights, Surface, Weights, antenna_of, dot, narrow, offsets, received};
 
 /// Rows of up to `N` paths of all channels, `(channel, node)`: values at the first node, and differences to them at the
 /// others.
@@ -101,6 +101,7 @@ impl Scatterers {
                     );
                     let surface = Surface { normal, edges };
                     let amplitude = surface.amplitude(array, factor, &weights[channel].load(0), t, r);
+                    let amplitude = received(array, channel, amplitude, t, r);
                     let row = channel * num_nodes[1] + node;
                     for (part, rows) in [&mut rows.re, &mut rows.im].into_iter().enumerate() {
                         amplitude[part].store(&mut rows[row][first..]);

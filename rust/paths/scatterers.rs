@@ -227,7 +227,8 @@ impl Scatterers {
             let (t, r) = self
                 .array
                 .pair(channel, kinematics.points[node * kinematics.rcs.len() + point]);
-            return (delay(&t, &r), self.point_amplitude(kinematics.rcs[point], &t, &r));
+            let amplitude = self.point_amplitude(kinematics.rcs[point], &t, &r);
+            return (delay(&t, &r), self.array.received(channel, amplitude, length(&t, &r)));
         };
         let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
@@ -238,10 +239,8 @@ impl Scatterers {
         }
         let (t, r) = self.array.pair(channel, pose.point(position));
         let (normal, edges) = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
-        (
-            delay(&t, &r),
-            self.surface_amplitude(path, channel, (normal, edges), &t, &r),
-        )
+        let amplitude = self.surface_amplitude(path, channel, (normal, edges), &t, &r);
+        (delay(&t, &r), self.array.received(channel, amplitude, length(&t, &r)))
     }
 
     /// Triangle that carries a scatterer; none on bodies that do not deform.
@@ -308,8 +307,13 @@ fn permute<T: Copy>(elements: &mut Vec<T>, rows: &[usize]) {
     }
 }
 
+/// Length of a path, there and back [m].
+fn length(t: &Sight, r: &Sight) -> f64 {
+    t.distance + r.distance
+}
+
 fn delay(t: &Sight, r: &Sight) -> f64 {
-    (t.distance + r.distance) / SPEED_OF_LIGHT
+    length(t, r) / SPEED_OF_LIGHT
 }
 
 /// Half the sum of the wave vectors to the transmitter and to the receiver [rad/m].

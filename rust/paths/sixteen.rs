@@ -1,6 +1,7 @@
 //! Sixteen material points of rigid bodies at once: places, distances, gains and amplitudes in vectors.
 
 use glam::DVec3;
+use num_complex::Complex64;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -238,6 +239,32 @@ impl<V: Vector> Surface<V> {
         }
         amplitude
     }
+}
+
+/// Amplitudes of a channel behind the receiver.
+#[inline(always)]
+pub(super) fn received<V: Vector>(
+    array: &Array,
+    channel: usize,
+    amplitude: [V; 2],
+    t: &Sights<V>,
+    r: &Sights<V>,
+) -> [V; 2] {
+    let Some(response) = array.response(channel) else {
+        return amplitude;
+    };
+    let mut length = [V::Scalar::of(0.0); STEP];
+    t.distance.add(r.distance).store(&mut length);
+    let mut gain = [length; 2];
+    for lane in 0..V::LANES {
+        let Complex64 { re, im } = response.gain(length[lane].wide());
+        (gain[0][lane], gain[1][lane]) = (V::Scalar::of(re), V::Scalar::of(im));
+    }
+    let [re, im] = [V::load(&gain[0]), V::load(&gain[1])];
+    [
+        amplitude[0].mul(re).sub(amplitude[1].mul(im)),
+        amplitude[0].mul(im).add(amplitude[1].mul(re)),
+    ]
 }
 
 impl<V: Vector> Sights<V> {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use num_complex::Complex64;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
@@ -10,6 +11,8 @@ use super::arrays::{numbers, points};
 use crate::antennas::array::Array;
 use crate::antennas::gain_table::Table;
 use crate::antennas::pattern;
+use crate::antennas::response::Response;
+use crate::error::Result;
 
 /// Power gain of an antenna over directions.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -62,9 +65,11 @@ pub(super) struct Antennas(pub(super) Array);
 #[pymethods]
 impl Antennas {
     /// Antennas at rows (x, y, z) of the sensor frame [m], with a pattern each; `polarization`: unit vector along the
-    /// field.
+    /// field. `responses`: complex gain of the receiver for the echoes of every transmit antenna (tx, step), over lengths
+    /// of paths from 0 to `longest_path` [m] in equal steps.
     #[new]
-    #[pyo3(signature = (*, tx, rx, tx_patterns, rx_patterns, power, frequency, polarization=None))]
+    #[allow(clippy::too_many_arguments)] // as Python hands them over
+    #[pyo3(signature = (*, tx, rx, tx_patterns, rx_patterns, power, frequency, polarization=None, responses=None, longest_path=0.0))]
     fn new(
         tx: PyReadonlyArray2<'_, f64>,
         rx: PyReadonlyArray2<'_, f64>,
@@ -73,8 +78,15 @@ impl Antennas {
         power: f64,
         frequency: f64,
         polarization: Option<[f64; 3]>,
+        responses: Option<PyReadonlyArray2<'_, Complex64>>,
+        longest_path: f64,
     ) -> PyResult<Self> {
         let patterns = |given: Vec<PyRef<'_, Pattern>>| given.iter().map(|pattern| pattern.0.clone()).collect();
+        let responses = responses.map_or(Ok(Vec::new()), |gains| {
+            let rows = gains.as_array();
+            let of_row = |row: usize| Response::new(longest_path, rows.row(row).to_vec()).map(Arc::new);
+            (0..rows.nrows()).map(of_row).collect::<Result<_>>()
+        })?;
         let array = Array {
             tx: points(numbers("tx", &tx, [None, Some(3)])?),
             rx: points(numbers("rx", &rx, [None, Some(3)])?),
@@ -83,6 +95,7 @@ impl Antennas {
             power,
             frequency,
             polarization: polarization.map(DVec3::from_array),
+            responses,
         };
         array.check()?;
         Ok(Self(array))

@@ -34,6 +34,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
     module.add_function(wrap_pyfunction!(receive::receive, module)?)?;
+    module.add_function(wrap_pyfunction!(receive::normal, module)?)?;
     module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;

@@ -1,12 +1,12 @@
 //! Receiver: from the ideal beat signal to the samples that it delivers.
 
 use num_complex::Complex;
-use numpy::{Element, IntoPyArray, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, IntoPyArray, PyArray1, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::error::Error;
-use crate::numeric::normal;
+use crate::error::{Error, fits_memory};
+use crate::numeric::normal::add_normal;
 use crate::numeric::simd::{Level, Real};
 
 /// Ideal samples in single or double precision.
@@ -36,16 +36,24 @@ pub(super) fn receive<'py>(
         "iq" => false,
         _ => return Err(Error::value("output", "'iq' or 'real'", format!("{output:?}")).into()),
     };
-    let noise = Noise {
-        deviation,
-        seed,
-        // The bits of -0.0 are not those of 0.0.
-        stream: (start + 0.0).to_bits(),
-    };
+    let noise = Noise::new(deviation, seed, start);
     match ideal {
         Ideal::Single(cube) => deliver(py, cube, is_real, &noise),
         Ideal::Double(cube) => deliver(py, cube, is_real, &noise),
     }
+}
+
+/// Independent numbers of the standard normal distribution, which belong to the seed and to the start of a frame [s].
+#[pyfunction(signature = (num, *, seed, start))]
+pub(super) fn normal(py: Python<'_>, num: usize, seed: u64, start: f64) -> PyResult<Bound<'_, PyArray1<f32>>> {
+    fits_memory("num", &[num], size_of::<f32>())?;
+    let noise = Noise::new(1.0, seed, start);
+    let numbers = py.detach(|| {
+        let mut numbers = vec![0.0; num];
+        noise.add(&mut numbers);
+        numbers
+    });
+    Ok(numbers.into_pyarray(py))
 }
 
 /// White noise of a frame.
@@ -56,9 +64,18 @@ struct Noise {
 }
 
 impl Noise {
+    fn new(deviation: f64, seed: u64, start: f64) -> Self {
+        Self {
+            deviation,
+            seed,
+            // The bits of -0.0 are not those of 0.0.
+            stream: (start + 0.0).to_bits(),
+        }
+    }
+
     fn add<T: Real>(&self, samples: &mut [T]) {
         if self.deviation > 0.0 {
-            normal::add_normal(Level::best(), samples, self.deviation, self.seed, self.stream);
+            add_normal(Level::best(), samples, self.deviation, self.seed, self.stream);
         }
     }
 }

@@ -71,3 +71,16 @@ def test_read_only_cube_gives_real_parts_and_is_no_memory_of_samples() -> None:
     ideal.flags.writeable = False
     np.testing.assert_array_equal(receive(ideal, "real"), CUBE.real)
     refuses(lambda: receive(ideal, deviation=1.0), TypeError, "not writeable")
+
+
+def test_normal_numbers_are_those_that_noise_is_made_of() -> None:
+    numbers = _core.normal(96, seed=1, start=0.5)
+    assert numbers.dtype == np.float32
+    noise = receive(np.zeros((2, 3, 8), np.complex64), deviation=2.0).view(np.float32).ravel()
+    np.testing.assert_array_equal(2.0 * numbers, noise)
+    np.testing.assert_array_equal(_core.normal(7, seed=1, start=0.5), numbers[:7])
+    np.testing.assert_array_equal(_core.normal(7, seed=1, start=-0.0), _core.normal(7, seed=1, start=0.0))
+    assert _core.normal(0, seed=1, start=0.0).shape == (0,)
+    refuses(lambda: _core.normal(2**62, seed=1, start=0.0), MemoryError, "num")
+    for bad in (-1, 1.5, None):
+        refuses(lambda bad=bad: _core.normal(bad, seed=1, start=0.0), (TypeError, OverflowError))

@@ -146,6 +146,22 @@ TWICE = np.concatenate([SENSOR, SENSOR])
         (lambda: antennas(frequency=-60e9), "frequency: expected a positive frequency in Hz, got -60000000000"),
         (lambda: antennas(frequency=np.inf), "frequency: expected a positive frequency in Hz, got inf"),
         (lambda: antennas(rx_patterns=[]), "rx_patterns: expected 2, one per antenna, got 0"),
+        (
+            lambda: antennas(responses=np.ones((2, 3), complex), longest_path=1.0),
+            "responses: expected none, or 1, one per transmit antenna, got 2",
+        ),
+        (
+            lambda: antennas(responses=np.ones((1, 1), complex), longest_path=1.0),
+            "responses: expected at least two gains, got 1",
+        ),
+        (
+            lambda: antennas(responses=np.full((1, 2), complex(0.0, NAN)), longest_path=1.0),
+            "responses: expected finite gains, got",
+        ),
+        (
+            lambda: antennas(responses=np.ones((1, 2), complex)),
+            "longest_path: expected a positive length in m, got 0",
+        ),
         (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
         (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
         (lambda: deform(VERTICES[:5]), "vertices: expected 6 as the mesh has, got 5"),

@@ -146,7 +146,7 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
     os.kill(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert errors == "radarcore: interrupted; what was recorded so far is readable\n"
+    assert errors == "radarcore: interrupted; what was written so far is readable\n"
     with pytest.warns(UserWarning, match="of 10000 planned frames"):
         recording = rc.Recording.load(output)
     assert len(recording) >= 2
@@ -271,7 +271,9 @@ def test_schema_is_text_or_json() -> None:
     text = run("schema").stdout
     assert "body[].shape.radius" in text
     found = json.loads(run("schema", "--json").stdout)
-    assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm"} == set(found["properties"])
+    assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm", "interferer"} == set(
+        found["properties"]
+    )
 
 
 def test_reader_that_leaves_early_is_no_error() -> None:

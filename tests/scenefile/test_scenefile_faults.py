@@ -254,7 +254,7 @@ RADAR_FAULTS = {
     ),
     "preset": (
         '[radar]\npreset = "bgt60"',
-        "radar: preset: expected 'bgt60tr13c', got 'bgt60'",
+        "radar: preset: expected 'bgt60tr13c' or 'bgt60tr24', got 'bgt60'",
     ),
     "no radar": ("[run]\nstop = 1", "radar: expected a value, got none"),
     "no samples": (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),

@@ -496,7 +496,11 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: rc.Scene([rc.PointTarget([1, 0, 0]), "ball"]), TypeError, "Body and PointTarget, got str at index 1"),
+        (
+            lambda: rc.Scene([rc.PointTarget([1, 0, 0]), "ball"]),
+            TypeError,
+            "PointTarget and Interferer, got str at index 1",
+        ),
         (lambda: rc.Scene(rc.PointTarget([1, 0, 0])), TypeError, "bodies: expected a list of .*, got PointTarget"),
         (lambda: rc.Body("part.obj"), TypeError, "mesh: expected Mesh, got str"),
         (lambda: rc.Body(rc.shapes.box(1.0), material="metal"), TypeError, "material: expected Material"),

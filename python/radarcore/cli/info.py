@@ -47,6 +47,7 @@ def _scene_facts(path: Path) -> dict[str, Any]:
     return {
         "scene": str(path),
         "bodies": list(scene.names),
+        **({"interferers": list(scene.interferer_names)} if scene.interferers else {}),
         "triangles": sum(len(body.mesh.triangles) for body in scene.bodies if isinstance(body, Body)),
         "frames": len(frame_times(run.start, run.stop, run.rate)),
         "start [s]": run.start,

@@ -41,7 +41,8 @@ def scene_from_above(
     """Floor plan: x to the right, y up [m]; the sensor with its field of view at the last of the times.
 
     Bodies are their convex outlines. What stands still is grey, what moves is drawn at each of the times, the
-    later the stronger, on its trail. A body around the sensor (a room, the floor) is a line only.
+    later the stronger, on its trail. A body around the sensor (a room, the floor) is a line only. Interferers are empty
+    squares, at the last of the times.
 
     Parameters
     ----------
@@ -120,6 +121,10 @@ def draw_scene(
         ax.plot(*path.T, color="black", linewidth=1.0, linestyle=(0, (4, 2)), zorder=5.0)
     ax.plot(*sensor_pose.position[:2], "o", color="black", markersize=6.0, zorder=6.0)
     names.append(Name(float(sensor_pose.position[0]), float(sensor_pose.position[1]), "radar", "black"))
+    for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
+        x, y, _ = interferer.motion.at(last).position.tolist()
+        ax.plot(x, y, "s", color="black", markersize=5.0, fillstyle="none", zorder=6.0)
+        names.append(Name(x, y, name, "black"))
     _set_limits(ax)
     if field_of_view_deg is not None:
         _draw_view(ax, sensor_pose, float(angles[0]))

@@ -86,6 +86,7 @@ def directions(
         Power over the noise in the cell of one channel [dB], for `Directions.covariance`.
     channel_phase : (channel,) array_like, optional
         Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
+        Default: those of the receiver, `Radar.channel_phases`.
 
     Returns
     -------

@@ -93,16 +93,15 @@ def channel_corrections(
     """Factors that take off what is not direction, (..., channel), or (channel,) where they are the same for all.
 
     What a target at `velocity` (...,) [m/s], receding positive, adds in channels whose chirps come later, and the
-    phases of the channels themselves, (channel,) [rad]. A velocity of NaN, or none, takes nothing off.
+    phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_phases`. A velocity of NaN, or none,
+    takes nothing off.
     """
-    phase: NDArray[np.float64] | None = None
+    phase = radar.channel_phases
     if channel_phase is not None:
         phase = check.array("channel_phase", channel_phase, (radar.num_channels,))
     if velocity is not None and (offsets := radar.channel_offsets).any():
         doppler = 2.0 * np.nan_to_num(np.asarray(velocity, np.float64)) / radar.waveform.wavelength
         turned = 2.0 * np.pi * doppler[..., None] * offsets
-        phase = turned if phase is None else phase + turned
-    if phase is None:
-        return np.ones(radar.num_channels, dtype=np.complex128)
+        phase = phase + turned
     factors: NDArray[np.complex128] = np.exp(-1j * phase)
     return factors

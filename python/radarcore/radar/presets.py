@@ -7,6 +7,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.radar import bgt60, design
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
@@ -29,6 +30,9 @@ def bgt60tr13c(
     *,
     stop_frequency: float | None = None,
     tx_power_dbm: float = 4.0,
+    receiver: str | Receiver = "thermal",
+    if_gain_db: int | None = None,
+    high_pass: float | None = None,
     max_range: float | None = None,
     max_velocity: float | None = None,
     range_resolution: float | None = None,
@@ -54,6 +58,13 @@ def bgt60tr13c(
         End of the ramp [Hz]; default: 1 GHz above the start. Not together with `slope`.
     tx_power_dbm : float
         Transmitted power [dBm].
+    receiver : "thermal", "measured" or Receiver
+        Thermal: real samples in sqrt(W) with thermal noise alone. Measured: the chip's whole chain as measured, with
+        leakage, filters and codes of its ADC, in parts of full scale; see docs/receiver.md.
+    if_gain_db : int, optional
+        Gain of the measured chain's baseband, 18 to 60 dB, rounded as the chip does. Default: 23.
+    high_pass : float, optional
+        Cutoff of the measured chain's high-pass [Hz]: the nearest of 20, 45, 70 and 80 kHz. Default: 80 kHz.
     max_range, max_velocity, range_resolution, velocity_resolution, rate : float, optional
         Wishes, as in `Waveform.design`, [m], [m/s], [m], [m/s], [Hz]: settings that the chip can have and that meet
         them all, its timers included. What no wish is about is as by default, or less where the wishes ask for it. The
@@ -69,12 +80,17 @@ def bgt60tr13c(
         message names it, and what could be had), and as `Waveform`.
     """
     names = [field.name for field in fields(Waveform)]
-    check.keywords("bgt60tr13c", waveform, ["stop_frequency", "tx_power_dbm", *design.WISHES, *names])
+    check.keywords(
+        "bgt60tr13c",
+        waveform,
+        ["stop_frequency", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
+    )
+    chain = (receiver, if_gain_db, high_pass)
     values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
     wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
     if wishes:
         others = waveform if stop_frequency is None else waveform | {"stop_frequency": stop_frequency}
-        return _radar(_wished(wishes, others), tx_power_dbm)
+        return _radar(_wished(wishes, others), tx_power_dbm, *chain)
     settings: dict[str, Any] = {
         "sample_rate": 2e6,
         "num_samples": 128,
@@ -103,10 +119,12 @@ def bgt60tr13c(
     if "frame_interval" not in settings:
         shortest = Waveform(**settings).frame_interval
         settings["frame_interval"] = max(_FRAME_INTERVAL, shortest)
-    return _radar(Waveform(**settings), tx_power_dbm)
+    return _radar(Waveform(**settings), tx_power_dbm, *chain)
 
 
-def _radar(waveform: Waveform, tx_power_dbm: float) -> Radar:
+def _radar(
+    waveform: Waveform, tx_power_dbm: float, receiver: str | Receiver, if_gain_db: int | None, high_pass: float | None
+) -> Radar:
     """The radar with a waveform."""
     spacing = 2.5e-3
     return Radar(
@@ -115,8 +133,22 @@ def _radar(waveform: Waveform, tx_power_dbm: float) -> Radar:
         rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
         pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
         tx_power_dbm=tx_power_dbm,
-        receiver=Receiver(output="real", noise_figure_db=12.0),
+        receiver=_receiver(receiver, if_gain_db, high_pass, waveform.bandwidth),
     )
+
+
+def _receiver(kind: object, if_gain_db: int | None, high_pass: float | None, bandwidth: float) -> Receiver:
+    """Receiver of a word, or one that was given."""
+    if kind == "measured":
+        gain = 23 if if_gain_db is None else if_gain_db
+        return measured_receiver(gain, HIGHPASS_CUTOFFS[-1] if high_pass is None else high_pass, bandwidth=bandwidth)
+    for name, value in (("if_gain_db", if_gain_db), ("high_pass", high_pass)):
+        if value is not None:
+            raise ValueError(f"{name}: expected None unless receiver is 'measured', got {value!r}")
+    if isinstance(kind, Receiver):
+        return kind
+    check.choice("receiver", kind, ("thermal", "measured"))
+    return Receiver(output="real", noise_figure_db=12.0)
 
 
 def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:

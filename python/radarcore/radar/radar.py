@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
 from radarcore.radar import beam
+from radarcore.radar.baseband import responses
 from radarcore.radar.levels import level
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
@@ -123,6 +124,12 @@ class Radar(Twinned):
         put(self, "tx_power_dbm", level("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
         put(self, "polarization", _polarization(polarization))
+        if receiver is not None:
+            receiver.check_receivers(len(self.rx))
+            if waveform.slope == 0.0 and receiver.high_pass is not None:
+                raise ValueError(
+                    "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
+                )
         put(self, "schedule", schedule)
         put(self, "more_waveforms", tuple(more_waveforms))
         if schedule is not None:
@@ -212,6 +219,16 @@ class Radar(Twinned):
         return min(waveform.max_velocity for waveform in self.waveforms) / (len(self.tx) if is_ddm else 1)
 
     @property
+    def channel_phases(self) -> NDArray[np.float64]:
+        """Phases that the receivers add to echoes, (channel,) [rad]; an estimator of angles takes them off."""
+        phases = None if self.receiver is None else self.receiver.rx_phase_deg
+        return (
+            np.zeros(self.num_channels)
+            if phases is None
+            else np.tile(np.deg2rad(phases), self.num_channels // len(self.rx))
+        )
+
+    @property
     def tx_power(self) -> float:
         """Transmitted power of one TX [W]."""
         return power_from_dbm(self.tx_power_dbm)
@@ -242,15 +259,22 @@ class Radar(Twinned):
 
     @cached_property
     def _core(self) -> _core.Antennas:
-        """The antennas about the centre of the array."""
+        """The antennas about the centre of the array.
+
+        With phase noise the transmitters come several times, with the rows of `responses` each.
+        """
+        gains = None if self.receiver is None else responses(self.receiver, self.waveform)
+        times = 1 if gains is None else len(gains[0])
         return _core.Antennas(
-            tx=self.tx - self.array_center,
+            tx=np.tile(self.tx - self.array_center, (times, 1)),
             rx=self.rx - self.array_center,
-            tx_patterns=[pattern._core for pattern in self.tx_patterns],
+            tx_patterns=[pattern._core for pattern in self.tx_patterns] * times,
             rx_patterns=[pattern._core for pattern in self.rx_patterns],
             power=self.tx_power,
             frequency=self.waveform.center_frequency,
             polarization=self.polarization_vector,
+            responses=None if gains is None else np.repeat(gains[0], len(self.tx), axis=0),
+            longest_path=0.0 if gains is None else gains[1],
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -263,7 +287,7 @@ class Radar(Twinned):
             "tx_patterns": self._own_patterns(self.tx_patterns),
             "rx_patterns": self._own_patterns(self.rx_patterns),
             "tx_power_dbm": self.tx_power_dbm,
-            "receiver": None if self.receiver is None else dict(vars(self.receiver)),
+            "receiver": None if self.receiver is None else self.receiver.to_dict(),
             "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
         }
         # Radars that could be described before have the same description as then.
@@ -293,7 +317,7 @@ class Radar(Twinned):
             pattern=pattern_from_dict(values["pattern"]),
             **own,
             tx_power_dbm=values["tx_power_dbm"],
-            receiver=None if receiver is None else Receiver(**receiver),
+            receiver=None if receiver is None else Receiver.from_dict(receiver),
             polarization=values.get("polarization"),  # files from before it have none
             schedule=Schedule.from_dict(values["schedule"]) if values.get("schedule") is not None else None,
             more_waveforms=[Waveform(**entry) for entry in values.get("more_waveforms", ())],

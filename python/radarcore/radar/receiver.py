@@ -1,18 +1,32 @@
-"""Receiver: noise and output of the ideal beat signal."""
+"""Receiver: settings of all that lies between the antennas and the samples."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 from radarcore import check
+from radarcore.radar.leakage import Leakage, PerReceiver, check_per_receiver, per_receiver
 from radarcore.radar.levels import level
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
+
+MAX_ORDER = 16
+"""Largest order of a filter."""
+
+MAX_BITS = 24
+"""Most bits of an ADC: float32 holds every code."""
 
 
 @check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Receiver:
-    """Output and noise of a receiver.
+    """Receiver of a radar; every effect is a setting, and off by default.
+
+    The signal passes them in this order: phase noise and phases of the receivers, leakage, high-pass, I/Q imbalance,
+    noise with the low-pass, gain, offset, ADC. Samples are in sqrt(W), whose square is the power at the antenna (twice
+    the mean square of a real receiver); with `gain_db` at the input of the ADC; with `full_scale` they are parts of the
+    ADC's full scale, from -1 to 1.
 
     Parameters
     ----------
@@ -20,20 +34,221 @@ class Receiver:
         Complex samples, or only their real part as one mixer gives it.
     noise_figure_db : float, optional
         Noise figure [dB] at 290 K; None: no noise.
+    phase_noise : sequence of (float, float), optional
+        Phase noise of the oscillator: offsets from the carrier [Hz] and single-sideband levels there [dBc/Hz],
+        straight lines between them over the logarithm of the offset and beyond them; -20 dB per decade for a single
+        pair. Echoes have that of now against that of a delay ago: near ones are hardly touched.
+    leakage : Leakage, optional
+        From the transmitters into the receivers.
+    rx_phase_deg : sequence of float, optional
+        Phase of every receiver [degrees], of echoes; see `Radar.channel_phases`.
+    high_pass, low_pass : float, optional
+        Frequencies of the baseband's Butterworth filters at -3 dB [Hz]. They act on echoes by their true beat
+        frequency, also beyond the sampled band: the low-pass is the anti-alias filter. Noise passes the low-pass alone.
+    high_pass_order, low_pass_order : int
+        Orders of the filters; 6 dB per octave each.
+    kick_db : float, optional
+        Noise that turning on leaves in every chirp, at the first sample over the deviation of thermal noise before
+        the low-pass [dB]: it decays with `kick_time` and is one draw per chirp and receiver.
+    kick_time : float
+        Time in which the kick falls to 1/e [s].
+    iq_gain_db, iq_phase_deg : float, optional
+        Gain of Q over I [dB] and its phase error [degrees]; of I/Q receivers.
+    gain_db : float, optional
+        From the receiver's input to that of the ADC, both at 50 ohm [dB].
+    full_scale : float, optional
+        Voltage of a sample of 1 [V]; what is beyond -1 or 1 clips.
+    dc_offset : float or sequence of float, optional
+        Added to the samples, in their unit; one, or one per receiver.
+    adc_bits : int, optional
+        Bits of the ADC; codes are spread evenly from -1 to 1, both included.
+    adc_noise_lsb : float, optional
+        Deviation of the ADC's own white noise before rounding, in steps of the ADC; no filter or gain changes it.
+    chirp_offset_lsb : float or sequence of float, optional
+        Deviation of offsets that hold for a chirp of one receiver, in steps of the ADC; one, or one per receiver.
+    segment_offset_lsb : float, optional
+        Deviation of offsets that hold for a chirp of one receiver and a sixteenth of the ADC's codes, in its steps.
+    adc_odd_width : float, optional
+        Width of the odd codes, in steps, from a quarter of the codes on; of the even ones below. The others are as much
+        wider. None: 1.
     """
 
     output: str = "iq"
     noise_figure_db: float | None = None
+    phase_noise: tuple[tuple[float, float], ...] | None = None
+    leakage: Leakage | None = None
+    rx_phase_deg: tuple[float, ...] | None = None
+    high_pass: float | None = None
+    high_pass_order: int = 1
+    low_pass: float | None = None
+    low_pass_order: int = 4
+    kick_db: float | None = None
+    kick_time: float = 2e-6
+    iq_gain_db: float | None = None
+    iq_phase_deg: float | None = None
+    gain_db: float | None = None
+    full_scale: float | None = None
+    dc_offset: PerReceiver | None = None
+    adc_bits: int | None = None
+    adc_noise_lsb: float | None = None
+    chirp_offset_lsb: PerReceiver | None = None
+    segment_offset_lsb: float | None = None
+    adc_odd_width: float | None = None
 
     def __post_init__(self) -> None:
         check.choice("output", self.output, ("iq", "real"))
+        put = object.__setattr__
         if self.noise_figure_db is not None:
             check.non_negative("noise_figure_db", self.noise_figure_db, "dB")
-            object.__setattr__(self, "noise_figure_db", level("noise_figure_db", self.noise_figure_db))
+        for name in ("noise_figure_db", "kick_db", "iq_gain_db", "gain_db"):
+            if (value := getattr(self, name)) is not None:
+                put(self, name, level(name, value))
+        for name, unit in (("high_pass", "Hz"), ("low_pass", "Hz"), ("full_scale", "V")):
+            if (value := getattr(self, name)) is not None:
+                put(self, name, check.positive(name, value, unit))
+        for name in ("adc_noise_lsb", "segment_offset_lsb"):
+            if (value := getattr(self, name)) is not None:
+                put(self, name, check.non_negative(name, value, "steps of the ADC"))
+        if self.adc_odd_width is not None:
+            put(self, "adc_odd_width", check.non_negative("adc_odd_width", self.adc_odd_width, "steps of the ADC"))
+            if self.adc_odd_width > 2.0:
+                raise ValueError(f"adc_odd_width: expected at most 2 [steps of the ADC], got {self.adc_odd_width:g}")
+        for name in ("high_pass_order", "low_pass_order"):
+            put(self, name, _at_most(name, getattr(self, name), MAX_ORDER))
+        put(self, "kick_time", check.positive("kick_time", self.kick_time, "s"))
+        if self.iq_phase_deg is not None:
+            put(self, "iq_phase_deg", check.number("iq_phase_deg", self.iq_phase_deg, "degrees"))
+        if self.adc_bits is not None:
+            put(self, "adc_bits", _at_most("adc_bits", self.adc_bits, MAX_BITS))
+        if self.dc_offset is not None:
+            put(self, "dc_offset", per_receiver("dc_offset", self.dc_offset, ""))
+        if self.chirp_offset_lsb is not None:
+            offsets = per_receiver("chirp_offset_lsb", self.chirp_offset_lsb, "steps of the ADC")
+            for offset in offsets if isinstance(offsets, tuple) else (offsets,):
+                check.non_negative("chirp_offset_lsb", offset, "steps of the ADC")
+            put(self, "chirp_offset_lsb", offsets)
+        if self.phase_noise is not None:
+            put(self, "phase_noise", _phase_noise(self.phase_noise))
+        if self.rx_phase_deg is not None:
+            phases = per_receiver("rx_phase_deg", self.rx_phase_deg, "degrees")
+            if not isinstance(phases, tuple):
+                raise TypeError(f"rx_phase_deg: expected one number per receiver, got {self.rx_phase_deg!r}")
+            put(self, "rx_phase_deg", phases)
+        if not isinstance(self.leakage, Leakage | None):
+            raise TypeError(f"leakage: expected Leakage or None, got {type(self.leakage).__name__}")
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Refuse settings without those that give them a meaning."""
+        needs = {
+            "kick_db": "noise_figure_db",
+            "adc_bits": "full_scale",
+            "adc_noise_lsb": "adc_bits",
+            "chirp_offset_lsb": "adc_bits",
+            "segment_offset_lsb": "adc_bits",
+            "adc_odd_width": "adc_bits",
+        }
+        for name, needed in needs.items():
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                raise ValueError(f"{needed}: expected a value, as {name} is given, got None")
+        for name in ("iq_gain_db", "iq_phase_deg"):
+            if getattr(self, name) is not None and self.output == "real":
+                raise ValueError(f"{name}: expected None for a real receiver, got {getattr(self, name):g}")
+
+    def check_receivers(self, num_rx: int) -> None:
+        """Refuse settings with one number per receiver for another number of receivers."""
+        check_per_receiver("receiver.rx_phase_deg", self.rx_phase_deg, num_rx)
+        check_per_receiver("receiver.dc_offset", self.dc_offset, num_rx)
+        check_per_receiver("receiver.chirp_offset_lsb", self.chirp_offset_lsb, num_rx)
+        if self.leakage is not None:
+            for name in ("level_db", "phase_deg", "step_db", "step_phase_deg"):
+                check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)
+
+    def of_receivers(self, indices: Sequence[int]) -> Receiver:
+        """The same for some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
+
+        def own(value: Any) -> Any:
+            return tuple(value[i] for i in indices) if isinstance(value, tuple) else value
+
+        chosen = {name: own(getattr(self, name)) for name in ("rx_phase_deg", "dc_offset", "chirp_offset_lsb")}
+        if self.leakage is not None:
+            names = ("level_db", "phase_deg", "step_db", "step_phase_deg")
+            leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in names})
+            return replace(self, leakage=leakage, **chosen)
+        return replace(self, **chosen)
+
+    @property
+    def is_plain(self) -> bool:
+        """True if nothing happens but thermal noise and taking the real part."""
+        plain = Receiver(output=self.output, noise_figure_db=self.noise_figure_db)
+        return all(
+            getattr(self, field.name) == getattr(plain, field.name) or field.name in _MATTER_NOT_ALONE
+            for field in fields(self)
+        )
+
+    @property
+    def has_codes(self) -> bool:
+        """True if samples are codes of 12 bits, as `radarcore.recording.codes` has them."""
+        return self.adc_bits == 12 and self.output == "real"
+
+    @property
+    def unit(self) -> str | None:
+        """``source["cube_unit"]`` of recordings; None for sqrt(W) at the receiver's input, and for codes of 12 bits."""
+        if self.full_scale is not None:
+            return None if self.has_codes else "parts of full scale"
+        return None if self.gain_db is None else "sqrt(W) at the ADC"
 
     def noise_variance(self, sample_rate: float) -> float:
-        """Noise power per sample [W]: ``k T F fs``, half of it for a real receiver."""
+        """Noise power per sample before the low-pass [W]: ``k T F fs``, half of it for a real receiver."""
         if self.noise_figure_db is None:
             return 0.0
         power = BOLTZMANN * NOISE_TEMPERATURE * power_from_db(self.noise_figure_db) * sample_rate
         return power if self.output == "iq" else 0.5 * power
+
+    def to_dict(self) -> dict[str, Any]:
+        """Output, noise figure and all settings that are not the default, for JSON."""
+        values = asdict(self)
+        if self.leakage is not None:
+            values["leakage"] = {name: _plain(value) for name, value in values["leakage"].items()}
+        always = ("output", "noise_figure_db")
+        return {
+            field.name: _plain(values[field.name])
+            for field in fields(self)
+            if field.name in always or getattr(self, field.name) != field.default
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Receiver:
+        """The receiver that `to_dict` described."""
+        given = dict(values)
+        if (leakage := given.get("leakage")) is not None:
+            given["leakage"] = Leakage(**leakage)
+        return cls(**given)
+
+
+_MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")
+"""Settings without effect unless others are given."""
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, inner ones too."""
+    return [_plain(entry) for entry in value] if isinstance(value, tuple) else value
+
+
+def _at_most(name: str, value: object, most: int) -> int:
+    number = check.count(name, value)
+    if number > most:
+        raise ValueError(f"{name}: expected at most {most}, got {number}")
+    return number
+
+
+def _phase_noise(value: Any) -> tuple[tuple[float, float], ...]:
+    pairs = check.array("phase_noise", value, (None, 2))
+    if len(pairs) == 0:
+        raise ValueError("phase_noise: expected at least one pair (offset [Hz], level [dBc/Hz]), got none")
+    offsets = pairs[:, 0]
+    if offsets[0] <= 0.0 or (offsets[1:] <= offsets[:-1]).any():
+        raise ValueError(f"phase_noise: expected positive, increasing offsets [Hz], got {offsets.tolist()}")
+    for k, (_, decibels) in enumerate(pairs.tolist()):
+        level(f"phase_noise[{k}][1]", decibels, "dBc/Hz")
+    return tuple((offset, decibels) for offset, decibels in pairs.tolist())

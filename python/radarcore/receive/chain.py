@@ -4,19 +4,125 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
+from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.receive import adc
+from radarcore.receive.draws import Draws
+from radarcore.receive.imbalance import unbalance
+from radarcore.receive.leakage import leakage_step, leakage_tone
+from radarcore.receive.noise import kick, thermal_noise
+from radarcore.receive.phase_noise import phase_differences
 
 
 def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
     """Cube as the radar's receiver delivers it, in the precision of the ideal one, whose memory it takes over.
 
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
+
+    Parameters
+    ----------
+    ideal : (channel, chirp, sample) complex64 or complex128
+        Beat signal of the core: behind the filters, and with phase noise followed by its parts by delay, see
+        `radarcore.radar.baseband.responses`.
+    radar : Radar
+    start : float
+        Start of the frame [s].
+    seed : int
     """
     receiver = radar.receiver or Receiver()
-    # White noise of an I/Q receiver has half of its power in either part.
-    variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
-    return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
+    if receiver.is_plain:
+        # White noise of an I/Q receiver has half of its power in either part.
+        variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
+        return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
+    draws = Draws(seed, start)
+    signal = _mixed(ideal, receiver, radar, draws)
+    if receiver.output == "real":
+        signal = np.ascontiguousarray(signal.real)
+    elif signal.size < ideal.size:
+        signal = signal.copy()  # without the memory of the parts
+    return _digitised(signal, receiver, radar, draws)
+
+
+def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+    """Signal (channel, chirp, sample) behind mixer and filters [sqrt(W)]: phase noise, receiver phases, leakage."""
+    blocks = ideal.reshape(-1, radar.num_channels, *ideal.shape[1:])
+    signal: NDArray[Any] = blocks[0]
+    turns = _turns(receiver, radar, draws)
+    for part, turn in zip(blocks[1:], turns, strict=True):
+        part *= turn
+        signal += part
+    if receiver.rx_phase_deg is not None:
+        signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
+    if (leakage := receiver.leakage) is not None:
+        by_receiver = signal.reshape(-1, len(radar.rx), *signal.shape[1:])
+        if leakage.level_db is not None:
+            tone = leakage_tone(leakage, receiver, radar)[:, None] * _leaking(radar)
+            by_receiver += tone
+            # The phase noise of an echo of its delay.
+            for share, turn in zip(phase_noise_shares(receiver, radar.waveform, leakage.delay), turns, strict=True):
+                added = np.float32(share) * turn
+                by_receiver += tone * (added if len(added) == 1 else added.reshape(by_receiver.shape))
+        if leakage.step_db is not None:
+            by_receiver += leakage_step(leakage, radar)[:, None]
+    return signal
+
+
+def _leaking(radar: Radar) -> NDArray[np.complex64]:
+    """Field that leaks into the receivers over that of one transmitter, (chirp, 1): several at once add up."""
+    schedule, waveform = radar.schedule, radar.waveform
+    if schedule is None or not schedule.is_sum:
+        return np.ones((waveform.num_chirps, 1), np.complex64)
+    weights = schedule.tx_weights(radar.tx, waveform.wavelength, waveform.num_chirps)
+    total: NDArray[np.complex64] = weights.conj().sum(axis=1, keepdims=True).astype(np.complex64)
+    return total
+
+
+def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex64]:
+    """What phase noise adds to an echo of 1 at the delays of the parts of the signal: ``exp(j phase) - 1``.
+
+    Shape (delay, 1 or channel, chirp, sample): transmitters that take turns send at times of their own.
+    """
+    if receiver.phase_noise is None:
+        return np.zeros((0, 1, 1, 1), np.complex64)
+    waveform = radar.waveform
+    delays = tuple(phase_noise_delays(receiver, waveform).tolist())
+    offsets = radar.channel_offsets[:1]
+    of_channel = np.zeros(radar.num_channels, np.intp)
+    if np.ptp(radar.channel_offsets) > 0.0:
+        offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
+    starts = np.add.outer(offsets, waveform.chirp_times).ravel()
+    phase = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
+    turns: NDArray[np.complex64] = np.empty(phase.shape, np.complex64)
+    np.sin(phase, out=turns.imag)
+    # With all digits of small ones.
+    half = np.sin(0.5 * phase)
+    turns.real = -2.0 * half * half
+    by_offset = turns.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
+    return by_offset if len(offsets) == 1 else by_offset[:, of_channel]
+
+
+def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+    """Samples behind I/Q imbalance, noise, gain, offsets and ADC; in place."""
+    waveform, num_channels = radar.waveform, radar.num_channels
+    if receiver.iq_gain_db is not None or receiver.iq_phase_deg is not None:
+        unbalance(samples, receiver.iq_gain_db, receiver.iq_phase_deg)
+    if receiver.noise_figure_db is not None:
+        samples += thermal_noise(receiver, waveform, num_channels, draws)
+        if receiver.kick_db is not None:
+            samples += kick(receiver, waveform, num_channels, draws)
+    # I and Q go through the rest by themselves.
+    numbers = samples.view(samples.real.dtype)
+    if (gain := adc.gain(receiver)) != 1.0:
+        numbers *= gain
+    if receiver.dc_offset is not None:
+        adc.offset(receiver, numbers, len(radar.rx))
+    if receiver.adc_bits is not None:
+        adc.adc_errors(receiver, numbers, len(radar.rx), draws)
+    if receiver.full_scale is not None:
+        adc.quantise(receiver, numbers)
+    return samples

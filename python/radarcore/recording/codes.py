@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore.radar.radar import Radar
+
 NUM_CODES = 4096
 """Codes of a 12-bit ADC: from 0 to 4095."""
 
@@ -60,6 +62,12 @@ def to_codes(samples: ArrayLike) -> NDArray[np.uint16]:
     values *= half
     codes: NDArray[np.uint16] = np.rint(values).astype(np.uint16)
     return codes
+
+
+def adc_codes(samples: NDArray[np.floating], radar: Radar) -> NDArray[np.uint16] | None:
+    """Codes of samples as a radar's receiver delivered them; None if they are not codes of 12 bits."""
+    receiver = radar.receiver
+    return to_codes(samples) if receiver is not None and receiver.has_codes else None
 
 
 def checked_codes(codes: ArrayLike) -> NDArray[np.uint16]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radarcore import _core
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.interferer import Interferer
 from radarcore.sealed import sealed
 
 
@@ -84,30 +85,41 @@ class Scene:
 
     Parameters
     ----------
-    bodies : iterable of Body and PointTarget
-        Parts of the scene; images and paths number bodies in this order.
+    bodies : iterable of Body, PointTarget and Interferer
+        Parts of the scene; images and paths number bodies and points in this order.
 
     Attributes
     ----------
-    bodies : tuple
+    bodies : tuple of Body and PointTarget
         As given.
+    interferers : tuple of Interferer
+        Other radars, as given.
     names : tuple of str
         One per body, all different; unnamed ones are called "body 3" or "point 3".
+    interferer_names : tuple of str
+        Likewise; unnamed ones are called "interferer 0".
     parts : Parts
         Bodies with meshes and points apart, as arrays.
     """
 
-    def __init__(self, bodies: Iterable[Body | PointTarget] = ()) -> None:
+    def __init__(self, bodies: Iterable[Body | PointTarget | Interferer] = ()) -> None:
         if not isinstance(bodies, Iterable):
-            raise TypeError(f"bodies: expected a list of Body and PointTarget, got {type(bodies).__name__}")
-        self.bodies = tuple(bodies)
-        for i, body in enumerate(self.bodies):
-            if not isinstance(body, Body | PointTarget):
-                raise TypeError(f"bodies: expected Body and PointTarget, got {type(body).__name__} at index {i}")
+            raise TypeError(f"bodies: expected a list of Body, PointTarget and Interferer, got {type(bodies).__name__}")
+        given = tuple(bodies)
+        for i, body in enumerate(given):
+            if not isinstance(body, Body | PointTarget | Interferer):
+                raise TypeError(
+                    f"bodies: expected Body, PointTarget and Interferer, got {type(body).__name__} at index {i}"
+                )
+        self.bodies = tuple(body for body in given if not isinstance(body, Interferer))
+        self.interferers = tuple(body for body in given if isinstance(body, Interferer))
         self.names = tuple(
             body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
         )
-        _check_names(self.names)
+        self.interferer_names = tuple(
+            interferer.name or f"interferer {i}" for i, interferer in enumerate(self.interferers)
+        )
+        _check_names(self.names + self.interferer_names)
         self.parts = Parts.of(self.bodies)
 
     @property
@@ -142,11 +154,11 @@ class Scene:
         """True when nothing ever moves."""
         return bool(self.parts.are_still.all()) and not self.parts.velocities.any()
 
-    def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Body | PointTarget, ...]]]:
-        return type(self), (self.bodies,)
+    def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Body | PointTarget | Interferer, ...]]]:
+        return type(self), ((*self.bodies, *self.interferers),)
 
     def __repr__(self) -> str:
-        return f"<Scene: {', '.join(self.names) or 'empty'}>"
+        return f"<Scene: {', '.join(self.names + self.interferer_names) or 'empty'}>"
 
 
 def _check_names(names: tuple[str, ...]) -> None:

@@ -23,7 +23,7 @@ class Simulation:
     Attributes
     ----------
     scene : Scene
-        Bodies, points, people and arms, in this order.
+        Bodies, points, people, arms and interferers, in this order.
     radar : Radar
     radar_motion : motion
         Sensor to world.
@@ -58,7 +58,7 @@ class Simulation:
         Warns of a scene without bodies, whose recording has no echoes.
         """
         run = self.run
-        if not self.scene.bodies:
+        if not self.scene.bodies and not self.scene.interferers:
             file = "scene" if self.path is None else self.path
             notice.warn(f"{file}: expected a [[body]], [[point]], [[human]] or [[arm]], got none: there are no echoes")
         return self.simulator(threads=threads).record(

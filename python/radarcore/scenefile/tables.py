@@ -275,11 +275,47 @@ class PatternTable(Table):
     )
 
 
+class LeakageTable(Table):
+    """Leakage from the transmitters into the receivers; numbers for all receivers, or lists with one of each."""
+
+    level_db: float | list[float] | None = _key(None, "dB", "over the power of a transmitter; default: no tone")
+    delay: float = _key(0.0, "s", "delay")
+    phase_deg: float | list[float] = _key(0.0, "degrees", "on top of that of the delay")
+    step_db: float | list[float] | None = _key(None, "dB", "step of turning on at the first sample; default: none")
+    step_phase_deg: float | list[float] = _key(0.0, "degrees", "of the step")
+    step_time: float = _key(2e-6, "s", "in which the step falls to 1/e")
+
+
 class ReceiverTable(Table):
     """Receiver."""
 
     output: Literal["iq", "real"] = _key("iq", "", "complex samples, or their real part")
     noise_figure_db: float | None = _key(None, "dB", "noise figure at 290 K; default: no noise")
+    phase_noise: list[tuple[float, float]] | None = _key(
+        None, "", "of the oscillator: pairs of offset [Hz] and level [dBc/Hz]; default: none"
+    )
+    leakage: LeakageTable | None = _key(None, "", "from the transmitters; default: none")
+    rx_phase_deg: list[float] | None = _key(None, "degrees", "phase of every receiver; default: zero")
+    high_pass: float | None = _key(None, "Hz", "of the baseband, at -3 dB; default: none")
+    high_pass_order: int = _key(1, "", "of the high-pass, 6 dB per octave each")
+    low_pass: float | None = _key(None, "Hz", "anti-alias filter, at -3 dB; default: none")
+    low_pass_order: int = _key(4, "", "of the low-pass, 6 dB per octave each")
+    kick_db: float | None = _key(None, "dB", "noise at the start of chirps over thermal noise; default: none")
+    kick_time: float = _key(2e-6, "s", "in which that falls to 1/e")
+    iq_gain_db: float | None = _key(None, "dB", "gain of Q over I; default: balanced")
+    iq_phase_deg: float | None = _key(None, "degrees", "phase error of Q; default: balanced")
+    gain_db: float | None = _key(None, "dB", "from the receiver's input to the ADC; default: 0")
+    full_scale: float | None = _key(None, "V", "voltage of a sample of 1; default: samples in sqrt(W)")
+    dc_offset: float | list[float] | None = _key(None, "", "added to samples, in their unit; default: none")
+    adc_bits: int | None = _key(None, "", "bits of the ADC; default: not rounded")
+    adc_noise_lsb: float | None = _key(None, "", "deviation of the ADC's noise, in steps; default: none")
+    chirp_offset_lsb: float | list[float] | None = _key(
+        None, "", "deviation of offsets of chirps, in steps; default: none"
+    )
+    segment_offset_lsb: float | None = _key(
+        None, "", "deviation of offsets of chirps and sixteenths of the ADC's codes, in steps; default: none"
+    )
+    adc_odd_width: float | None = _key(None, "", "width of odd codes of the ADC, in steps; default: 1")
 
 
 class TdmTable(Table):
@@ -327,7 +363,7 @@ class SequenceTable(Table):
 class RadarTable(Table):
     """The radar; given keys override those of a preset."""
 
-    preset: Literal["bgt60tr13c"] | None = _key(None, "", "a real sensor")
+    preset: Literal["bgt60tr13c", "bgt60tr24"] | None = _key(None, "", "a real sensor")
     start_frequency: float | None = _key(None, "Hz", "at the start of the ramp")
     stop_frequency: float | None = _key(None, "Hz", "at the end of the sampled sweep; in place of slope")
     slope: float | None = _key(None, "Hz/s", "of the ramp, negative for a down-chirp; in place of stop_frequency")
@@ -357,9 +393,23 @@ class RadarTable(Table):
     tx_patterns: list[PatternTable] | None = _key(None, "", "of every transmit antenna by itself; default: pattern")
     rx_patterns: list[PatternTable] | None = _key(None, "", "of every receive antenna by itself; default: pattern")
     receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
+    measured_receiver: bool = _key(False, "", "the receiver of the preset bgt60tr13c as it was measured")
+    if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
         None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"
     )
+
+
+class InterfererTable(PlacedTable):
+    """Another radar, which transmits; it looks along its x axis."""
+
+    name: str | None = _key(None, "", "for pictures and messages")
+    radar: RadarTable = _key(..., "", "the other radar; its receivers do not matter")
+    start: float = _key(0.0, "s", "time at which one of its frames starts")
+    rate: float | None = _key(None, "Hz", "frames per second; default: one per frame_interval of its radar")
+    drift_ppm: float = _key(0.0, "ppm", "how much faster its clock runs")
+    start_phase: Literal["chirp", "frame"] = _key("chirp", "", "its oscillator has a random phase anew in every")
+    bounces: int = _key(1, "", "0: the direct path alone; 1: paths over one body as well")
 
 
 class RunTable(Table):
@@ -405,3 +455,4 @@ class SceneTable(Table):
     point: list[PointTable] = _key([], "", "ideal point targets")
     human: list[HumanTable] = _key([], "", "walking people")
     arm: list[ArmTable] = _key([], "", "robot arms")
+    interferer: list[InterfererTable] = _key([], "", "other radars")

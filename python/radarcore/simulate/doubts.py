@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, notice
+from radarcore.motion.protocol import poses_at
 from radarcore.radar import beam
 from radarcore.radar.radar import Radar
 from radarcore.scene import library
@@ -33,6 +34,9 @@ _FRAMES_PER_LOOK = 8
 _FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
 """Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
 
+
+_COMPRESSES = 1e-4
+"""Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
 
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
@@ -100,9 +104,13 @@ class Doubts:
         )
 
     def of_place(self, scene: Scene, placement: Placement, time: float) -> None:
-        """Refuse antennas inside of a body or at its surface, at the first time [s] that is simulated."""
+        """Refuse antennas, interferers' too, inside of a body or at its surface at the first time [s] simulated."""
         if "place" not in self._told:
-            check_antennas(scene, placement.poses_at(time), self._radar, time)
+            poses = placement.poses_at(time)
+            check_antennas(scene, poses, self._radar, time)
+            for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
+                others = np.concatenate([poses[:-1], poses_at(interferer.motion, [time])])
+                check_antennas(scene, others, interferer.radar, time, name=f"motion of {name!r}")
             self._told.add("place")
 
     def of_corners(
@@ -223,6 +231,14 @@ class Doubts:
             notice.warn(
                 f"adaptive sampling ended at its finest cells or its ray_budget: {cells_not_split} cells have a larger "
                 "residual error than rcs_floor asks for"
+            )
+
+    def of_interference(self, power: float) -> None:
+        """Warn of an interferer whose power at a receiver [W] drives real ones out of their linear range."""
+        if power > _COMPRESSES and self._is_new("interference"):
+            notice.warn(
+                f"an interferer is received with {10.0 * np.log10(power) + 30.0:.0f} dBm: real receivers compress what "
+                "is above about -10 dBm, this one is linear"
             )
 
     def _is_new(self, kind: str) -> bool:

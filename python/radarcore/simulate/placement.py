@@ -80,6 +80,13 @@ class Placement:
         times = np.array([time])
         return self._placed(self._motions.poses_at(times), self._points(times), self._vertices(times))
 
+    def seen_from(self, sensor: NDArray[np.float64], time: float) -> _core.Placement:
+        """Placement at one time [s] with the sensor at another pose, (3, 4), to the world."""
+        times = np.array([time])
+        poses = self._motions.poses_at(times).copy()
+        poses[:, -1] = sensor
+        return self._placed(poses, self._points(times), self._vertices(times))
+
     def rates_at(self, time: float) -> _core.Placement:
         """Time derivatives of the placement at one time [s]."""
         rates = self._motions.rates_at(np.array([time]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,40 +25,59 @@ def ramps_of(radar: Radar) -> Waveform:
     return waveform.replace(num_chirps=len(starts), chirp_times=starts)
 
 
-def received(cubes: Sequence[NDArray[Any]], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
-    """Cube of a frame that starts at `start` [s] as the receivers deliver it, (channel, chirp, sample).
+def received(
+    cubes: Sequence[NDArray[Any]],
+    radar: Radar,
+    start: float,
+    *,
+    seed: int,
+    disturb: Callable[[int, NDArray[Any]], None] | None = None,
+) -> NDArray[Any]:
+    """Cube of a frame as the receivers deliver it, (channel, chirp, sample).
 
-    `cubes`: of every sub-sequence, as the core gives them for its `ramps_of`.
+    Parameters
+    ----------
+    cubes : sequence of arrays
+        Of every sub-sequence, as the core gives them for its `ramps_of`.
+    radar : Radar
+    start : float
+        Start of the frame [s].
+    seed : int
+    disturb : function, optional
+        Of the number of a sub-sequence and the samples at its receivers, to which it adds what others send.
     """
-    parts = [
-        receive(_at_receivers(cube, part), part, start, seed=(seed + number * _SEED_STEP) % 2**64)
-        for number, (cube, part) in enumerate(zip(cubes, radar.sequences(), strict=True))
-    ]
+    parts = []
+    for number, (cube, part) in enumerate(zip(cubes, radar.sequences(), strict=True)):
+        samples = _at_receivers(cube, part)
+        if disturb is not None:
+            disturb(number, samples)
+        parts.append(receive(samples, part, start, seed=(seed + number * _SEED_STEP) % 2**64))
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
 
 def _at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
     """Samples that arrive at the receivers, (channel, chirp, sample), in the precision of the cube.
 
-    `cube`: (TX-RX pair, ramp, sample), every transmitter received by itself in all of the `ramps_of` a radar.
+    `cube`: (TX-RX pair, ramp, sample), every transmitter received by itself in all of the `ramps_of` a radar. With
+    phase noise there are several such blocks, and as many of the result, one after the other.
     """
-    num_tx, waveform = len(radar.tx), radar.waveform
-    pairs = cube.reshape(num_tx, len(radar.rx), -1, waveform.num_samples)
+    num_tx, num_rx, waveform = len(radar.tx), len(radar.rx), radar.waveform
+    pairs = cube.reshape(-1, num_tx, num_rx, cube.shape[1], waveform.num_samples)
     if _takes_turns(radar):
         starts = _starts(radar)
         ramps = np.searchsorted(np.sort(starts, axis=None), starts)  # (tx, chirp)
-        shape = (num_tx, len(radar.rx), waveform.num_chirps, waveform.num_samples)
+        shape = (len(pairs), num_tx, num_rx, waveform.num_chirps, waveform.num_samples)
         turns = np.empty(shape, cube.dtype)  # in the order that the receiver takes
         for tx in range(num_tx):
-            turns[tx] = pairs[tx][:, ramps[tx]]
-        return turns.reshape(-1, *shape[2:])
+            turns[:, tx] = pairs[:, tx][:, :, ramps[tx]]
+        return turns.reshape(-1, *shape[3:])
     if radar.schedule is None or not radar.schedule.is_sum:
         return cube
     weights = radar.schedule.tx_weights(radar.tx, waveform.wavelength, waveform.num_chirps).conj().astype(cube.dtype)
-    total: NDArray[Any] = pairs[0] * weights[:, 0, None]
+    total: NDArray[Any] = pairs[:, 0] * weights[:, 0, None]
     for tx in range(1, num_tx):
-        total += pairs[tx] * weights[:, tx, None]
-    return total
+        total += pairs[:, tx] * weights[:, tx, None]
+    return total.reshape(-1, *total.shape[2:])
 
 
 def _takes_turns(radar: Radar) -> bool:

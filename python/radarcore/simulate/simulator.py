@@ -18,12 +18,14 @@ from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
+from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.doubts import Doubts
+from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.ramps import ramps_of, received
@@ -213,7 +215,8 @@ class Simulator(Settings):
     def paths(self, time: float = 0.0) -> Paths:
         """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them, per TX-RX pair.
 
-        Whatever the schedule, there is a channel per pair of antennas; of several waveforms the first counts.
+        Amplitudes are behind the receiver's filters. Whatever the schedule, there is a channel per pair of antennas; of
+        several waveforms the first counts.
 
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
@@ -224,6 +227,9 @@ class Simulator(Settings):
         place = self._placement
         frame = next(place.frames([start], _NUM_TIMES))
         delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
+        # With phase noise the core has more rows, see `Radar._core`.
+        own = slice(len(self.radar.tx) * len(self.radar.rx))
+        delay, rate, amplitude = delay[own], rate[own], amplitude[own]
         channels = (len(delay), 1)
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
@@ -274,15 +280,17 @@ class Simulator(Settings):
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
         engines = [[self._engine, *self._more_engines], *(self._new_engines() for _ in range(side_by_side - 1))]
-        for start, ideals, cube in in_order(self._received, placed, engines, _stop):
+        for start, ideals, cube, others in in_order(self._received, placed, engines, _stop):
             for ideal in ideals:
                 self._doubts.of_frame(ideal, self.scene.names)
-            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg}
+            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg} | others
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
-            truth = ideals[0].truth
-            assert truth is not None  # as every scene has one
-            self._doubts.of_velocities(self.scene.names, truth[1])
-            yield Frame(cube, start, self.radar, Truth.from_rows(self.scene.names, truth), stats)
+            self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
+            rows = ideals[0].truth
+            assert rows is not None  # as every scene has one
+            self._doubts.of_velocities(self.scene.names, rows[1])
+            truth = Truth.from_rows(self.scene.names, rows)
+            yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
@@ -301,12 +309,21 @@ class Simulator(Settings):
         if self.field_of_view_deg is not None:
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
-    def _received(self, engines: Engines, placed: Placed) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any]]:
-        """Start [s], ideal frame of every sub-sequence, and cube as received, of a placed motion."""
+    def _received(
+        self, engines: Engines, placed: Placed
+    ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], dict[str, Any]]:
+        """Start [s], ideal frame of every sub-sequence, cube as received and counts of interference, of a motion."""
         start, motions = placed
         parts = zip(engines, motions, self._placements, strict=True)
         ideals = tuple(self._ideal(engine, motion, placement, start) for engine, motion, placement in parts)
-        return start, ideals, received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed)
+        counts: list[Counts] = []
+
+        def interfere(number: int, cube: NDArray[Any]) -> None:
+            counts.append(self._interferences[number].add_to(cube, engines[number], start))
+
+        disturb = interfere if self.scene.interferers else None
+        cube = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
+        return start, ideals, cube, counted(counts)
 
     @staticmethod
     def _ideal(
@@ -384,6 +401,14 @@ class Simulator(Settings):
         )
 
     @cached_property
+    def _interferences(self) -> list[Interference]:
+        """Signals of interferers in every sub-sequence."""
+        parts = zip(self._sequences, self._placements, strict=True)
+        return [
+            Interference(self.scene, radar, self._motion, placement, self, self.view_deg) for radar, placement in parts
+        ]
+
+    @cached_property
     def _doubts(self) -> Doubts:
         return Doubts(self.radar, self.tolerance)
 
@@ -408,10 +433,13 @@ class Simulator(Settings):
     def _source(self) -> dict[str, Any]:
         """Origin of the samples, for the recording."""
         bodies = list(self.scene.names)
-        return {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **self.to_dict()}
+        others = {"interferers": list(self.scene.interferer_names)} if self.scene.interferers else {}
+        source = {"simulator": "radarcore", "version": _core.__version__, "bodies": bodies, **others, **self.to_dict()}
+        receiver = self.radar.receiver
+        return source if receiver is None or receiver.unit is None else {**source, "cube_unit": receiver.unit}
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_engine", "_more_engines", "_placements", "_materials")
+        made = ("_engine", "_more_engines", "_placements", "_materials", "_interferences")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
 

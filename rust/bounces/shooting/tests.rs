@@ -77,6 +77,7 @@ fn array(rx: Vec<DVec3>, polarization: Option<DVec3>) -> Array {
         power: 1.0,
         frequency: 60e9,
         polarization,
+        responses: Vec::new(),
     }
 }
 

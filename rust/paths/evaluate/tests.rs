@@ -29,6 +29,7 @@ fn array(pattern: &Pattern) -> Array {
         power: 2.0,
         frequency: 60e9,
         polarization: None,
+        responses: Vec::new(),
     }
 }
 

@@ -142,6 +142,7 @@ fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
         power: 1.0,
         frequency: 60e9,
         polarization: None,
+        responses: Vec::new(),
     }
 }
 

@@ -41,6 +41,7 @@ fn array() -> Array {
         power: 1.0,
         frequency: FREQUENCY,
         polarization: None,
+        responses: Vec::new(),
     }
 }
 

@@ -1,4 +1,4 @@
-"""Bodies, points, people and arms of scene files."""
+"""Bodies, points, people, arms and interferers of scene files."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
 from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.interferer import Interferer
 from radarcore.scene.material import Material
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.materials import material_of, named_material
 from radarcore.scenefile.build.motions import Carriers, joint_motion_of, motion_of
+from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.read import place, unknown
 from radarcore.scenefile.tables import (
     ArmTable,
     BodyTable,
     HumanTable,
+    InterfererTable,
     MaterialTable,
     MeshTable,
     PlacedTable,
@@ -32,31 +35,33 @@ from radarcore.scenefile.tables import (
 )
 
 _Read = TypeVar("_Read")
-AnyTable = BodyTable | PointTable | HumanTable | ArmTable
+AnyTable = BodyTable | PointTable | HumanTable | ArmTable | InterfererTable
+AnyParts = list[Body] | list[PointTarget] | list[Interferer]
 
 
 class Parts:
-    """Builder of bodies, points, people and arms, each after its carrier."""
+    """Builder of bodies, points, people, arms and interferers, each after its carrier."""
 
     def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
         self._directory = directory
         self._materials = known
         self._carriers: Carriers = {}
 
-    def build(self, table: SceneTable) -> tuple[list[Body | PointTarget], Carriers]:
+    def build(self, table: SceneTable) -> tuple[list[Body | PointTarget | Interferer], Carriers]:
         """Parts in the order of the tables, and motions that can carry the sensor."""
         kinds: dict[str, list[Any]] = {
             "body": table.body,
             "point": table.point,
             "human": table.human,
             "arm": table.arm,
+            "interferer": table.interferer,
         }
         waiting: dict[str, AnyTable] = {
             place(kind, i, entry.name): entry for kind, entries in kinds.items() for i, entry in enumerate(entries)
         }
         order = list(waiting)
         _check_names(waiting)
-        built: dict[str, list[Body] | list[PointTarget]] = {}
+        built: dict[str, AnyParts] = {}
         while waiting:
             # An attached part waits until its carrier is built.
             ready = [where for where, entry in waiting.items() if self._has_carrier(entry)]
@@ -80,9 +85,11 @@ class Parts:
             return f"attached_to: expected a carrier that is not attached to this in turn, got {entry.attached_to!r}"
         return f"attached_to: unknown {unknown(entry.attached_to, self._carriers)}"
 
-    def _part(self, entry: AnyTable) -> list[Body] | list[PointTarget]:
+    def _part(self, entry: AnyTable) -> AnyParts:
         if isinstance(entry, PointTable):
             return [PointTarget(entry.position, entry.rcs, entry.velocity, name=entry.name)]
+        if isinstance(entry, InterfererTable):
+            return [self._interferer(entry)]
         if isinstance(entry, BodyTable):
             return self._bodies(entry)
         return self._human(entry) if isinstance(entry, HumanTable) else self._arm(entry)
@@ -106,6 +113,12 @@ class Parts:
             Body(mesh, material=own.get(name, rest), motion=motion, name=f"{prefix}{name or 'rest'}")
             for name, mesh in meshes.items()
         ]
+
+    def _interferer(self, table: InterfererTable) -> Interferer:
+        with located("radar: "):
+            radar = radar_of(table.radar, self._directory)
+        options = table.model_dump(include={"start", "rate", "drift_ppm", "start_phase", "bounces", "name"})
+        return Interferer(radar, motion_of(table, self._carriers), **options)
 
     def _material(self, value: str | MaterialTable) -> Material:
         if isinstance(value, MaterialTable):

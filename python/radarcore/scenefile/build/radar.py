@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from radarcore.radar.leakage import Leakage
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
+from radarcore.radar.preset_tr24 import bgt60tr24
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, SteeredTable, TdmTable
+from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, ReceiverTable, SteeredTable, TdmTable
 
 _WAVEFORM_KEYS = (
     "start_frequency",
@@ -50,12 +52,13 @@ def radar_of(table: RadarTable, directory: Path) -> Radar:
                     others[name].append(_pattern(entry, directory))
     if table.receiver is not None:
         with located("receiver."):
-            others["receiver"] = Receiver(**table.receiver.model_dump())
+            others["receiver"] = _receiver(table.receiver)
+    measured = _measured(table)
     if table.schedule is not None:
         with located("schedule."):
             others["schedule"] = _schedule(table.schedule)
     if table.preset is not None:
-        preset = bgt60tr13c(**waveform)
+        preset = bgt60tr24(**waveform) if table.preset == "bgt60tr24" else bgt60tr13c(**waveform, **measured)
         kept = {
             name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
         }
@@ -88,6 +91,27 @@ def _schedule(table: TdmTable | DdmTable | SteeredTable) -> Schedule:
     if len({np.size(row) for row in phases}) > 1:
         raise ValueError(f"phases_deg: expected equally many per chirp, got {phases}")
     return Schedule.steered(np.exp(1j * np.deg2rad(phases)))
+
+
+def _measured(table: RadarTable) -> dict[str, Any]:
+    """Keywords of the preset for its measured receiver."""
+    if not table.measured_receiver:
+        if table.if_gain_db is not None:
+            raise ValueError(f"if_gain_db: expected none unless measured_receiver is true, got {table.if_gain_db}")
+        return {}
+    if table.preset != "bgt60tr13c":
+        raise ValueError("measured_receiver: expected false without the preset bgt60tr13c, got true")
+    if table.receiver is not None:
+        raise ValueError("measured_receiver: expected false where there is a table of the receiver, got true")
+    return {"receiver": "measured", "if_gain_db": table.if_gain_db}
+
+
+def _receiver(table: ReceiverTable) -> Receiver:
+    values = table.model_dump(exclude={"leakage"})
+    if table.leakage is not None:
+        with located("leakage."):
+            values["leakage"] = Leakage(**table.leakage.model_dump())
+    return Receiver(**values)
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:

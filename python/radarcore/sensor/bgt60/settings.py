@@ -26,6 +26,7 @@ from radarcore.radar.bgt60 import (
     MAX_SAMPLES,
     MIN_DIVIDER,
 )
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.limits import LimitError, out_of_range, text_of, within
@@ -90,8 +91,6 @@ ADC_DELAY = FIRST_SAMPLE / CLOCK
 NUM_RX = 3
 IF_GAINS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
 """Gains of the baseband [dB]."""
-HIGHPASS_CUTOFFS = (20e3, 45e3, 70e3, 80e3)
-"""Cutoffs of the high-pass filter [Hz], in the order of HPF_SEL."""
 _MIN_KHZ, _MAX_KHZ = round(LOWEST_FREQUENCY / 1e3), round(HIGHEST_FREQUENCY / 1e3)
 _MAX_FRAMES = 4094
 
@@ -539,14 +538,8 @@ def _baseband(settings: Settings) -> int:
     if settings.highpass_cutoff < 0.0:
         text = f"expected 0 Hz or more, got {text_of(settings.highpass_cutoff, 'Hz')}; the nearest is "
         raise LimitError("highpass_cutoff", text + text_of(HIGHPASS_CUTOFFS[0], "Hz"))
-    cutoff = sum(settings.highpass_cutoff >= middle for middle in (32_500, 57_500, 75_000))
-    # An amplifier of 18 or 30 dB, and one of 0 to 30 dB in steps of 5; the second choice wins where it is as near.
-    gain = settings.if_gain_db
-    first, vga = 18, (min(gain - 18, 30) + 2) // 5
-    if gain >= 29:
-        other = (min(gain - 30, 30) + 2) // 5
-        if abs(30 + 5 * other - gain) <= abs(first + 5 * vga - gain):
-            first, vga = 30, other
+    cutoff = highpass_index(settings.highpass_cutoff)
+    first, vga = gain_stages(settings.if_gain_db)
     each = cutoff | vga << 2
     return each | each << 5 | each << 10 | (7 << 20 if first == 18 else 0)
 

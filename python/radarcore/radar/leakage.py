@@ -1,0 +1,70 @@
+"""Leakage from the transmitter into the receivers of the same radar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from radarcore import check
+from radarcore.radar.levels import level
+
+PerReceiver = float | tuple[float, ...]
+"""One number for all receivers, or one of each."""
+
+
+@check.knows_keywords
+@dataclass(frozen=True, kw_only=True)
+class Leakage:
+    """What leaks from a transmitter to the receivers: a tone of very low frequency, and what turning on leaves.
+
+    Both are the same in every chirp. Levels and phases are numbers, or sequences with one per receiver.
+
+    Parameters
+    ----------
+    level_db : float or sequence of float, optional
+        Power at the receiver's input over that of one transmitter [dB]. None: no tone.
+    delay : float
+        Delay [s]; the high-pass sees the beat frequency ``slope * delay``.
+    phase_deg : float or sequence of float
+        Phase on top of that of the delay [degrees].
+    step_db : float or sequence of float, optional
+        What is left, at the first sample, of the step as the transmitter turns on, behind the high-pass; over the power
+        of one transmitter [dB]. None: no step.
+    step_phase_deg : float or sequence of float
+        Its phase [degrees]: 180 for a real receiver that starts below its mean.
+    step_time : float
+        Time in which the step falls to 1/e [s].
+    """
+
+    level_db: PerReceiver | None = None
+    delay: float = 0.0
+    phase_deg: PerReceiver = 0.0
+    step_db: PerReceiver | None = None
+    step_phase_deg: PerReceiver = 0.0
+    step_time: float = 2e-6
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        for name in ("level_db", "step_db"):
+            if (value := getattr(self, name)) is not None:
+                put(self, name, per_receiver(name, value, "dB", is_level=True))
+        put(self, "delay", check.non_negative("delay", self.delay, "s"))
+        put(self, "phase_deg", per_receiver("phase_deg", self.phase_deg, "degrees"))
+        put(self, "step_phase_deg", per_receiver("step_phase_deg", self.step_phase_deg, "degrees"))
+        put(self, "step_time", check.positive("step_time", self.step_time, "s"))
+
+
+def per_receiver(name: str, value: Any, unit: str, *, is_level: bool = False) -> PerReceiver:
+    """A number, or a tuple of them with one per receiver."""
+    one = level if is_level else check.number
+    if isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1:
+        if len(value) == 0:
+            raise ValueError(f"{name}: expected a number, or one per receiver, got none")
+        return tuple(one(f"{name}[{k}]", number, unit) for k, number in enumerate(value))
+    return one(name, value, unit)
+
+
+def check_per_receiver(name: str, value: PerReceiver | None, num_rx: int) -> None:
+    """Refuse another number of numbers than of receivers."""
+    if isinstance(value, tuple) and len(value) != num_rx:
+        raise ValueError(f"{name}: expected one number, or {num_rx}, one per receiver, got {len(value)}")

@@ -1,0 +1,98 @@
+"""Gain, offsets and ADC: from sqrt(W) at the receiver's input to parts of full scale."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.radar.receiver import Receiver
+from radarcore.receive.draws import Draws
+from radarcore.units import power_from_db
+
+_SEGMENTS = 16
+"""Parts of the ADC's codes with offsets of their own."""
+
+IMPEDANCE = 50.0
+"""Impedance of the receiver's input [ohm]."""
+
+
+def gain(receiver: Receiver) -> float:
+    """Sample per sqrt(W) at the receiver's input.
+
+    A real sample is the real part of an amplitude whose square is the power, so the voltage of a tone peaks at
+    ``sqrt(2 R)`` times it.
+    """
+    field = sqrt(power_from_db(receiver.gain_db or 0.0))
+    return field if receiver.full_scale is None else field * sqrt(2.0 * IMPEDANCE) / receiver.full_scale
+
+
+def lsb(receiver: Receiver) -> float:
+    """Step of the ADC in samples."""
+    assert receiver.adc_bits is not None
+    return 2.0 / ((1 << receiver.adc_bits) - 1)
+
+
+def offset(receiver: Receiver, numbers: NDArray[Any], num_rx: int) -> None:
+    """Add the constant offset, in place, to the real numbers (channel, chirp, number)."""
+    values = np.broadcast_to(np.asarray(receiver.dc_offset, numbers.dtype), num_rx)
+    numbers += np.tile(values, len(numbers) // num_rx)[:, None, None]
+
+
+def adc_errors(receiver: Receiver, numbers: NDArray[Any], num_rx: int, draws: Draws) -> None:
+    """Add the ADC's offsets and noise, in place, to the real numbers (channel, chirp, number)."""
+    step, parts = lsb(receiver), 1 if receiver.output == "real" else 2
+    by_part = numbers.reshape(*numbers.shape[:2], -1, parts)
+    if receiver.segment_offset_lsb:
+        # Of the code that is met without offsets, so that the order of adding does not matter.
+        offsets = draws.normal("segment offset", (numbers.shape[0] * numbers.shape[1], _SEGMENTS * parts))
+        offsets *= np.float32(receiver.segment_offset_lsb * step)
+        segment = (0.5 * _SEGMENTS * by_part + 0.5 * _SEGMENTS).astype(np.int32)
+        np.clip(segment, 0, _SEGMENTS - 1, out=segment)
+        segment *= parts
+        segment += np.arange(parts, dtype=np.int32)
+        # One flat index is faster than one along an axis.
+        segment = segment.reshape(len(offsets), -1)
+        segment += (offsets.shape[1] * np.arange(len(offsets), dtype=np.int32))[:, None]
+        added = offsets.ravel().take(segment).reshape(by_part.shape)
+    else:
+        added = np.zeros((), numbers.dtype)
+    if receiver.chirp_offset_lsb is not None:
+        deviations = np.broadcast_to(np.asarray(receiver.chirp_offset_lsb, np.float32), num_rx) * np.float32(step)
+        offsets = draws.normal("chirp offset", (*numbers.shape[:2], 1, parts))
+        offsets *= np.tile(deviations, len(numbers) // num_rx)[:, None, None, None]
+        by_part += offsets
+    by_part += added
+    if receiver.adc_noise_lsb:
+        noise = draws.normal("ADC noise", numbers.shape)
+        noise *= np.float32(receiver.adc_noise_lsb * step)
+        numbers += noise
+
+
+def quantise(receiver: Receiver, numbers: NDArray[Any]) -> None:
+    """Clip to full scale and round to codes, in place: sample ``2 code / (2^bits - 1) - 1``."""
+    np.clip(numbers, -1.0, 1.0, out=numbers)
+    if receiver.adc_bits is not None:
+        codes = 2**receiver.adc_bits - 1
+        numbers += 1.0
+        numbers *= 0.5 * codes
+        if receiver.adc_odd_width is None:
+            np.rint(numbers, out=numbers)
+        else:
+            _round_unevenly(numbers, receiver.adc_odd_width, 0.25 * (codes + 1))
+            np.clip(numbers, 0.0, codes, out=numbers)
+        # As `recording.codes.to_samples`, so that both give the same bits.
+        numbers *= 2.0
+        numbers /= codes
+        numbers -= 1.0
+
+
+def _round_unevenly(levels: NDArray[Any], odd_width: float, first: float) -> None:
+    """Round to codes whose odd ones have another width than 1 from the code `first` on, and the even ones below."""
+    even = 2.0 * np.rint(0.5 * levels)
+    half = np.where(levels >= first, 1.0 - 0.5 * odd_width, 0.5 * odd_width).astype(levels.dtype)
+    levels -= even
+    # The part from one code to the next that rounds to the odd one.
+    levels[...] = even + np.where(np.abs(levels) >= half, np.copysign(1.0, levels), 0.0)

@@ -1,0 +1,49 @@
+"""Leakage of the transmitter: a slow tone and the step of turning on, the same in every chirp."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore.radar.baseband import filter_gain
+from radarcore.radar.leakage import Leakage
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+
+
+@lru_cache(maxsize=16)
+def leakage_tone(leakage: Leakage, receiver: Receiver, radar: Radar) -> NDArray[np.complex64]:
+    """Tone behind the filters (rx, sample) [sqrt(W)], an echo of its delay, docs/theory.md eq. (1)."""
+    assert leakage.level_db is not None
+    waveform, tau = radar.waveform, leakage.delay
+    phase = (
+        waveform.start_frequency * tau - 0.5 * waveform.slope * tau**2 + waveform.slope * tau * waveform.sample_times
+    )
+    gain = filter_gain(receiver, np.array(waveform.slope * tau))
+    tone = gain * _phasors(leakage.level_db, leakage.phase_deg, radar)[:, None] * np.exp(2j * np.pi * phase)
+    return _read_only(tone)
+
+
+@lru_cache(maxsize=16)
+def leakage_step(leakage: Leakage, radar: Radar) -> NDArray[np.complex64]:
+    """Step of turning on (rx, sample) [sqrt(W)], from the first sample on."""
+    assert leakage.step_db is not None
+    waveform = radar.waveform
+    decay = np.exp(-np.arange(waveform.num_samples) / (waveform.sample_rate * leakage.step_time))
+    step = _phasors(leakage.step_db, leakage.step_phase_deg, radar)[:, None] * decay
+    return _read_only(step)
+
+
+def _read_only(values: NDArray[np.complex128]) -> NDArray[np.complex64]:
+    single = values.astype(np.complex64)
+    single.flags.writeable = False
+    return single
+
+
+def _phasors(level_db: ArrayLike, phase_deg: ArrayLike, radar: Radar) -> NDArray[np.complex128]:
+    """Amplitudes of a level over a transmitter's power, (rx,) [sqrt(W)]."""
+    amplitude = np.sqrt(radar.tx_power * 10.0 ** (np.asarray(level_db, np.float64) / 10.0))
+    phasors = amplitude * np.exp(1j * np.deg2rad(np.asarray(phase_deg, np.float64)))
+    return np.broadcast_to(phasors, len(radar.rx))

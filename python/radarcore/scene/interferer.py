@@ -1,0 +1,155 @@
+"""Another FMCW radar in a scene, which transmits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import fmod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.radar.radar import Radar
+
+START_PHASES = ("chirp", "frame")
+"""How long the phase of an interferer's oscillator is known."""
+
+_LARGEST_DRIFT = 1e4
+"""Largest drift of a clock [ppm]: that of no crystal, but of an oscillator without one."""
+
+
+@check.knows_keywords
+@dataclass(frozen=True, eq=False)
+class Interferer:
+    """Another FMCW radar, which is received and returns no echo of its own.
+
+    It has always been on: its frames follow each other without an end, before `start` too. It transmits during its
+    ramps, from all of its transmitters, and nothing between them.
+
+    Parameters
+    ----------
+    radar : Radar
+        Its waveform, transmit antennas with patterns, power and polarisation; its receivers do not matter.
+    motion : Pose, Linear, Trajectory, Attached or function of time
+        Its sensor frame to the world.
+    start : float
+        Time at which one of its frames starts [s].
+    rate : float, optional
+        Frames per second of its clock [Hz]; default: one per `Waveform.frame_interval`.
+    drift_ppm : float
+        How much faster its clock runs than ours [ppm]: frequencies are higher, times between its chirps shorter.
+    start_phase : "chirp" or "frame"
+        Its oscillator runs freely: against ours it has a random phase anew at the start of every "chirp", as where
+        ramps are not locked to a common clock, or only of every "frame", whose chirps all start in that phase. The
+        phases belong to the seed of the simulator and to the numbers of frame and chirp. A CW radar keeps one phase.
+    bounces : 0 or 1
+        Reflections of its signal on the way to our receivers: 0 for the direct path alone, 1 for paths over one body
+        or point as well.
+    name : str, optional
+        Name in tables and messages.
+
+    Raises
+    ------
+    ValueError
+        For more frames per second than fit, for a radar of several sub-sequences, and for one whose transmitters send
+        at once by a schedule.
+    """
+
+    radar: Radar
+    motion: Motion
+    start: float
+    rate: float
+    drift_ppm: float
+    start_phase: str
+    bounces: int
+    name: str | None
+
+    def __init__(
+        self,
+        radar: Radar,
+        motion: AnyMotion,
+        *,
+        start: float = 0.0,
+        rate: float | None = None,
+        drift_ppm: float = 0.0,
+        start_phase: str = "chirp",
+        bounces: int = 1,
+        name: str | None = None,
+    ) -> None:
+        if not isinstance(radar, Radar):
+            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        if radar.more_waveforms:
+            raise ValueError(f"radar: expected an interferer of one waveform, got {1 + len(radar.more_waveforms)}")
+        if radar.schedule is not None and radar.schedule.is_sum:
+            raise ValueError(f"radar: expected no schedule, or one of kind 'tdm', got {radar.schedule.kind!r}")
+        put = object.__setattr__
+        put(self, "radar", radar)
+        put(self, "motion", as_motion("motion", motion))
+        put(self, "start", check.number("start", start, "s"))
+        wf = radar.waveform
+        put(self, "rate", 1.0 / wf.frame_interval if rate is None else check.positive("rate", rate, "Hz"))
+        drift = check.number("drift_ppm", drift_ppm, "ppm")
+        if abs(drift) > _LARGEST_DRIFT:
+            raise ValueError(f"drift_ppm: expected {-_LARGEST_DRIFT:g} to {_LARGEST_DRIFT:g} [ppm], got {drift:g}")
+        put(self, "drift_ppm", drift)
+        put(self, "start_phase", check.choice("start_phase", start_phase, START_PHASES))
+        put(self, "bounces", check.count("bounces", bounces, 0))
+        if self.bounces > 1:
+            raise ValueError(f"bounces: expected 0 or 1, got {self.bounces}")
+        put(self, "name", name)
+        duration = float(wf.chirp_times[-1]) + self.ramp_duration
+        if duration * self.rate > 1.0 + 1e-9:
+            raise ValueError(
+                f"rate: expected at most {1.0 / duration:g} frames of {1e3 * duration:g} ms per second [Hz], "
+                f"got {self.rate:g}"
+            )
+
+    @property
+    def ramp_duration(self) -> float:
+        """Duration of a ramp, from its start to the end of its last sample [s of its clock]."""
+        wf = self.radar.waveform
+        sampled = wf.adc_delay + wf.num_samples / wf.sample_rate
+        return float(np.diff(wf.chirp_times).min(initial=sampled))
+
+    @property
+    def clock(self) -> float:
+        """Seconds of its clock in one of ours."""
+        return 1.0 + 1e-6 * self.drift_ppm
+
+    @property
+    def sent_after(self) -> NDArray[np.float64]:
+        """Time from the start of a chirp to that of every transmitter [s of its clock], (tx,)."""
+        offsets, num_tx = self.radar.channel_offsets, len(self.radar.tx)
+        # A radar whose transmitters send at once may have channels of its receivers alone.
+        return offsets[:: len(self.radar.rx)] if len(offsets) == num_tx * len(self.radar.rx) else np.zeros(num_tx)
+
+    def chirps_between(
+        self, begin: float, end: float, origin: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """Starts of chirps that some transmitter sends between `begin` and `end` after `origin` [s].
+
+        Returns
+        -------
+        starts : (sent,) float64
+            After `origin`, increasing [s].
+        frame, chirp : (sent,) int64
+            Numbers of its frames, 0 that of `start`, and of chirps within the frame.
+        """
+        interval = 1.0 / (self.rate * self.clock)
+        # A remainder is exact, a product of the number of frames since 1970 and the interval is not.
+        elapsed = origin - self.start
+        since = fmod(elapsed, interval)
+        number = round((elapsed - since) / interval)
+        low, high = int(np.floor((begin + since) / interval)) - 1, int(np.floor((end + since) / interval))
+        frames = np.arange(low, high + 1)
+        starts = (frames * interval - since)[:, None] + self.radar.waveform.chirp_times / self.clock
+        frame, chirp = np.indices(starts.shape)
+        kept = (starts.ravel() <= end) & (starts.ravel() + self._longest / self.clock >= begin)
+        return starts.ravel()[kept], (frame.ravel() + (number + low))[kept], chirp.ravel()[kept]
+
+    @property
+    def _longest(self) -> float:
+        """Time from the start of a chirp to the end of the last transmitter's ramp [s of its clock]."""
+        return float(self.sent_after.max()) + self.ramp_duration

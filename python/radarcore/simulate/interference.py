@@ -1,0 +1,257 @@
+"""Other radars of a scene at the receivers of ours: where they are, what they send, how it arrives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import _core
+from radarcore.motion.protocol import Motion, poses_at
+from radarcore.radar.pattern import Pattern
+from radarcore.radar.radar import Radar
+from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
+from radarcore.receive.low_pass import low_pass_of
+from radarcore.scene.interferer import Interferer
+from radarcore.scene.scene import Scene
+from radarcore.simulate.directions import angles
+from radarcore.simulate.first_bounce import BouncePaths, FirstBounce
+from radarcore.simulate.placement import Placement
+from radarcore.simulate.sectors import Angles
+from radarcore.simulate.settings import Settings
+from radarcore.units import SPEED_OF_LIGHT
+
+_CLEARANCE = 1e-3
+"""Smallest distance of an antenna of an interferer from ours [m]."""
+
+_LONGEST_DELAY = 1e-4
+"""Longest delay of a path [s], that of 30 km."""
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""Step of SplitMix64: 2^64 over the golden ratio."""
+
+_SHORTEST = 1e-6
+"""Shortest time over which delays are taken as linear [s]."""
+
+Floats = NDArray[np.float64]
+
+Counts = dict[str, Any]
+"""Counts of interference, for `Frame.stats`."""
+
+
+class Interference:
+    """Signals of the interferers of a scene at the receivers of a radar.
+
+    Parameters
+    ----------
+    scene : Scene
+    radar : Radar
+    motion : Motion
+        Sensor to world.
+    placement : Placement
+        Of the same scene and motion.
+    settings : Settings
+        Of the simulator.
+    view_deg : (float, float)
+        Field of view of the simulator [degrees].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        radar: Radar,
+        motion: Motion,
+        placement: Placement,
+        settings: Settings,
+        view_deg: Angles,
+    ) -> None:
+        self._scene, self._radar, self._motion, self._placement = scene, radar, motion, placement
+        self._seed = settings.seed
+        self._low_pass = low_pass_of(radar)
+        self._bounces = [
+            FirstBounce(scene, radar, interferer, motion, placement, settings, view_deg) if interferer.bounces else None
+            for interferer in scene.interferers
+        ]
+        # Channels of the same receiver whose chirps start together get the same.
+        offsets, self._offset = np.unique(radar.channel_offsets, return_inverse=True)
+        self._receiver = np.arange(radar.num_channels) % len(radar.rx)
+        self._starts = radar.waveform.chirp_times + offsets[:, None]  # (offset, chirp)
+
+    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> Counts:
+        """Add the signals to the samples (channel, chirp, sample) at the receivers, of a frame from a time [s] on.
+
+        `engine`: the counterpart of the simulator in the core, which finds what is occluded. Returns counts.
+        """
+        num_offsets, num_chirps = self._starts.shape
+        shape = num_offsets, len(self._radar.rx), num_chirps, self._radar.waveform.num_samples
+        total, is_hit, strongest = np.zeros(shape, dtype=np.complex128), np.zeros((num_offsets, num_chirps), bool), 0.0
+        for number, interferer in enumerate(self._scene.interferers):
+            chirps, amplitude = self._chirps(interferer, number, start), 0.0
+            for several in self._arrivals(interferer, number, engine, start):
+                amplitude = max([amplitude, *(float(np.abs(each.amplitude).max(initial=0.0)) for each in several)])
+                for offset, (starts, arrivals) in enumerate(zip(self._starts, several, strict=True)):
+                    found = beat_of_chirps(chirps, arrivals, self._radar.waveform, starts, self._low_pass, amplitude)
+                    total[offset] += found[0]
+                    is_hit[offset] |= found[1]
+            strongest = max(strongest, amplitude**2)
+        # The first rows are the channels.
+        cube[: len(self._receiver)] += total[self._offset, self._receiver].astype(cube.dtype)
+        return {
+            "interferers": len(self._scene.interferers),
+            "chirps_hit": int(is_hit.sum()),
+            "interference_power": float(np.mean(np.abs(total) ** 2)),
+            "strongest_interferer": strongest,
+        }
+
+    def _chirps(self, interferer: Interferer, number: int, start: float) -> Chirps:
+        """Chirps of an interferer around a frame that starts at a time [s]."""
+        wf, clock = interferer.radar.waveform, interferer.clock
+        end = float(self._starts.max() + self._radar.waveform.sample_times[-1])
+        begin = -self._low_pass.settling_time - _LONGEST_DELAY
+        starts, frame, chirp = interferer.chirps_between(begin, end, start)
+        if wf.is_cw:
+            phases = wf.start_frequency * clock * starts + _turns(self._seed, number, np.zeros(1, dtype=np.int64))
+        else:
+            anew = chirp if interferer.start_phase == "chirp" else np.zeros_like(chirp)
+            phases = _turns(self._seed, number, frame, anew)
+        return Chirps(
+            starts=starts,
+            phases=phases % 1.0,
+            start_frequency=wf.start_frequency * clock,
+            slope=wf.slope * clock**2,
+            duration=interferer.ramp_duration / clock,
+        )
+
+    def _arrivals(
+        self, interferer: Interferer, number: int, engine: _core.Simulator, start: float
+    ) -> Iterator[list[Arrivals]]:
+        """The direct paths, and those over bodies, of a frame: for chirps at each offset."""
+        middle = start + 0.5 * self._radar.waveform.duration
+        yield self._direct(interferer, engine, start, middle)
+        if (bounce := self._bounces[number]) is not None:
+            yield self._bounced(interferer, bounce.paths(start), middle - start)
+
+    def _bounced(self, interferer: Interferer, paths: BouncePaths, middle: float) -> list[Arrivals]:
+        """Paths over bodies, from what they are at the middle of a frame [s after its start]."""
+        found = []
+        for starts in self._starts:
+            delay = paths.delay[..., None] + paths.delay_rate[..., None] * (starts - middle)
+            found.append(
+                Arrivals(
+                    delay=delay,
+                    delay_rate=np.broadcast_to(paths.delay_rate[..., None], delay.shape),
+                    amplitude=np.broadcast_to(paths.amplitude[..., None], delay.shape),
+                    sent_after=interferer.sent_after[paths.transmitter] / interferer.clock,
+                )
+            )
+        return found
+
+    def _direct(self, interferer: Interferer, engine: _core.Simulator, start: float, middle: float) -> list[Arrivals]:
+        """Paths from transmitters to receivers by Friis' formula, for chirps at each offset."""
+        ours, other = self._radar, interferer.radar
+        span = max(float(ours.waveform.sample_times[-1]), _SHORTEST)
+        times = start + np.array([[0.0], [span]]) + self._starts.ravel()  # (end, chirp of an offset)
+        sensor, sender = (
+            poses_at(motion, times.ravel()).reshape(*times.shape, 3, 4) for motion in (self._motion, interferer.motion)
+        )
+        rx, tx = _in_world(sensor, ours.rx)[..., :, None, :], _in_world(sender, other.tx)[..., None, :, :]
+        offsets = tx - rx  # (end, chirp, rx, tx, 3)
+        distance = np.linalg.norm(offsets, axis=-1)
+        if distance.min() < _CLEARANCE:
+            raise ValueError(
+                f"interferer: expected antennas at least {1e3 * _CLEARANCE:g} mm from ours, got "
+                f"{1e3 * distance.min():.2g} mm at {start:g} s"
+            )
+
+        # Amplitudes at the starts of the chirps: gains, polarisation, and transmitters that a body occludes.
+        to_tx = offsets[0] / distance[0, ..., None]
+        at_rx, at_tx = _turned(sensor[0], to_tx), _turned(sender[0], -to_tx)
+        gains = _gains(ours.rx_patterns, at_rx, 1) * _gains(other.tx_patterns, at_tx, 2)
+        amplitude: Floats = np.sqrt(other.tx_power * gains) * other.waveform.wavelength / (4.0 * np.pi * distance[0])
+        amplitude *= _match(ours, other, sensor[0], sender[0], to_tx)
+        amplitude[..., self._is_hidden(interferer, engine, middle)] = 0.0
+
+        delay = distance / SPEED_OF_LIGHT
+        # Absolute times are rounded: what lies between them is not quite the span.
+        rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
+        sent_after = interferer.sent_after / interferer.clock
+        delays, rates, amplitudes = (  # per offset (chirp, rx, tx)
+            np.split(values, len(self._starts)) for values in (delay[0], rate, amplitude.astype(np.complex128))
+        )
+        return [
+            Arrivals(
+                delay=delays[k].transpose(1, 2, 0),
+                delay_rate=rates[k].transpose(1, 2, 0),
+                amplitude=amplitudes[k].transpose(1, 2, 0),
+                sent_after=sent_after,
+            )
+            for k in range(len(self._starts))
+        ]
+
+    def _is_hidden(self, interferer: Interferer, engine: _core.Simulator, middle: float) -> NDArray[np.bool_]:
+        """True for transmitters that a body occludes from the centre of our array, at the middle of a frame [s]."""
+        if not self._scene.parts.meshed:
+            return np.zeros(len(interferer.radar.tx), dtype=np.bool_)
+        sensor, sender = (poses_at(motion, [middle])[0] for motion in (self._motion, interferer.motion))
+        seen = (_in_world(sender, interferer.radar.tx) - sensor[:, 3]) @ sensor[:, :3] - self._radar.array_center
+        is_hidden, _ = engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
+        return is_hidden
+
+
+def counted(parts: list[Counts]) -> Counts:
+    """Counts of a frame from those of its sub-sequences: all chirps, the mean of the powers, and the strongest."""
+    if not parts:
+        return {}
+    return parts[0] | {
+        "chirps_hit": sum(part["chirps_hit"] for part in parts),
+        "interference_power": float(np.mean([part["interference_power"] for part in parts])),
+        "strongest_interferer": max(part["strongest_interferer"] for part in parts),
+    }
+
+
+def _in_world(poses: Floats, points: Floats) -> Floats:
+    """Points (n, 3) of a sensor frame in the world at poses (..., 3, 4), (..., n, 3)."""
+    world: Floats = points @ np.swapaxes(poses[..., :3], -1, -2) + poses[..., None, :, 3]
+    return world
+
+
+def _turned(poses: Floats, directions: Floats) -> Floats:
+    """Directions of the world (time, rx, tx, 3) in sensor frames at poses (time, 3, 4)."""
+    turned: Floats = directions @ poses[:, None, :, :3]
+    return turned
+
+
+def _gains(patterns: tuple[Pattern, ...], directions: Floats, axis: int) -> Floats:
+    """Gains of antennas, one per entry of an axis, in directions (time, rx, tx, 3) of their frame."""
+    of_each = np.moveaxis(directions, axis, 0)
+    return np.stack([pattern.gain(*angles(seen)) for pattern, seen in zip(patterns, of_each, strict=True)], axis=axis)
+
+
+def _match(ours: Radar, other: Radar, sensor: Floats, sender: Floats, to_tx: Floats) -> Floats | float:
+    """Part of the field that our antennas take: product of the polarisations, as far as they are across the path."""
+    if ours.polarization_vector is None or other.polarization_vector is None:
+        return 1.0
+    fields = [
+        (pose[:, :, :3] @ np.array(radar.polarization_vector))[:, None, None, :]
+        for pose, radar in ((sensor, ours), (sender, other))
+    ]
+    across = [field - (field * to_tx).sum(axis=-1, keepdims=True) * to_tx for field in fields]
+    match: Floats = (across[0] * across[1]).sum(axis=-1)
+    return match
+
+
+def _turns(seed: int, *counters: Any) -> Floats:
+    """Random phases [turns] that belong to a seed and to counters, by the mixer of SplitMix64.
+
+    G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
+    """
+    state = np.array([seed], dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for counter in counters:
+            state = (state + np.asarray(counter).astype(np.uint64)) * _GOLDEN + _GOLDEN
+            state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            state ^= state >> np.uint64(31)
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53

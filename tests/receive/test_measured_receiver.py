@@ -1,0 +1,213 @@
+"""Presets: the chip's steps of gain and filters, and the levels of the measured chain, those of its recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from chip_settings import power_up
+from radarcore.radar.bgt60_receiver import gain_stages, highpass_index
+from radarcore.recording.codes import to_codes
+from radarcore.virtual.source import Simulated
+
+STEPS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
+LOWEST_OF_STEPS = (18, 21, 26, 29, 32, 34, 37, 39, 42, 44, 47, 49, 53, 58)
+"""Smallest wanted gain of every step (SDK 3.6.4)."""
+
+
+def measured(if_gain_db: int = 23, **settings: Any) -> rc.Radar:
+    return power_up(receiver="measured", if_gain_db=if_gain_db, **settings)
+
+
+def codes(radar: rc.Radar, num_frames: int, **changes: Any) -> NDArray[np.float64]:
+    """Codes (frame, rx, chirp, sample) of an empty scene, with changes of the receiver."""
+    assert radar.receiver is not None
+    receiver = replace(radar.receiver, **changes)
+    radar = rc.Radar(radar.waveform, tx=radar.tx, rx=radar.rx, tx_power_dbm=radar.tx_power_dbm, receiver=receiver)
+    simulator = rc.Simulator(rc.Scene(), radar, resolution=8)
+    frames = [simulator.frame(k * radar.waveform.frame_interval).raw for k in range(num_frames)]
+    return np.array(frames, np.float64)
+
+
+def test_gains_are_rounded_as_the_chip_rounds_them() -> None:
+    for wanted in range(18, 61):
+        expected = max(step for step, least in zip(STEPS_DB, LOWEST_OF_STEPS, strict=True) if least <= wanted)
+        first, steps = gain_stages(wanted)
+        assert first + 5 * steps == expected, wanted
+        receiver = measured(wanted).receiver
+        assert receiver is not None
+        assert receiver.gain_db == 14.0 + expected
+    for bad in (17, 61):
+        with pytest.raises(ValueError, match="if_gain_db: expected at"):
+            measured(bad)
+
+
+def test_high_pass_is_the_nearest_of_four() -> None:
+    for wanted, expected in ((0.0, 20e3), (32e3, 20e3), (33e3, 45e3), (60e3, 70e3), (76e3, 80e3), (1e6, 80e3)):
+        receiver = measured(high_pass=wanted).receiver
+        assert receiver is not None
+        assert receiver.high_pass == expected
+        assert (20e3, 45e3, 70e3, 80e3)[highpass_index(wanted)] == expected
+
+
+def test_default_receiver_has_thermal_noise_alone_and_others_can_be_given() -> None:
+    assert rc.bgt60tr13c().receiver == rc.Receiver(output="real", noise_figure_db=12.0)
+    assert rc.bgt60tr13c(receiver="thermal") == rc.bgt60tr13c()
+    assert rc.bgt60tr13c(receiver=rc.Receiver()).receiver == rc.Receiver()
+    for settings in ({"receiver": "real"}, {"receiver": None}, {"if_gain_db": 30}, {"high_pass": 80e3}):
+        name = next(iter(settings))
+        with pytest.raises(ValueError, match=f"{name}: expected"):
+            rc.bgt60tr13c(**settings)
+
+
+@pytest.mark.parametrize(("gain_db", "before"), [(23, 0.56), (50, 7.3), (55, 12.98)])
+def test_noise_before_the_low_pass_is_that_of_the_recordings(gain_db: int, before: float) -> None:
+    quiet = {"leakage": None, "chirp_offset_lsb": None, "segment_offset_lsb": None, "kick_db": None, "dc_offset": None}
+    raw = codes(measured(gain_db), 4, low_pass=None, **quiet)
+    # Noise, the ADC's floor of 0.9, and rounding; 5e4 samples: 4 / sqrt(1e5) = 1.3 %.
+    assert raw.std() == pytest.approx(np.sqrt(before**2 + 0.81 + 1.0 / 12.0), rel=0.014)
+
+
+def test_start_of_chirps_is_kicked_as_in_the_recordings() -> None:
+    raw = codes(measured(50), 8, low_pass=None, leakage=None, segment_offset_lsb=None, chirp_offset_lsb=None)
+    raw -= raw.mean(axis=(0, 2, 3), keepdims=True)
+    found = raw.std(axis=(0, 1, 2))[:8]
+    # 18 at the first sample, over 4 samples, beside noise of 7.3: 1536 draws, 4 / sqrt(3072) = 7 %.
+    expected = np.sqrt(7.3**2 + 0.81 + (18.0 * np.exp(-np.arange(8) / 4.0)) ** 2)
+    np.testing.assert_allclose(found, expected, rtol=0.075)
+
+
+def test_leakage_ramps_have_the_levels_of_the_recordings() -> None:
+    """Wide sweep, 23 dB: about 1240, 650 and 360 over several boards, 1260, 580 and 212 on one; within 2 dB of that."""
+    mean = codes(measured(num_chirps=8), 20).mean(axis=(0, 2))
+    swing = np.ptp(mean, axis=1)
+    decibels = 20.0 * np.log10(swing / [1260.0, 580.0, 212.0])
+    assert abs(decibels).max() < 2.0
+    # No cycle fits into the chirp: nothing above range bin 5, within 20 dB of which is the lowest.
+    spectrum = abs(np.fft.rfft(mean * np.hanning(64)))
+    assert (spectrum[:, 6:].max(axis=1) < 0.1 * spectrum[:, :3].max(axis=1)).all()
+    # A narrow sweep leaves the transient of turning on: up to 700 at 50 dB.
+    narrow = codes(measured(50, num_chirps=8, start_frequency=60e9, stop_frequency=60.5e9), 20).mean(axis=(0, 2))
+    transient = narrow - narrow[:, 20:].mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(transient[:, 0], 700.0, rtol=0.1)
+    assert abs(transient[:, 16:]).max() < 10.0
+
+
+def test_weaker_transmitter_leaks_less() -> None:
+    loud, soft = (codes(measured(tx_power_dbm=power, num_chirps=8), 4).mean(axis=(0, 2)) for power in (4.0, -6.0))
+    np.testing.assert_allclose(np.ptp(soft, axis=1), np.ptp(loud, axis=1) / np.sqrt(10.0), rtol=0.05)
+
+
+def test_phase_noise_is_far_below_a_tenth_of_a_degree_at_short_range() -> None:
+    receiver = measured().receiver
+    assert receiver is not None
+    scene = rc.Scene([rc.PointTarget([0.3, 0.0, 0.0])])
+    quiet = rc.Simulator(scene, power_up(receiver=rc.Receiver()), resolution=8).frame().cube
+    noisy = power_up(receiver=rc.Receiver(phase_noise=receiver.phase_noise))
+    turn = np.angle(rc.Simulator(scene, noisy, resolution=8).frame().cube / quiet)
+    assert 0.0 < np.rad2deg(turn.std()) < 0.1
+
+
+def test_bgt60tr24_has_two_transmitters_and_a_square_of_receivers() -> None:
+    radar = rc.bgt60tr24(num_chirps=32)
+    assert (len(radar.tx), len(radar.rx), radar.num_channels) == (2, 4, 8)
+    assert radar.waveform.num_chirps == 32
+    assert radar.is_real
+    np.testing.assert_allclose(np.ptp(radar.rx, axis=0), [0.0, 3.5e-3, 3.5e-3])
+    # The channels fill a row of four by two, 3.5 mm apart.
+    places = {tuple(row) for row in np.round(radar.virtual_array[:, 1:] / 3.5e-3, 6).tolist()}
+    assert places == {(y, z) for y in (-1.5, -0.5, 0.5, 1.5) for z in (-0.5, 0.5)}
+    assert rc.bgt60tr24(receiver=rc.Receiver()).receiver == rc.Receiver()
+    with pytest.raises(TypeError, match=r"bgt60tr24: unknown keyword 'num_chirp'; did you mean 'num_chirps'"):
+        rc.bgt60tr24(num_chirp=3)
+
+
+SCENE_FILE = """\
+[radar]
+preset = "bgt60tr13c"
+measured_receiver = true
+if_gain_db = 33
+
+[[point]]
+position = [1.0, 0.0, 0.0]
+
+[run]
+stop = 0.1
+"""
+
+
+def test_scene_files_have_the_receiver(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE_FILE)
+    assert rc.load_scene(path).radar == rc.bgt60tr13c(receiver="measured", if_gain_db=33)
+    table = """\
+[radar.receiver]
+output = "real"
+noise_figure_db = 12.0
+phase_noise = [[1e5, -80.0], [1e6, -100.0]]
+high_pass = 8e4
+full_scale = 1.21
+gain_db = 37.0
+adc_bits = 12
+leakage = { level_db = [-30.0, -31.0, -32.0], delay = 1e-10 }
+"""
+    path.write_text(SCENE_FILE.replace("measured_receiver = true\nif_gain_db = 33\n", table))
+    receiver = rc.load_scene(path).radar.receiver
+    assert receiver is not None
+    assert receiver.leakage == rc.Leakage(level_db=(-30.0, -31.0, -32.0), delay=1e-10)
+    assert receiver.phase_noise == ((1e5, -80.0), (1e6, -100.0))
+    assert receiver.has_codes
+    path.write_text(
+        SCENE_FILE.replace('preset = "bgt60tr13c"\nmeasured_receiver = true\nif_gain_db = 33', 'preset = "bgt60tr24"')
+    )
+    assert rc.load_scene(path).radar == rc.bgt60tr24()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("measured_receiver = true\n", "", "if_gain_db: expected none unless measured_receiver is true, got 33"),
+        ("bgt60tr13c", "bgt60tr24", "measured_receiver: expected false without the preset bgt60tr13c"),
+        (
+            "if_gain_db = 33",
+            "receiver = { low_pass = 5e5 }",
+            "measured_receiver: expected false where there is a table",
+        ),
+        ("if_gain_db = 33", "if_gain_db = 70", "if_gain_db: expected at most 60, got 70"),
+    ],
+)
+def test_scene_files_that_contradict_themselves_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE_FILE.replace(old, new))
+    with pytest.raises(ValueError, match=f"radar: {message}"):
+        rc.load_scene(path)
+
+
+def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_the_registers() -> None:
+    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
+    source = Simulated(rc.Simulator(scene, measured(), resolution=8))
+    waveform = power_up(num_chirps=4)
+    part = rc.Radar(
+        waveform.waveform, tx=waveform.tx, rx=waveform.rx[[0, 2]], pattern=waveform.pattern, tx_power_dbm=4.0
+    )
+    found = source.frame(part, 0, 0.0, if_gain_db=40.0)
+    chain = measured(40).receiver
+    assert chain is not None
+    expected = rc.Radar(
+        part.waveform,
+        tx=part.tx,
+        rx=part.rx,
+        pattern=part.pattern,
+        tx_power_dbm=4.0,
+        receiver=chain.of_receivers([0, 2]),
+    )
+    np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))
+    again = source.frame(part, 1, part.waveform.frame_interval, if_gain_db=40.0)
+    assert again.shape == found.shape
+    assert (again != found).any()

@@ -1,0 +1,244 @@
+"""Settings of receivers: what is refused, kept in files, and off by default; any frame can be made again alone."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.receive.chain import receive
+from radarcore.receive.draws import Draws
+
+ALL: dict[str, Any] = {
+    "output": "iq",
+    "noise_figure_db": 12.0,
+    "phase_noise": ((100e3, -80.0), (1e6, -105.0)),
+    "leakage": rc.Leakage(level_db=(-30.0, -40.0), delay=1e-10, step_db=-50.0),
+    "rx_phase_deg": (0.0, -75.0),
+    "high_pass": 80e3,
+    "high_pass_order": 2,
+    "low_pass": 500e3,
+    "low_pass_order": 5,
+    "kick_db": 10.0,
+    "kick_time": 1e-6,
+    "iq_gain_db": 0.2,
+    "iq_phase_deg": 1.0,
+    "gain_db": 40.0,
+    "full_scale": 1.0,
+    "dc_offset": (0.01, -0.02),
+    "adc_bits": 14,
+    "adc_noise_lsb": 0.7,
+    "chirp_offset_lsb": 0.5,
+    "segment_offset_lsb": 0.5,
+    "adc_odd_width": 0.9,
+}
+RX = [[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]]
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=100e-6
+)
+SCENE = rc.Scene([rc.PointTarget([1.0, 0.2, 0.1], rcs=0.1, velocity=[0.5, 0.0, 0.0])])
+
+
+def simulator(receiver: rc.Receiver | None, seed: int = 0) -> rc.Simulator:
+    return rc.Simulator(SCENE, rc.Radar(WAVEFORM, rx=RX, receiver=receiver), resolution=8, seed=seed)
+
+
+def test_all_settings_are_in_this_test() -> None:
+    assert set(ALL) == {field.name for field in fields(rc.Receiver)}
+    for name, value in ALL.items():
+        if name != "output":
+            assert getattr(rc.Receiver(), name) != value, name
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_any_frame_alone_is_that_of_a_recording_to_the_last_bit(output: str) -> None:
+    own = {"iq_gain_db": None, "iq_phase_deg": None, "adc_bits": 12} if output == "real" else {}
+    sim = simulator(rc.Receiver(**(ALL | {"output": output} | own)), seed=7)
+    recording = sim.record(0.0, 0.1, rate=50.0, progress=False)
+    again = pickle.loads(pickle.dumps(sim))
+    for k in (4, 1, 3):
+        np.testing.assert_array_equal(again.frame(float(recording.time[k])).cube, recording.cube[k])
+    assert (recording.raw is not None) == (output == "real")
+    assert recording.source.get("cube_unit") == ("full scale" if output == "real" else "parts of full scale")
+    for other in (recording.cube[1], replace(sim, seed=8).frame(0.0).cube):
+        assert (other != recording.cube[0]).mean() > 0.3  # some samples have the same code by chance
+
+
+def test_effects_have_streams_of_their_own() -> None:
+    effects = (
+        "thermal noise",
+        "phase noise",
+        "slow phase noise",
+        "kick",
+        "chirp offset",
+        "ADC noise",
+        "segment offset",
+    )
+    number = 50_000
+    numbers = [
+        Draws(seed, start).normal(effect, (number,)) for effect in effects for seed in (0, 1) for start in (0.0, 0.1)
+    ]
+    correlation = np.corrcoef(numbers) - np.eye(len(numbers))
+    assert abs(correlation).max() < 5.0 / np.sqrt(number)  # 378 pairs: 5 sigma
+
+
+def test_noise_stays_the_same_as_other_effects_are_switched_on() -> None:
+    noisy = rc.Receiver(noise_figure_db=12.0)
+    zeros = np.zeros((2, 4, 32), np.complex64)
+
+    def of(receiver: rc.Receiver) -> Any:
+        return receive(zeros.copy(), rc.Radar(WAVEFORM, rx=RX, receiver=receiver), 0.5, seed=3)
+
+    with_leakage = of(replace(noisy, leakage=rc.Leakage(level_db=-160.0)))
+    np.testing.assert_allclose(with_leakage - of(noisy), 1e-8, rtol=1e-3)
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_settings_that_do_nothing_change_no_bit(output: str) -> None:
+    plain = rc.Receiver(output=output, noise_figure_db=12.0)
+    expected = simulator(plain).frame().cube
+    for more in ({"kick_time": 1.0}, {"low_pass_order": 2, "high_pass_order": 3}, {"rx_phase_deg": None}):
+        np.testing.assert_array_equal(simulator(replace(plain, **more)).frame().cube, expected)
+    for more in ({"gain_db": 0.0}, {"dc_offset": 0.0}):
+        np.testing.assert_array_equal(simulator(replace(plain, **more)).frame().cube, expected)
+
+
+def test_phases_of_receivers_turn_echoes_and_processing_can_know_them() -> None:
+    turned = simulator(rc.Receiver(rx_phase_deg=[10.0, -75.0])).frame()
+    straight = simulator(None).frame()
+    phases = turned.radar.channel_phases
+    np.testing.assert_allclose(phases, np.deg2rad([10.0, -75.0]))
+    np.testing.assert_array_equal(straight.radar.channel_phases, [0.0, 0.0])
+    back = turned.cube * np.exp(-1j * phases)[:, None, None]
+    np.testing.assert_allclose(back, straight.cube, rtol=1e-5)
+
+
+def test_receivers_survive_files_pickle_and_comparison(tmp_path: Path) -> None:
+    radar = rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**ALL))
+    text = json.dumps(radar.to_dict())
+    again = rc.Radar.from_dict(json.loads(text))
+    assert again == radar
+    assert hash(again.receiver) == hash(radar.receiver)
+    assert pickle.loads(pickle.dumps(radar)) == radar
+    for name, value in ALL.items():
+        assert getattr(again.receiver, name) == value, name
+        if name not in ("output", "noise_figure_db", "full_scale", "adc_bits"):
+            default = next(field.default for field in fields(rc.Receiver) if field.name == name)
+            assert replace(again.receiver, **{name: default}) != again.receiver
+    recording = rc.Simulator(SCENE, radar, resolution=8).record(0.0, 0.02, progress=False, path=tmp_path / "r")
+    assert rc.Recording.load(tmp_path / "r").radar == recording.radar == radar
+
+
+def test_files_from_before_the_settings_load() -> None:
+    values = rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real", noise_figure_db=12.0)).to_dict()
+    assert values["receiver"] == {"output": "real", "noise_figure_db": 12.0}
+    assert rc.Radar.from_dict(values).receiver == rc.Receiver(output="real", noise_figure_db=12.0)
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"phase_noise": []}, (TypeError, ValueError), "phase_noise: expected"),
+        ({"phase_noise": -80.0}, ValueError, r"phase_noise: expected shape \(n, 2\)"),
+        ({"phase_noise": [(0.0, -80.0)]}, ValueError, "phase_noise: expected positive, increasing offsets"),
+        ({"phase_noise": [(1e5, -80.0), (1e4, -70.0)]}, ValueError, "phase_noise: expected positive, increasing"),
+        ({"phase_noise": [(1e5, NAN)]}, ValueError, "phase_noise: expected finite numbers, got nan"),
+        ({"leakage": -30.0}, TypeError, "leakage: expected Leakage or None, got float"),
+        ({"rx_phase_deg": -75.0}, TypeError, "rx_phase_deg: expected one number per receiver, got -75"),
+        ({"rx_phase_deg": [0.0, NAN]}, ValueError, r"rx_phase_deg\[1\]: expected a finite number"),
+        ({"high_pass": 0.0}, ValueError, r"high_pass: expected a positive number \[Hz\]"),
+        ({"low_pass": NAN}, ValueError, r"low_pass: expected a finite number \[Hz\], got nan"),
+        ({"low_pass": "500 kHz"}, TypeError, "low_pass: expected a number"),
+        ({"low_pass_order": 0}, ValueError, "low_pass_order: expected at least 1, got 0"),
+        ({"high_pass_order": 1.5}, TypeError, "high_pass_order: expected an integer, got 1.5"),
+        ({"high_pass_order": 17}, ValueError, "high_pass_order: expected at most 16, got 17"),
+        ({"kick_db": 3.0}, ValueError, "noise_figure_db: expected a value, as kick_db is given, got None"),
+        ({"kick_time": -1.0}, ValueError, r"kick_time: expected a positive number \[s\]"),
+        ({"iq_gain_db": INF}, ValueError, "iq_gain_db: expected a finite number"),
+        ({"iq_phase_deg": 1.0, "output": "real"}, ValueError, "iq_phase_deg: expected None for a real receiver, got 1"),
+        ({"gain_db": 1e4}, ValueError, "gain_db: expected -1000 to 1000"),
+        ({"full_scale": -1.0}, ValueError, r"full_scale: expected a positive number \[V\]"),
+        ({"dc_offset": [NAN, 0.0]}, ValueError, r"dc_offset\[0\]: expected a finite number"),
+        ({"adc_bits": 12}, ValueError, "full_scale: expected a value, as adc_bits is given, got None"),
+        ({"adc_bits": 25, "full_scale": 1.0}, ValueError, "adc_bits: expected at most 24, got 25"),
+        ({"adc_bits": True, "full_scale": 1.0}, TypeError, "adc_bits: expected an integer, got True"),
+        ({"adc_noise_lsb": 1.0}, ValueError, "adc_bits: expected a value, as adc_noise_lsb is given, got None"),
+        ({"adc_noise_lsb": -1.0}, ValueError, "adc_noise_lsb: expected zero or a positive number"),
+        ({"chirp_offset_lsb": (1.0, -1.0)}, ValueError, "chirp_offset_lsb: expected zero or a positive number"),
+        ({"segment_offset_lsb": NAN}, ValueError, "segment_offset_lsb: expected a finite number"),
+        ({"adc_odd_width": 2.5}, ValueError, "adc_odd_width: expected at most 2"),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        rc.Receiver(**settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [
+        ({"rx_phase_deg": (0.0, 1.0, 2.0)}, "rx_phase_deg"),
+        ({"dc_offset": (0.0,)}, "dc_offset"),
+        ({"leakage": rc.Leakage(level_db=(1.0, 2.0, 3.0))}, r"leakage\.level_db"),
+        ({"leakage": rc.Leakage(step_db=0.0, step_phase_deg=(1.0, 2.0, 3.0))}, r"leakage\.step_phase_deg"),
+    ],
+)
+def test_other_numbers_than_receivers_are_refused_by_the_radar(settings: dict[str, Any], name: str) -> None:
+    with pytest.raises(ValueError, match=rf"receiver\.{name}: expected one number, or 2, one per receiver, got"):
+        rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**settings))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
+@pytest.mark.parametrize("output", ["iq", "real"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"num_samples": 1},
+        {"num_chirps": 1},
+        {"num_samples": 1, "num_chirps": 1},
+        {"slope": -50e12},
+        {"slope": 0.0, "sample_rate": 1e4},
+        {"slope": 5e10},
+        {"adc_delay": 5e-6},
+        {"chirp_times": [0.0, 60e-6, 200e-6, 300e-6]},
+    ],
+    ids=str,
+)
+def test_all_effects_work_with_any_waveform_and_precision(
+    output: str, tolerance: float, changes: dict[str, Any]
+) -> None:
+    basic = {"start_frequency": 60e9, "slope": 50e12, "sample_rate": 2e6, "num_samples": 32, "num_chirps": 4}
+    waveform = rc.Waveform(**(basic | changes))
+    settings = ALL | {"output": output}
+    if output == "real":
+        settings |= {"iq_gain_db": None, "iq_phase_deg": None}
+    if waveform.slope == 0.0:
+        settings["high_pass"] = None
+    radar = rc.Radar(waveform, rx=RX, receiver=rc.Receiver(**settings))
+    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
+    cube = rc.Simulator(scene, radar, resolution=8, tolerance=tolerance).frame().cube
+    assert cube.shape == (2, waveform.num_chirps, waveform.num_samples)
+    assert cube.dtype.kind == {"iq": "c", "real": "f"}[output]
+    assert cube.real.dtype == (np.float32 if tolerance == 1e-3 else np.float64)
+    assert np.isfinite(cube).all()
+    assert cube.base is None or cube.base.size <= 2 * cube.size
+    assert abs(cube.real).max() <= 1.0
+
+
+def test_depth_images_are_received_too() -> None:
+    distance = np.full((16, 16), 0.5)
+    radar = rc.bgt60tr13c(receiver="measured", num_chirps=4)
+    frame = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
+    assert frame.raw is not None
+    assert frame.cube.shape == frame.raw.shape == (3, 4, 128)
+    again = rc.frame_from_depth(distance, np.ones((16, 16)), radar, camera=(40.0, 40.0))
+    np.testing.assert_array_equal(again.raw, frame.raw)

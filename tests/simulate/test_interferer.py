@@ -1,0 +1,533 @@
+"""Interferers in a scene: power by Friis, geometry, clocks, seeds, first reflections, and scene files."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from radarcore.receive.low_pass import LowPass
+from radarcore.simulate.first_bounce import BouncePaths
+from scene_files import check_fault, load, write
+
+C = 299_792_458.0
+CW = rc.Waveform(start_frequency=77e9, slope=0.0, sample_rate=1e6, num_samples=32, num_chirps=8, chirp_interval=40e-6)
+FMCW = rc.Waveform.from_sweep(
+    start_frequency=77e9, stop_frequency=77.2e9, sample_rate=2e6, num_samples=64, num_chirps=16, chirp_interval=40e-6
+)
+CROSSING = FMCW.replace(start_frequency=77.2e9, slope=-FMCW.slope)
+CONDUCTOR = rc.materials["perfect_conductor"]
+HORN = rc.GaussianPattern(15.0, beamwidth_azimuth_deg=30.0, beamwidth_elevation_deg=20.0)
+
+Array = NDArray[Any]
+
+
+def tone(offset: float, **options: Any) -> rc.Interferer:
+    """A CW interferer at an offset from 77 GHz [Hz], on all the time."""
+    motion = options.pop("motion", rc.Pose([3.0, 4.0, 0.0]))
+    wf = rc.Waveform(start_frequency=77e9 + offset, slope=0.0, sample_rate=1e6, num_samples=1000)
+    radar = rc.Radar(wf, **{"tx_power_dbm": 10.0, **options})
+    return rc.Interferer(radar, motion, bounces=0)
+
+
+def cube_of(parts: list[Any], radar: rc.Radar | None = None, time: float = 0.0, **options: Any) -> Array:
+    radar = rc.Radar(CW) if radar is None else radar
+    cube: Array = rc.Simulator(rc.Scene(parts), radar, tolerance=1e-8, **options).frame(time).cube
+    return cube
+
+
+def power_of(parts: list[Any], radar: rc.Radar | None = None, **options: Any) -> float:
+    return float(np.mean(np.abs(cube_of(parts, radar, **options)) ** 2))
+
+
+def friis(frequency: float, distance: float, power: float = 1e-2) -> float:
+    return power * (C / frequency / (4.0 * np.pi * distance)) ** 2
+
+
+# --- The direct path
+
+
+def test_cw_interferer_is_a_tone_of_friis_power_at_the_difference_of_frequencies() -> None:
+    offset = 1.1e5
+    cube = cube_of([tone(offset)])[0]
+    gain = LowPass(0.5e6).gain(np.array(offset))
+    power = friis(77e9 + offset, 5.0) * abs(gain) ** 2
+    np.testing.assert_allclose(np.abs(cube) ** 2, power, rtol=1e-6)
+    times = CW.chirp_times[:, None] + CW.sample_times
+    # Ours minus the other: one phase through all chirps.
+    coherent = np.abs(np.mean(cube * np.exp(2j * np.pi * offset * times))) ** 2
+    assert coherent == pytest.approx(power, rel=1e-6)
+
+
+def test_gains_are_those_of_the_directions_in_either_frame() -> None:
+    here, there = (
+        rc.Pose.from_rpy([0.0, 0.0, 0.5], [0.1, 0.2, 0.3]),
+        rc.Pose.from_rpy([3.0, 1.0, 0.0], [0.2, -0.1, 2.9]),
+    )
+    ours = rc.Radar(CW, pattern=HORN)
+    other = tone(0.0, pattern=HORN, motion=there)
+    gains = 1.0
+    for pose, target in ((here, there), (there, here)):
+        x, y, z = pose.inverse().apply(target.position)
+        gains *= float(HORN.gain(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))))
+    distance = float(np.linalg.norm(here.position - there.position))
+    found = power_of([other], ours, radar_motion=here)
+    assert found == pytest.approx(gains * friis(77e9, distance), rel=1e-6)
+
+
+def test_swapping_the_radars_changes_no_power() -> None:
+    # A crossing: other samples, the same energy per chirp, as both cross in the middle of the ramps.
+    here, there = rc.Pose.look_at([0.0, 0.0, 0.0], [3.0, 1.0, 0.5]), rc.Pose.look_at([3.0, 1.5, 0.5], [0.0, 0.1, 0.0])
+    up = rc.Radar(FMCW, pattern=HORN, tx_power_dbm=10.0)
+    down = rc.Radar(CROSSING, pattern=rc.GaussianPattern(8.0, 60.0, 40.0), tx_power_dbm=10.0)
+    powers = [
+        power_of([rc.Interferer(sender, at, bounces=0)], receiver, radar_motion=mount)
+        for receiver, mount, sender, at in ((up, here, down, there), (down, there, up, here))
+    ]
+    # Delays of 11 ns shift the crossing by 5 ns of the 16 us, and the samples with it.
+    assert powers[0] == pytest.approx(powers[1], rel=0.01)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0])
+def test_polarisation_that_does_not_match_takes_the_squared_cosine(angle_deg: float) -> None:
+    roll = rc.Pose.from_rpy([5.0, 0.0, 0.0], [np.deg2rad(angle_deg), 0.0, 0.0])
+    ours = rc.Radar(CW, polarization="vertical")
+    found = power_of([tone(0.0, motion=roll, polarization="vertical")], ours)
+    expected = friis(77e9, 5.0) * np.cos(np.deg2rad(angle_deg)) ** 2
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-30)
+    assert power_of([tone(0.0, motion=roll)], ours) == pytest.approx(friis(77e9, 5.0), rel=1e-6)
+
+
+def test_every_receiver_has_the_phase_of_its_place() -> None:
+    quarter = 0.25 * C / 77e9
+    ours = rc.Radar(CW, rx=[[0.0, 0.0, 0.0], [0.0, quarter, 0.0]])
+    cube = cube_of([tone(0.0, motion=rc.Pose([0.0, 200.0, 0.0]))], ours)
+    # A quarter of a wavelength nearer: a quarter of a turn less delay.
+    np.testing.assert_allclose(np.angle(cube[1] / cube[0]), -0.5 * np.pi, atol=1e-6)
+
+
+def test_body_between_the_radars_occludes_the_direct_path() -> None:
+    wall = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose.look_at([1.5, 2.0, 0.0], [0.0, 0.0, 0.0]))
+    beside = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose.look_at([1.5, -2.0, 0.0], [0.0, 0.0, 0.0]))
+    simulators = [rc.Simulator(rc.Scene([body, tone(1e5)]), rc.Radar(CW)) for body in (wall, beside)]
+    assert [sim.frame().stats["interference_power"] > 0.0 for sim in simulators] == [False, True]
+    assert simulators[0].frame().stats["chirps_hit"] == 0
+    assert simulators[1].frame().stats["chirps_hit"] == CW.num_chirps
+
+
+def test_receding_interferer_has_a_tone_of_its_doppler_shift() -> None:
+    away = rc.Linear(rc.Pose([5.0, 0.0, 0.0]), velocity=[50.0, 0.0, 0.0])
+    wf = CW.replace(num_chirps=32)
+    cube = cube_of([tone(0.0, motion=away)], rc.Radar(wf))[0]
+    times = (wf.chirp_times[:, None] + wf.sample_times).ravel()
+    turns = np.polyfit(times, np.unwrap(np.angle(cube.ravel())) / (2.0 * np.pi), 1)
+    assert turns[0] == pytest.approx(77e9 * 50.0 / C, rel=1e-5)
+
+
+def test_interferer_adds_to_the_echoes_and_changes_nothing_else() -> None:
+    bodies = [rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, 0.0, 0.0])), rc.PointTarget([1.0, 0.2, 0.0])]
+    radar = rc.Radar(FMCW)
+    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]))
+    without, alone, both = (
+        rc.Simulator(rc.Scene(parts), radar).frame(0.1) for parts in (bodies, [other], [*bodies, other])
+    )
+    assert both.truth is not None
+    assert both.truth.names == rc.Scene(bodies).names
+    assert without.truth is not None
+    assert np.array_equal(both.truth.range, without.truth.range)
+    assert "interference_power" not in without.stats
+    direct = rc.Simulator(rc.Scene([*bodies, _without_bounces(other)]), radar).frame(0.1)
+    single = 1e-6 * np.abs(direct.cube).max()  # complex64
+    np.testing.assert_allclose(direct.cube - without.cube, alone.cube, rtol=0.0, atol=single)
+    assert not np.array_equal(both.cube, direct.cube)  # the bodies reflect it
+
+
+def _without_bounces(other: rc.Interferer) -> rc.Interferer:
+    return rc.Interferer(other.radar, other.motion, bounces=0)
+
+
+# --- Ghosts, clocks and phases
+
+
+def ghost(start_phase: str) -> Array:
+    """Range-Doppler map (velocity, range) of an interferer like us that starts 0.1 us later, 3 m away."""
+    like_us = rc.Radar(FMCW.replace(frame_interval=1e-3), tx_power_dbm=0.0)
+    other = rc.Interferer(like_us, rc.Pose([3.0, 0.0, 0.0]), start=1e-7, start_phase=start_phase, bounces=0)
+    return np.abs(np.asarray(rc.range_doppler(cube_of([other], rc.Radar(FMCW)), FMCW))[0])
+
+
+def test_interferer_like_us_is_a_ghost_at_half_the_delay_of_its_clock() -> None:
+    spectrum = ghost("frame")
+    velocity, distance = np.unravel_index(spectrum.argmax(), spectrum.shape)
+    expected = 0.5 * (C * 1e-7 + 3.0)
+    assert abs(FMCW.range_axis()[distance] - expected) <= 0.5 * FMCW.range_resolution
+    assert FMCW.velocity_axis()[velocity] == 0.0
+
+
+def test_phase_anew_in_every_chirp_spreads_the_ghost_over_all_velocities() -> None:
+    focused, spread = (np.sort(ghost(phase).max(axis=1)) for phase in ("frame", "chirp"))
+    # 16 chirps: a peak of 16 amplitudes, or of about 4 at many velocities.
+    assert focused[-1] > 1.5 * spread[-1]
+    assert np.median(spread) > 0.1 * spread[-1]
+    assert np.median(focused) < 0.1 * focused[-1]
+
+
+def test_drift_of_its_clock_shifts_frequency_slope_and_times() -> None:
+    other = rc.Interferer(rc.Radar(FMCW.replace(frame_interval=1e-3)), rc.Pose(), start=0.25e-3, drift_ppm=20.0)
+    starts, frame, chirp = other.chirps_between(0.0, 2e-3, 0.0)
+    clock = 1.0 + 20e-6
+    np.testing.assert_allclose(starts, 0.25e-3 + frame * 1e-3 / clock + FMCW.chirp_times[chirp] / clock, atol=1e-15)
+    shifted = tone(0.0)
+    shifted = rc.Interferer(shifted.radar, shifted.motion, bounces=0, drift_ppm=1.0)  # 77 kHz
+    cube = cube_of([shifted])[0]
+    times = CW.chirp_times[:, None] + CW.sample_times
+    coherent = np.abs(np.mean(cube * np.exp(2j * np.pi * 77e3 * times))) ** 2
+    assert coherent == pytest.approx(np.mean(np.abs(cube) ** 2), rel=1e-6)
+
+
+@pytest.mark.parametrize("origin", [-3.7, 0.0, 0.013, 1.7e9])
+def test_chirps_of_any_time_are_all_there(origin: float) -> None:
+    other = rc.Interferer(rc.Radar(FMCW), rc.Pose(), start=0.1, rate=400.0)
+    begin, end = -1e-3, 6e-3
+    starts, frame, chirp = other.chirps_between(begin, end, origin)
+    assert (np.diff(starts) > 0.0).all()
+    # Numbers of frames count from the start; their time is known to the rounding of the origin.
+    expected = 0.1 - origin + frame / 400.0 + FMCW.chirp_times[chirp]
+    np.testing.assert_allclose(starts, expected, rtol=0.0, atol=4.0 * np.spacing(abs(origin) + 1.0))
+    # All that last into the time: sixteen chirps in each of the frames, at most three begin or last in 7 ms.
+    whole = [number for number in np.unique(frame) if (frame == number).sum() == 16]
+    assert len(whole) >= 1
+    assert (starts <= end).all()
+    assert (starts + other.ramp_duration >= begin).all()
+
+
+def test_same_seed_gives_the_same_bits_frame_by_frame_and_side_by_side() -> None:
+    body = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([3.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
+    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]), rate=700.0)
+    radar = rc.Radar(FMCW, rx=[[0, 0, 0], [0, 2e-3, 0]], receiver=rc.Receiver(noise_figure_db=10.0))
+    scene = rc.Scene([body, other])
+
+    def recorded(**options: Any) -> rc.Recording:
+        return rc.Simulator(scene, radar, resolution=32, **options).record(0.0, 0.3, 20.0, progress=False)
+
+    first, again, seed = recorded(threads=1), recorded(threads=4), recorded(seed=1)
+    assert np.array_equal(first.cube, again.cube)
+    assert not np.array_equal(first.cube, seed.cube)
+    one = rc.Simulator(scene, radar, resolution=32).frame(float(first.time[3]))
+    assert np.array_equal(one.cube, first.cube[3])
+    assert not np.array_equal(first.cube[2], first.cube[3])
+    assert first.source["interferers"] == ["interferer 0"]
+
+
+def test_chirp_that_lasts_into_two_frames_has_one_phase() -> None:
+    long = rc.Waveform(start_frequency=77e9, slope=1e9, sample_rate=1e6, num_samples=1000)
+    other = rc.Interferer(rc.Radar(long), rc.Pose([3.0, 0.0, 0.0]), bounces=0)
+    sim = rc.Simulator(rc.Scene([other]), rc.Radar(CW.replace(num_chirps=1)))
+    # Phases of the same chirp at two times, back to its start.
+    phases = []
+    for time in (300e-6, 500e-6):
+        cube = sim.frame(time).cube[0, 0]
+        u = CW.sample_times
+        t = time + u - 3.0 / C
+        own, sent = 77e9 * u, 77e9 * t + 0.5e9 * t**2
+        settled = np.angle(cube * np.exp(-2j * np.pi * ((own - sent) % 1.0)))
+        response = np.angle(LowPass(0.5e6).gain(-1e9 * t))
+        phases.append(np.exp(1j * (settled - response)).mean())
+    # 1e-4 of a turn: phases of 4e7 turns, and the response to the slope.
+    assert np.angle(phases[0] / phases[1]) == pytest.approx(0.0, abs=1e-2)
+
+
+def test_transmitters_of_an_interferer_add_up() -> None:
+    wavelength = C / 77e9
+    pair = tone(0.0, motion=rc.Pose([5.0, 0.0, 0.0]), tx=[[0.0, 0.0, 0.0], [0.5 * wavelength, 0.0, 0.0]])
+    # Half a wave apart along the path: they cancel but for the difference of their distances, lambda / 2 of 5 m.
+    assert power_of([pair]) < 1e-5 * friis(77e9, 5.0)
+
+
+PAIR = [[0.0, 0.0, 0.0], [0.0, 4e-3, 0.0]]
+
+
+@pytest.mark.parametrize("schedule", [rc.Schedule.ddm(), rc.Schedule.steered(azimuth=0.3)], ids=["ddm", "steered"])
+def test_receivers_of_transmitters_that_send_at_once_get_the_signal_once(schedule: rc.Schedule) -> None:
+    together = cube_of([tone(1.1e5)], rc.Radar(CW, tx=PAIR, schedule=schedule))
+    np.testing.assert_allclose(together, cube_of([tone(1.1e5)], rc.Radar(CW, tx=PAIR[:1])), rtol=1e-9)
+
+
+def test_transmitters_in_turn_get_the_signal_of_their_times() -> None:
+    interval, offset = 12e-6, 1.1e5
+    radar = rc.Radar(CW.replace(num_samples=8), tx=PAIR, schedule=rc.Schedule.tdm(interval=interval))
+    first, second = cube_of([tone(offset)], radar)
+    # Both are the same tone, at the same receiver.
+    turn = np.exp(2j * np.pi * offset * interval * np.sign(np.angle(first[0, 1] / first[0, 0])))
+    np.testing.assert_allclose(second, first * turn, rtol=1e-6)
+
+
+def test_sub_sequences_are_disturbed_by_themselves() -> None:
+    up, down = FMCW.alternating()
+    both = rc.Radar([up, down])
+    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([3.0, 0.0, 0.0]), bounces=0)
+    simulator = rc.Simulator(rc.Scene([other]), both, tolerance=1e-8)
+    frame = simulator.frame(0.0)
+    for part, waveform in zip(frame.sequences(), (up, down), strict=True):
+        alone = rc.Simulator(rc.Scene([other]), rc.Radar(waveform), tolerance=1e-8).frame(0.0)
+        np.testing.assert_allclose(part.cube, alone.cube, rtol=1e-9)
+    assert frame.stats["chirps_hit"] == sum(
+        rc.Simulator(rc.Scene([other]), rc.Radar(waveform)).frame(0.0).stats["chirps_hit"] for waveform in (up, down)
+    )
+
+
+def test_phase_noise_of_echoes_leaves_the_signal_alone() -> None:
+    quiet, noisy = (
+        rc.Radar(FMCW, receiver=rc.Receiver(phase_noise=pairs)) for pairs in (None, ((1e4, -70.0), (1e6, -90.0)))
+    )
+    expected = cube_of([tone(1e8)], quiet)
+    assert np.abs(expected).max() > 0.0
+    np.testing.assert_allclose(cube_of([tone(1e8)], noisy), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"more_waveforms": [FMCW.delayed(0.01)]}, "radar: expected an interferer of one waveform, got 2"),
+        ({"tx": PAIR, "schedule": rc.Schedule.ddm()}, "radar: expected no schedule, or one of kind 'tdm', got 'ddm'"),
+    ],
+)
+def test_interferers_beyond_the_model_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rc.Interferer(rc.Radar(FMCW, **settings), rc.Pose([3.0, 0.0, 0.0]))
+
+
+# --- First reflections
+
+
+def bounced(parts: list[Any], motion: Any, radar: rc.Radar | None = None, **options: Any) -> BouncePaths:
+    """Paths over the scene at the middle of a frame."""
+    other = rc.Interferer(rc.Radar(FMCW, **options), motion)
+    sim = rc.Simulator(rc.Scene([*parts, other]), rc.Radar(FMCW) if radar is None else radar)
+    bounces = sim._interferences[0]._bounces[0]
+    assert bounces is not None
+    return bounces.paths(0.0)
+
+
+TX, POINT = np.array([0.5, 2.0, 0.0]), np.array([3.0, 1.0, 0.2])
+PLACE = rc.Pose(TX)
+
+
+def by_radar_equation(sections: float) -> float:
+    """Amplitude of the bistatic radar equation for 1 W."""
+    lengths = np.linalg.norm(POINT - TX) * np.linalg.norm(POINT)
+    return float(np.sqrt(sections / (4.0 * np.pi) ** 3) * FMCW.wavelength / lengths)
+
+
+def test_point_follows_the_bistatic_radar_equation() -> None:
+    paths = bounced([rc.PointTarget(POINT, rcs=2.0)], PLACE)
+    assert paths.amplitude.shape == (1, 1)
+    assert paths.amplitude[0, 0] == pytest.approx(by_radar_equation(2.0), rel=1e-9)
+    assert C * paths.delay[0, 0] == pytest.approx(np.linalg.norm(POINT - TX) + np.linalg.norm(POINT), abs=1e-12)
+
+
+def by_rays(radius: float, middle: Array) -> float:
+    """Geometrical optics of a sphere, as in test_bistatic.py: amplitude for 1 W."""
+    normal = -middle / np.linalg.norm(middle)
+    for _ in range(200):  # the mirror point: the normal halves the angle
+        spot = middle + radius * normal
+        to_tx, to_rx = TX - spot, -spot
+        normal = to_tx / np.linalg.norm(to_tx) + to_rx / np.linalg.norm(to_rx)
+        normal /= np.linalg.norm(normal)
+    r_t, r_r = np.linalg.norm(to_tx), np.linalg.norm(to_rx)
+    cosine = normal @ to_tx / r_t
+    rho1, rho2 = 1.0 / (1.0 / r_t + 2.0 / (radius * cosine)), 1.0 / (1.0 / r_t + 2.0 * cosine / radius)
+    spread = np.sqrt(rho1 * rho2 / ((rho1 + r_r) * (rho2 + r_r))) / r_t
+    return float(FMCW.wavelength / (4.0 * np.pi) * spread)
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.5])
+def test_large_sphere_is_that_of_geometrical_optics(radius: float) -> None:
+    middle = POINT * (1.0 + radius / np.linalg.norm(POINT))
+    paths = bounced([rc.Body(rc.shapes.sphere(radius), material=CONDUCTOR, motion=rc.Pose(middle))], PLACE)
+    total = (paths.amplitude * np.exp(-2j * np.pi * FMCW.center_frequency * paths.delay)).sum()
+    # Pixels of 1.2 cm in Fresnel zones of 2 and 3 cm.
+    assert abs(total) == pytest.approx(by_rays(radius, middle), rel=0.08)
+
+
+@pytest.mark.parametrize("side", [0.5, 0.7, 1.0])
+def test_plate_is_the_mirror_image_of_the_interferer(side: float) -> None:
+    mirror = rc.Body(rc.shapes.plate(side, side), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
+    paths = bounced([mirror], PLACE)
+    length = float(np.hypot(5.5, 2.0))  # to the image at (5.5, 2, 0)
+    image = -FMCW.wavelength / (4.0 * np.pi * length) * np.exp(-2j * np.pi * length / FMCW.wavelength)
+    total = (paths.amplitude * np.exp(-2j * np.pi * FMCW.center_frequency * paths.delay)).sum()
+    # Waves of the edges are of the order of 0.1 at 5 to 11 Fresnel zones.
+    assert abs(total / image - 1.0) <= 0.12
+
+
+def test_merged_paths_have_the_sum_of_all_over_the_whole_band() -> None:
+    mirror = rc.Body(rc.shapes.plate(0.7, 0.7), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
+    paths = bounced([mirror], PLACE)
+    length = float(np.hypot(5.5, 2.0))
+    for frequency in FMCW.start_frequency + np.linspace(0.0, FMCW.bandwidth, 5):
+        total = (paths.amplitude * np.exp(-2j * np.pi * frequency * paths.delay)).sum()
+        image = -FMCW.wavelength / (4.0 * np.pi * length) * np.exp(-2j * np.pi * length * frequency / C)
+        # The waves of the edges, and 1/32 of a turn from the merging.
+        assert abs(total / image - 1.0) <= 0.12 + 2.0 * np.pi / 32.0
+
+
+def test_pattern_of_the_interferer_counts_in_its_own_frame() -> None:
+    pose = rc.Pose.look_at(TX, POINT) @ rc.Pose.from_rpy([0.0, 0.0, 0.0], np.deg2rad([20.0, 5.0, 7.0]))
+    x, y, z = pose.inverse().apply(POINT)
+    gain = float(HORN.gain(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))))
+    found = bounced([rc.PointTarget(POINT)], pose, pattern=HORN).amplitude[0, 0]
+    # Bilinear in dB between degrees: 12 dB / (BW/2)^2 times an eighth.
+    assert abs(found) == pytest.approx(by_radar_equation(1.0) * np.sqrt(gain), rel=2e-3)
+
+
+def test_rates_follow_both_radars_and_the_body() -> None:
+    moving = rc.PointTarget(POINT, velocity=[1.0, 2.0, 3.0])
+    ours = rc.Linear(rc.Pose(), velocity=[10.0, 0.0, 0.0], angular_velocity=[0.0, 0.0, 3.0])
+    other = rc.Interferer(rc.Radar(FMCW), rc.Linear(PLACE, velocity=[3.0, -5.0, 1.0]))
+    sim = rc.Simulator(rc.Scene([moving, other]), rc.Radar(FMCW), radar_motion=ours)
+    bounces = sim._interferences[0]._bounces[0]
+    assert bounces is not None
+    paths, middle = bounces.paths(0.0), 0.5 * FMCW.duration
+
+    def length(time: float) -> float:
+        place, sender = POINT + time * np.array([1.0, 2.0, 3.0]), TX + time * np.array([3.0, -5.0, 1.0])
+        return float(np.linalg.norm(place - sender) + np.linalg.norm(place - [10.0 * time, 0.0, 0.0]))
+
+    expected = (length(middle + 1e-5) - length(middle - 1e-5)) / 2e-5
+    assert C * paths.delay[0, 0] == pytest.approx(length(middle), abs=1e-9)
+    assert C * paths.delay_rate[0, 0] == pytest.approx(expected, rel=1e-5)  # velocities of chords over the frame
+
+
+def test_what_the_interferer_does_not_see_reflects_nothing() -> None:
+    shield = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Pose.look_at(0.6 * TX + 0.4 * POINT, POINT))
+    behind = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
+    point = rc.PointTarget(POINT)
+    # Its front may reflect, beside the point.
+    assert bounced([point, shield], PLACE).amplitude.size == 0
+    assert bounced([behind], rc.Pose([5.0, 0.0, 0.0])).amplitude.size == 0
+    assert bounced([behind], PLACE).amplitude.size > 0
+
+
+def test_reflection_reaches_a_receiver_that_the_direct_path_does_not() -> None:
+    wall = rc.Body(
+        rc.shapes.plate(0.3, 0.3),
+        motion=rc.Pose([0.25, 1.0, 0.0], rc.Pose.from_rpy([0, 0, 0], [0, 0, np.pi / 2]).rotation),
+    )
+    mirror = rc.Body(rc.shapes.plate(0.7, 0.7), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
+    radar = rc.Radar(CROSSING)
+    powers = [
+        rc.Simulator(rc.Scene([wall, mirror, rc.Interferer(radar, PLACE, bounces=bounces)]), rc.Radar(FMCW))
+        .frame()
+        .stats["interference_power"]
+        for bounces in (0, 1)
+    ]
+    assert powers[0] == 0.0
+    open_path = rc.Simulator(rc.Scene([rc.Interferer(radar, PLACE, bounces=0)]), rc.Radar(FMCW)).frame()
+    # Lengths of 5.85 and 2.06 m, by Friis; waves of the edges are 1 dB.
+    expected = open_path.stats["interference_power"] * 4.25 / (5.5**2 + 4.0)
+    assert powers[1] == pytest.approx(expected, rel=0.25)
+
+
+# --- Descriptions
+
+
+def test_scene_keeps_interferers_beside_bodies() -> None:
+    other, point = tone(0.0), rc.PointTarget([1.0, 0.0, 0.0], name="a")
+    scene = rc.Scene([other, point])
+    assert (scene.bodies, scene.interferers, scene.names) == ((point,), (other,), ("a",))
+    assert repr(scene) == "<Scene: a, interferer 0>"
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.names == scene.names
+    assert len(again.interferers) == 1
+    with pytest.raises(ValueError, match="names that differ, got 'a'"):
+        rc.Scene([point, rc.Interferer(other.radar, other.motion, name="a")])
+
+
+def test_strong_interferer_is_warned_of_once() -> None:
+    sim = rc.Simulator(rc.Scene([tone(0.0, tx_power_dbm=60.0, motion=rc.Pose([0.5, 0.0, 0.0]))]), rc.Radar(CW))
+    with pytest.warns(UserWarning, match="received with -4 dBm: real receivers compress") as caught:
+        list(sim.frames(0.0, 0.1, 20.0))
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"radar": CW}, TypeError, "radar: expected Radar, got Waveform"),
+        ({"motion": [1.0, 0.0, 0.0]}, TypeError, "motion: expected Pose"),
+        ({"start": np.nan}, ValueError, "start: expected a finite number"),
+        ({"rate": 0.0}, ValueError, "rate: expected a positive number"),
+        ({"rate": 1e6}, ValueError, r"rate: expected at most .* frames of .* ms per second \[Hz\], got 1e\+06"),
+        ({"drift_ppm": 1e5}, ValueError, "drift_ppm: expected -10000 to 10000"),
+        ({"start_phase": "never"}, ValueError, "start_phase: expected one of 'chirp', 'frame', got 'never'"),
+        ({"bounces": 2}, ValueError, "bounces: expected 0 or 1, got 2"),
+        ({"bounces": -1}, ValueError, "bounces: expected at least 0"),
+        ({"bounce": 1}, TypeError, "unknown keyword 'bounce'; did you mean 'bounces'"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        rc.Interferer(**{"radar": rc.Radar(CW), "motion": rc.Pose(), **options})
+
+
+def test_interferer_at_our_antenna_is_refused() -> None:
+    sim = rc.Simulator(rc.Scene([tone(0.0, motion=rc.Pose([1e-4, 0.0, 0.0]))]), rc.Radar(CW))
+    with pytest.raises(ValueError, match=r"interferer: expected antennas at least 1 mm from ours, got 0\.1 mm"):
+        sim.frame()
+
+
+def test_interferer_inside_of_a_body_or_at_a_point_is_refused() -> None:
+    box = rc.Body(rc.shapes.box([0.2, 0.2, 0.2]), motion=rc.Pose([3.0, 4.0, 0.0]), name="box")
+    for part, message in ((box, "got them inside 'box'"), (rc.PointTarget([3.0, 4.0, 0.0]), "to 'point 0'")):
+        sim = rc.Simulator(rc.Scene([part, tone(0.0)]), rc.Radar(CW))
+        with pytest.raises(ValueError, match=f"motion of 'interferer 0': expected .* {message}"):
+            sim.frame()
+
+
+def test_picture_from_above_names_interferers() -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    other = rc.Interferer(rc.Radar(CW), rc.Pose([3.0, 1.0, 0.0]), name="other")
+    ax = rc.plot.scene_from_above(rc.Scene([rc.PointTarget([1.0, 0.0, 0.0]), other]))
+    assert {"other", "point 0", "radar"} <= {text.get_text() for text in ax.texts}
+
+
+TABLE = """
+[[interferer]]
+name = "other"
+radar = { preset = "bgt60tr13c", num_chirps = 16, tx_power_dbm = 3.0 }
+pose = { position = [4.0, 0.0, 0.0], rpy_deg = [0.0, 0.0, 180.0] }
+motion = { kind = "linear", velocity = [0.0, 1.0, 0.0] }
+start = 1e-3
+rate = 30.0
+drift_ppm = 5.0
+start_phase = "frame"
+bounces = 0
+"""
+
+
+def test_scene_file_has_interferers(tmp_path: Path) -> None:
+    simulation = load(tmp_path, TABLE)
+    (other,) = simulation.scene.interferers
+    assert (other.name, other.start, other.rate, other.drift_ppm) == ("other", 1e-3, 30.0, 5.0)
+    assert (other.start_phase, other.bounces, other.radar.tx_power_dbm) == ("frame", 0, 3.0)
+    assert other.motion.at(1.0).position == pytest.approx([4.0, 1.0, 0.0])
+    assert simulation.simulator().frame().stats["interferers"] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("rate = 30.0", "rate = 3e4"), "interferer[0] 'other': rate: expected at most"),
+        (("bounces = 0", "bounces = 3"), "interferer[0] 'other': bounces: expected 0 or 1, got 3"),
+        (("preset =", "presets ="), "interferer[0] 'other': radar: unknown key 'presets'; did you mean 'preset'"),
+        (("drift_ppm", "drift"), "interferer[0] 'other': unknown key 'drift'; did you mean 'drift_ppm'"),
+    ],
+)
+def test_faults_of_a_scene_file_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    check_fault(write(tmp_path, TABLE.replace(*change)), message)
