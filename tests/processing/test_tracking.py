@@ -269,7 +269,7 @@ def test_assignment_is_the_best_of_all_not_the_nearest_first() -> None:
     """Tracks at 0 and 1, detections at 0.9 and 2.2: nearest first would leave 0 with 2.2, at 4.84 of 6.25 squared."""
     innovation = (np.array([[0.9, 2.2]]) - np.array([[0.0], [1.0]]))[:, :, None]
     half = np.full((2, 1, 1), 0.5)
-    tracks, found = assign(innovation, half, half, 0.99)
+    tracks, found, _ = assign(innovation, half, half, 0.99)
     assert list(zip(tracks.tolist(), found.tolist(), strict=True)) == [(0, 0), (1, 1)]
 
 
@@ -288,7 +288,7 @@ def test_nothing_is_assigned_beyond_the_gate() -> None:
 def test_well_known_track_keeps_its_detection_from_one_that_is_hardly_known() -> None:
     """A detection 1 sigma from a track of variance 1, and at 0.5 sigma of one of variance 100 (log determinant 4.6)."""
     innovation = np.array([[[1.0]], [[5.0]]])
-    tracks, _ = assign(innovation, np.array([[[0.5]], [[99.5]]]), np.full((1, 1, 1), 0.5), 0.99)
+    tracks, *_ = assign(innovation, np.array([[[0.5]], [[99.5]]]), np.full((1, 1, 1), 0.5), 0.99)
     assert tracks.tolist() == [0]
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.kalman import Array, normalized_squares
+from radarcore.processing.kalman import Array, inverse_of_measured
 
 
 @cache
@@ -18,9 +19,18 @@ def gate_limits(probability: float) -> Array:
     return np.concatenate([[0.0], chdtri(np.arange(1, 5), 1.0 - probability)])
 
 
-def assign(
-    innovation: Array, spread: Array, noise: Array, probability: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+class Pairs(NamedTuple):
+    """Tracks and the detections that belong to them."""
+
+    tracks: NDArray[np.int64]
+    """Indices (pair,)."""
+    detections: NDArray[np.int64]
+    """Indices (pair,)."""
+    inverse: Array
+    """Inverses of the covariances of the innovations (pair, m, m), see `inverse_of_measured`."""
+
+
+def assign(innovation: Array, spread: Array, noise: Array, probability: float) -> Pairs:
     """Pairs of tracks and detections: global nearest neighbours.
 
     No pair is outside of its gate. Among all assignments of the others that of the largest likelihood is taken: a pair
@@ -41,8 +51,7 @@ def assign(
 
     Returns
     -------
-    tracks, detections : (pair,) int
-        Indices.
+    pairs : Pairs
     """
     limits = gate_limits(probability)
 
@@ -51,21 +60,23 @@ def assign(
     is_far = (innovation * innovation > limits[innovation.shape[-1]] * variance).any(axis=-1)
     rows, columns = np.nonzero(~is_far)
     if len(rows) == 0:
-        return rows, columns
+        return Pairs(rows, columns, spread[rows])
     between = innovation[rows, columns]
-    squares, log_determinant = normalized_squares(between, spread[rows] + noise[columns])
+    squares, inverse = inverse_of_measured(between, spread[rows] + noise[columns])
     num_measured = (~np.isnan(between)).sum(axis=-1)
     inside = (squares <= limits[num_measured]) & (num_measured > 0)
-    rows, columns, cost = rows[inside], columns[inside], (squares + log_determinant)[inside]
+    if not inside.all():
+        rows, columns, squares, inverse = rows[inside], columns[inside], squares[inside], inverse[inside]
     if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no two want the same
-        return rows, columns
+        return Pairs(rows, columns, inverse)
 
     from scipy.optimize import linear_sum_assignment  # here: as above
 
+    cost = squares - np.log(np.linalg.det(inverse))
     costs = np.zeros(innovation.shape[:2])  # a pair outside of the gate costs as much as none
     costs[rows, columns] = cost - cost.max() - 1.0
-    is_inside = np.zeros(costs.shape, dtype=bool)
-    is_inside[rows, columns] = True
-    rows, columns = linear_sum_assignment(costs)
-    taken = is_inside[rows, columns]
-    return rows[taken], columns[taken]
+    pair = np.full(costs.shape, -1)
+    pair[rows, columns] = np.arange(len(rows))
+    pair = pair[linear_sum_assignment(costs)]
+    taken = pair[pair >= 0]
+    return Pairs(rows[taken], columns[taken], inverse[taken])

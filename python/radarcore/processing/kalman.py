@@ -11,6 +11,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
+
 Array = NDArray[np.float64]
 
 
@@ -34,20 +36,27 @@ def white_acceleration(interval: float, density: float, num_dimensions: int) -> 
     transition, noise : (2 d, 2 d) float64
         The matrices F and Q of ``predict``.
     """
-    unit, moved, noise = _powers_of_time(num_dimensions)
-    weights = density * interval * np.array([interval**2 / 3.0, interval / 2.0, 1.0])
-    return unit + interval * moved, np.asarray((weights @ noise.reshape(3, -1)).reshape(unit.shape))
+    moved, noise = _powers_of_time(num_dimensions)
+    t = float(interval)
+    weights = np.array([density * t**3 / 3.0, density * t**2 / 2.0, density * t])
+    return _unit(2 * num_dimensions) + t * moved, (weights @ noise).reshape(moved.shape)
 
 
 @cache
-def _powers_of_time(num_dimensions: int) -> tuple[Array, Array, Array]:
-    """Unit matrix, what the transition has per time, and what the noise has of its cube, square and itself."""
+def _unit(length: int) -> Array:
+    """Unit matrix, read-only."""
+    return check.frozen(np.eye(length))
+
+
+@cache
+def _powers_of_time(num_dimensions: int) -> tuple[Array, Array]:
+    """What the transition has per time (2 d, 2 d), and the noise of its cube, square and itself (3, 4 d^2)."""
     d = num_dimensions
-    unit, moved, noise = np.eye(2 * d), np.zeros((2 * d, 2 * d)), np.zeros((3, 2 * d, 2 * d))
+    moved, noise = np.zeros((2 * d, 2 * d)), np.zeros((3, 2 * d, 2 * d))
     here, rate = np.arange(d), d + np.arange(d)
     moved[here, rate] = 1.0
     noise[0, here, here] = noise[1, here, rate] = noise[1, rate, here] = noise[2, rate, rate] = 1.0
-    return unit, moved, noise
+    return moved, noise.reshape(3, -1)
 
 
 def predict(state: Array, covariance: Array, transition: Array, noise: Array) -> tuple[Array, Array]:
@@ -55,7 +64,14 @@ def predict(state: Array, covariance: Array, transition: Array, noise: Array) ->
     return state @ transition.T, transition @ covariance @ transition.T + noise
 
 
-def update(state: Array, covariance: Array, innovation: Array, jacobian: Array, noise: Array) -> tuple[Array, Array]:
+def update(
+    state: Array,
+    covariance: Array,
+    innovation: Array,
+    jacobian: Array,
+    noise: Array,
+    inverse: Array | None = None,
+) -> tuple[Array, Array]:
     """States and covariances after a measurement.
 
     The covariance is updated in Joseph's form, ``(I - K H) P (I - K H)' + K R K'``, which rounding leaves symmetric
@@ -71,11 +87,15 @@ def update(state: Array, covariance: Array, innovation: Array, jacobian: Array, 
         Derivative H of the measured values by the state.
     noise : (target, m, m) float64
         Covariance R of the measurement.
+    inverse : (target, m, m) float64, optional
+        Of the covariance ``H P H' + R`` of the innovation, as `inverse_of_measured` gives it.
     """
     innovation, jacobian, noise = without_missing(innovation, jacobian, noise)
     crossed = jacobian @ covariance
-    gain = np.linalg.solve(crossed @ jacobian.mT + noise, crossed).mT
-    kept = np.eye(state.shape[-1]) - gain @ jacobian
+    if inverse is None:
+        inverse = np.linalg.inv(crossed @ jacobian.mT + noise)
+    gain = crossed.mT @ inverse
+    kept = _unit(state.shape[-1]) - gain @ jacobian
     updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
     return state + (gain @ innovation[..., None])[..., 0], 0.5 * (updated + updated.mT)
 
@@ -95,7 +115,7 @@ def without_missing(innovation: Array, jacobian: Array, noise: Array) -> tuple[A
 def alone(covariance: Array, which: NDArray[np.bool_]) -> Array:
     """Covariances (..., m, m) in which some coordinates (..., m) are independent of the others, with variance 1."""
     crossed = which[..., :, None] | which[..., None, :]
-    return np.where(crossed, np.eye(covariance.shape[-1]), covariance)
+    return np.where(crossed, _unit(covariance.shape[-1]), covariance)
 
 
 def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Array]:
@@ -114,8 +134,17 @@ def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Arr
         ``v' S^-1 v`` and ``log(det(S))`` over what was measured: minus twice the log likelihood is their sum and
         ``log(2 pi)`` for each value.
     """
+    squares, inverse = inverse_of_measured(innovation, covariance)
+    return squares, -np.log(np.linalg.det(inverse))
+
+
+def inverse_of_measured(innovation: Array, covariance: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis distances as `normalized_squares`, and the inverses of the covariances (..., m, m).
+
+    Values that were not measured are independent of the others there, with variance 1.
+    """
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    squares = (innovation * np.linalg.solve(covariance, innovation[..., None])[..., 0]).sum(axis=-1)
-    return squares, np.log(np.linalg.det(covariance))
+    inverse = np.linalg.inv(covariance)
+    return np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0]), inverse

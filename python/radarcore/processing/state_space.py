@@ -50,9 +50,9 @@ def observe(state: Array) -> tuple[Array, Array]:
     if d == 1:
         return state, np.broadcast_to(np.eye(2), (number, 2, 2))
     position, motion = state[:, :d], state[:, d:]
-    distance = np.maximum(np.sqrt((position * position).sum(axis=1)), SHORTEST_RANGE)
+    distance = np.maximum(np.sqrt(np.vecdot(position, position)), SHORTEST_RANGE)
     towards = position / distance[:, None]
-    rate = (towards * motion).sum(axis=1)
+    rate = np.vecdot(towards, motion)
     value, jacobian = np.empty((number, d + 1)), np.zeros((number, d + 1, 2 * d))
     value[:, 0], value[:, 1] = distance, rate
     jacobian[:, 0, :d] = jacobian[:, 1, d:] = towards
@@ -62,12 +62,13 @@ def observe(state: Array) -> tuple[Array, Array]:
     x, y = position[:, 0], position[:, 1]
     across = np.maximum(np.hypot(x, y), SHORTEST_RANGE)
     value[:, 2] = np.arctan2(y, x)
-    jacobian[:, 2, 0], jacobian[:, 2, 1] = -y / across**2, x / across**2
+    square = across * across
+    jacobian[:, 2, 0], jacobian[:, 2, 1] = -y / square, x / square
     if d == 3:
         z = position[:, 2]
         value[:, 3] = np.arctan2(z, across)
-        jacobian[:, 3, :2] = position[:, :2] * (-z / (distance**2 * across))[:, None]
-        jacobian[:, 3, 2] = across / distance**2
+        jacobian[:, 3, 2] = slope = across / (distance * distance)
+        jacobian[:, 3, :2] = position[:, :2] * (-z * slope / square)[:, None]
     return value, jacobian
 
 
@@ -100,8 +101,8 @@ def expect(state: Array, covariance: Array) -> Expected:
 
     # Half the traces of their products with the covariance, and of the products of two of those.
     spread = second @ covariance[:, None]
-    value[:, :2] += 0.5 * spread.trace(axis1=2, axis2=3)
     flat = (number, 2, 4 * d * d)
+    value[:, :2] += 0.5 * np.vecdot(second.reshape(flat), covariance.reshape(number, 1, 4 * d * d))
     curvature[:, :2, :2] = 0.5 * (spread.reshape(flat) @ spread.mT.reshape(flat).mT)
     return Expected(value, jacobian, first_order, curvature)
 

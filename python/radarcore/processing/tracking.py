@@ -25,7 +25,7 @@ from radarcore.processing.clustering import (
 from radarcore.processing.detection import detect
 from radarcore.processing.kalman import Array, predict, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
-from radarcore.processing.state_space import SHORTEST_RANGE, Expected, begin, expect
+from radarcore.processing.state_space import SHORTEST_RANGE, begin, expect
 from radarcore.processing.tracker_settings import TrackerSettings
 from radarcore.processing.tracks import Tracks, TrackState, tracks_of
 from radarcore.recording.frame import Frame
@@ -106,7 +106,8 @@ class Tracker:
             )
         values, covariance = coordinates(detections), covariances(detections)
         variance = covariance.diagonal(axis1=1, axis2=2)
-        if ((variance < 0.0) | (variance == np.inf)).any():
+        least, most = (extreme.reduce(variance, axis=None, initial=0.0) for extreme in (np.fmin, np.fmax))
+        if least < 0.0 or most == np.inf:
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
         values = _without_lost_angles(values, variance)
@@ -115,27 +116,29 @@ class Tracker:
         if self.num_dimensions is None:
             return []
         told = self.num_dimensions + 1
-        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], levels(detections))
+        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
 
         expected = expect(self._state, self._covariance)
-        innovation = self._innovations(measured, expected)
         spread = expected.covariance + expected.curvature
-        tracks, found = assign(innovation, spread, noise, self.settings.gate)
+        innovation = self._innovations(measured, expected.value, spread)
+        tracks, found, inverse = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
             self._state[tracks],
             self._covariance[tracks],
             innovation[tracks, found],
             expected.jacobian[tracks],
             noise[found] + expected.curvature[tracks],
+            inverse,
         )
         self._count(tracks)
         self._end()
-        is_left = np.ones(len(measured), dtype=bool)
-        is_left[found] = False
-        self._begin(measured[is_left], noise[is_left])
+        if len(found) < len(measured):
+            is_left = np.ones(len(measured), dtype=bool)
+            is_left[found] = False
+            self._begin(measured[is_left], noise[is_left])
         return self._states()
 
-    def _targets(self, values: Array, covariance: Array, level: Array) -> tuple[Array, Array]:
+    def _targets(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
         """What was measured of targets, and its covariance, from all detections."""
         s, told = self.settings, values.shape[1]
 
@@ -146,19 +149,28 @@ class Tracker:
             covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
 
         if s.cluster_distance is not None or s.cluster_velocity is not None:
-            periods = self._periods[:told]
-            pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
-            _, found = groups(values, level, covariance, connected(len(values), *pairs), periods)
-            values, covariance = found.values, found.covariance
+            values, covariance = self._clustered(values, covariance, detections)
 
         # Echoes come from anywhere on the target.
-        covariance = covariance.copy()
-        covariance[:, 0, 0] += s.extent**2
-        covariance[:, 1, 1] += s.velocity_extent**2
-        angle = np.square(s.extent / np.fmax(values[:, 0], max(s.extent, SHORTEST_RANGE)))
-        for k in range(2, told):
-            covariance[:, k, k] += angle
+        covariance = np.array(covariance, order="C")
+        variance = covariance.reshape(len(values), told * told)[:, :: told + 1]
+        variance[:, :2] += s.extent**2, s.velocity_extent**2
+        angle = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
+        variance[:, 2:] += angle * angle
         return values, covariance
+
+    def _clustered(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
+        """Means of groups of detections, and their covariance, by increasing range."""
+        s, periods = self.settings, self._periods[: values.shape[1]]
+        order = values[:, 0].argsort(kind="stable")
+        sorted_range = values[order, 0]
+        if s.cluster_distance is not None and (sorted_range[1:] - sorted_range[:-1] > s.cluster_distance).all():
+            return values[order], covariance[order]  # no two in one group, as often
+        near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
+        if len(near[0]) == len(values):  # each near itself only
+            return values[order], covariance[order]
+        _, found = groups(values, levels(detections), covariance, connected(len(values), *near), periods)
+        return found.values, found.covariance
 
     def _choose_dimensions(self, measured: Array) -> None:
         """Dimensions of space that the first detections tell."""
@@ -178,13 +190,12 @@ class Tracker:
             self._state, self._covariance = predict(self._state, self._covariance, *motion)
         self.time = time
 
-    def _innovations(self, measured: Array, expected: Expected) -> Array:
+    def _innovations(self, measured: Array, expected: Array, spread: Array) -> Array:
         """Measured less expected values (track, detection, coordinate), by the shorter way around."""
         periods = self._periods[: measured.shape[1]]
-        innovation = wrapped(measured - expected.value[:, None], periods)
+        innovation = wrapped(measured - expected[:, None], periods)
         if self.settings.max_velocity is not None:
-            variance = expected.covariance[:, 1, 1] + expected.curvature[:, 1, 1]
-            unknown = variance > (_KNOWN_WITHIN * self.settings.max_velocity) ** 2
+            unknown = spread[:, 1, 1] > (_KNOWN_WITHIN * self.settings.max_velocity) ** 2
             if unknown.any():
                 innovation[unknown, :, 1] = np.nan
         return innovation
@@ -202,7 +213,7 @@ class Tracker:
     def _end(self) -> None:
         """Leave out tracks that cannot be confirmed any more, or have not been detected for too many frames."""
         s = self.settings
-        can_be = self._hits + np.maximum(s.confirm_frames - self._age, 0) >= s.confirm_hits
+        can_be = self._hits - self._age >= s.confirm_hits - s.confirm_frames  # none grows older than its last chance
         self._keep(np.where(self._confirmed, self._missed <= s.max_missed, can_be))
 
     def _keep(self, which: NDArray[np.bool_]) -> None:

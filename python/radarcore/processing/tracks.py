@@ -56,11 +56,9 @@ class TrackState:
     @classmethod
     def of_rows(cls, time: float, *columns: Sequence[Any]) -> list[TrackState]:
         """States at one time, from a sequence of each of the other fields in their order."""
-        states = []
-        for row in zip(*columns, strict=True):
-            state = object.__new__(cls)
-            vars(state).update(zip(_NOT_TIME, row, strict=True), time=time)
-            states.append(state)
+        states = [object.__new__(cls) for _ in columns[0]]
+        for state, *row in zip(states, *columns, strict=True):
+            vars(state).update(zip(_NOT_TIME, row, strict=True), time=time)  # without a call for each field
         return states
 
     @property
