@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,12 @@ class Coordinates:
     slow_centre: float
     has_velocity: bool
 
-    @property
+    @cached_property
     def _middle_fast(self) -> float:
         """Time of the centre within its chirp [s]."""
         return self.waveform.adc_delay + self.fast_centre / self.waveform.sample_rate
 
-    @property
+    @cached_property
     def _lead(self) -> float:
         """Time from the centre of the windows to the middle of the frame [s]."""
         wf = self.waveform

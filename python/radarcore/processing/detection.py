@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import directions
 from radarcore.processing.inputs import checked_samples, cube_and_radar
-from radarcore.processing.map_test import map_test
-from radarcore.processing.noise import median_of_unit_mean, rounding_noise
+from radarcore.processing.map_test import MapTest, map_test
+from radarcore.processing.noise import LEAST_NOISE, median_of_unit_mean, rounding_per_energy
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import fast_spectrum, spectrum
@@ -141,36 +142,35 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    energy = np.vdot(samples, samples)  # no number either if a sample is none
-    if not np.isfinite(energy) and not np.isfinite(samples).all():
+    energy = float(np.vdot(samples, samples).real)  # no number either if a sample is none
+    if not isfinite(energy) and not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(
             f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
-    rate = checked_rate(false_alarm_rate)
-    if rate > _HIGHEST_RATE:
-        raise ValueError(f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {rate:g}")
-    check.choice("method", method, METHODS)
-    limits = _limits(wf, min_range, max_range)
-    dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
-    guards = _pair("guard", guard)
-    trainings = None if training is None else _pair("training", training)
-    if trainings is not None and not any(trainings):
-        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
-    if remove_static and wf.num_chirps < 2:
-        raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
-    layout = _layout(radar, window, doppler_window, remove_static, np.iscomplexobj(samples))
-    if trainings is None:
-        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+    search = _search(
+        radar,
+        samples.dtype.kind == "c",
+        false_alarm_rate,
+        method,
+        guard,
+        training,
+        remove_static,
+        window,
+        doppler_window,
+        min_range,
+        max_range,
+        dynamic_range_db,
+    )
+    layout, test = search.layout, search.test
 
     # Power over velocity and range; the noise is the same in all cells.
     cells, power = _map(samples, wf, layout, window, doppler_window, remove_static)
 
     # Cells above the threshold of their surroundings that no neighbour exceeds.
-    first, last = layout.searched(limits[0])
+    first, last = search.columns
     searched = power[:, first:last]
-    noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
-    test = map_test(searched.shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
+    noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
     around = _surrounded(power, layout.is_iq)
     is_maximum = _local_maxima(around, layout)[:, first:last]
     rows, columns, least = test.passed(searched, is_maximum)
@@ -182,7 +182,7 @@ def detect(
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
     offset, height = _between_cells(around, rows, columns + first)
     peaks = offset + np.array([rows, columns + first])
-    kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, dynamic_range)
+    kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, search.least_part)
     if len(kept) == 0:
         return _none(time)
 
@@ -211,17 +211,10 @@ def detect(
     # By range, within the limits.
     distance = range_ if layout.has_range else np.full(len(rows), np.nan)
     order = np.lexsort((velocity, distance))
-    if layout.has_range:
-        order = order[(distance[order] >= limits[0]) & (distance[order] <= limits[1])]
-    return Detections(
-        range=distance[order],
-        velocity=velocity[order],
-        azimuth=seen.azimuth[order],
-        elevation=seen.elevation[order],
-        snr_db=10.0 * np.log10(in_cell[order]),
-        covariance=covariance[order],
-        time=time,
-    )
+    if search.has_limits:
+        order = order[(distance[order] >= search.lowest) & (distance[order] <= search.highest)]
+    found = np.array([distance, velocity, seen.azimuth, seen.elevation, 10.0 * np.log10(in_cell)])
+    return Detections.from_rows(found[:, order], covariance[order], time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +248,11 @@ class _Layout:
         return float(self.slow.sum() * (self.fast.sum()))
 
     @cached_property
+    def rounding(self) -> float:
+        """Noise by rounding of the samples over the sum of their squares."""
+        return rounding_per_energy(self.fast, self.slow)
+
+    @cached_property
     def windows(self) -> tuple[bytes, bytes]:
         """Windows over what the rows and the columns are the transforms of, float64."""
         return self.slow.tobytes(), (self.fast if self.has_range else np.ones(1)).tobytes()
@@ -284,7 +282,7 @@ class _Layout:
         """Range from one column to the next [m]."""
         return abs(float(self.beat_step * self.coordinates.slopes()[0, 0]))
 
-    @property
+    @cached_property
     def num_rows(self) -> int:
         """Rows of the map."""
         return len(self.row_gain)
@@ -293,7 +291,7 @@ class _Layout:
         """First and last column (exclusive) to be searched."""
         if not self.has_range or self.num_columns <= 2 * _MAIN_LOBE:
             return 0, self.num_columns
-        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
+        first = _MAIN_LOBE if lowest == -np.inf else min(_MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
@@ -303,6 +301,72 @@ class _Layout:
 
     def wrapped_column(self, column: Any) -> Any:
         return column % len(self.fast) if self.is_iq and self.has_range else column
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """What the arguments of `detect` ask for, checked."""
+
+    layout: _Layout
+    columns: tuple[int, int]
+    """First and last (exclusive) to be searched."""
+    test: MapTest
+    lowest: float
+    highest: float
+    """Limits of the range [m]."""
+    least_part: float
+    """Power of the weakest echo that is reported, over that of the strongest."""
+
+    @cached_property
+    def has_limits(self) -> bool:
+        """Whether there are ranges that are not reported."""
+        return self.layout.has_range and (self.lowest > -np.inf or self.highest < np.inf)
+
+
+def _search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
+    """The same for every frame of a stream, but of arguments that may have no hash, or that of others."""
+    are_plain = all(each is None or isinstance(each, str | int | float) for each in arguments)
+    return (_kept_search if are_plain else _new_search)(radar, is_iq, *arguments)
+
+
+@lru_cache(maxsize=16, typed=True)
+def _kept_search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
+    return _new_search(radar, is_iq, *arguments)
+
+
+def _new_search(
+    radar: Radar,
+    is_iq: bool,
+    false_alarm_rate: float,
+    method: str,
+    guard: int | Sequence[int],
+    training: int | Sequence[int] | None,
+    remove_static: bool,
+    window: Window,
+    doppler_window: Window,
+    min_range: float | None,
+    max_range: float | None,
+    dynamic_range_db: float,
+) -> _Search:
+    rate = checked_rate(false_alarm_rate)
+    if rate > _HIGHEST_RATE:
+        raise ValueError(f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {rate:g}")
+    check.choice("method", method, METHODS)
+    lowest, highest = _limits(radar.waveform, min_range, max_range)
+    dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    guards = _pair("guard", guard)
+    trainings = None if training is None else _pair("training", training)
+    if trainings is not None and not any(trainings):
+        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
+    if remove_static and radar.waveform.num_chirps < 2:
+        raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
+    layout = _layout(radar, window, doppler_window, remove_static, is_iq)
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+    first, last = layout.searched(lowest)
+    shape = layout.num_rows, last - first
+    test = map_test(shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
+    return _Search(layout, (first, last), test, lowest, highest, 10.0 ** (-0.1 * dynamic_range))
 
 
 def _layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
@@ -442,20 +506,21 @@ def _without_sidelobes(
     cell: NDArray[Any],
     threshold: NDArray[Any],
     layout: _Layout,
-    dynamic_range_db: float,
+    least_part: float,
 ) -> NDArray[np.intp]:
     """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
 
-    `peaks` are their rows and columns (axis, peak).
+    `peaks` are their rows and columns (axis, peak); none is below `least_part` of the highest.
     """
-    least = np.sqrt(np.maximum(threshold, height.max() * 10.0 ** (-0.1 * dynamic_range_db)))
+    least = np.sqrt(np.maximum(threshold, height.max() * least_part))
     margin = np.sqrt(cell.astype(np.float64)) - least
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
     cell_of = np.rint(peaks)
     # The distance that a target crosses in a frame widens its lobes along both axes alike.
-    near = _OFF_PEAK + 0.5 * layout.smear * np.abs(layout.wrapped_row(peaks[0]))
+    speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
+    near = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
     amplitude = np.sqrt(height[order])
     leaked = np.zeros(len(order))
     kept = []
@@ -466,9 +531,9 @@ def _without_sidelobes(
         if layout.is_iq:
             np.minimum(columns, layout.num_columns - columns, out=columns)
         rows, columns = np.maximum(apart - near[some, None], 0.0)
-        lobes = amplitude[some, None] * envelope(layout.slow, rows)
+        lobes = amplitude[some, None] * envelope(layout.windows[0], rows)
         if layout.has_range:
-            lobes *= envelope(layout.fast, columns)
+            lobes *= envelope(layout.windows[1], columns)
         for index, lobe in enumerate(lobes, first):
             if leaked[index] < margin[index]:
                 kept.append(index)
@@ -481,14 +546,14 @@ def _fitted(
 ) -> Fit:
     """The tones of the cells about some peaks."""
     num_rows, num_columns = (min(2 * REACH + 1, length) for length in cells.shape[1:])
-    first = np.empty((len(rows), 2), dtype=np.intp)
-    first[:] = -(num_rows // 2), -(num_columns // 2)
+    top, left = rows - num_rows // 2, columns - num_columns // 2
     if not layout.is_iq:  # real samples have no columns beyond the edges
-        first[:, 1] = np.minimum(np.maximum(columns + first[:, 1], 0), cells.shape[2] - num_columns) - columns
-    row = (rows + first[:, 0])[:, None, None] + np.arange(num_rows)[:, None]
-    column = (columns + first[:, 1])[:, None, None] + np.arange(num_columns)
-    patches = cells[:, row % cells.shape[1], column % cells.shape[2]].swapaxes(0, 1)
-    return fit(patches, first, start, layout.axes)
+        left = np.minimum(np.maximum(left, 0), cells.shape[2] - num_columns)
+    row = (top[:, None] + np.arange(num_rows)) % cells.shape[1]
+    column = (left[:, None] + np.arange(num_columns)) % cells.shape[2]
+    index = (row * cells.shape[2])[:, :, None] + column[:, None]
+    patches = cells.reshape(len(cells), -1).take(index, axis=1).swapaxes(0, 1)
+    return fit(patches, np.array([top - rows, left - columns]).T, start, layout.axes)
 
 
 def _covariance(layout: _Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:

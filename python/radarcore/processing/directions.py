@@ -33,6 +33,9 @@ _AMBIGUOUS = 0.99
 _BLOCK = 2**20
 """Numbers of an array worked on at a time, 16 MB."""
 
+_TINY = 1e-16
+"""What a cosine, or its square, counts as at the horizon: about that of the number next to pi / 2."""
+
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
 
@@ -103,35 +106,37 @@ def directions(
     values = _snapshots(snapshots, radar.num_channels)
     number = len(values)
     speeds, levels = _per_detection("velocity", velocity, number), _per_detection("snr_db", snr_db, number)
-    corrections = channel_corrections(radar, speeds, channel_phase)
+    array, ambiguities, corrections = _array(radar)
+    if channel_phase is not None or (speeds is not None and radar.channel_offsets.any()):
+        corrections = channel_corrections(radar, speeds, channel_phase)
 
     # Take off what is not direction; what has no direction stays NaN.
-    azimuth, elevation = np.full(number, np.nan), np.full(number, np.nan)
-    covariance = np.full((number, 2, 2), np.nan)
-    array, ambiguities = _array(radar)
+    blank = np.full(6 * number, np.nan)
+    azimuth, elevation, covariance = blank[:number], blank[number : 2 * number], blank[2 * number :].reshape(number, 2, 2)
     size = np.abs(values).max(axis=1, initial=0.0)
-    known: Any = np.isfinite(size) & (size > 0.0)
-    if not known.any() or not any(array.told):
-        return Directions(azimuth, elevation, covariance)
+    known: Any = (size > 0.0) & (size < np.inf)
     if known.all():
         known = slice(None)
+    elif not known.any():
+        return Directions(azimuth, elevation, covariance)
+    if number == 0 or not any(array.told):
+        return Directions(azimuth, elevation, covariance)
     waves = values[known] / size[known][:, None] * (corrections if corrections.ndim == 1 else corrections[known])
 
     # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
     sines = _aligned(waves, array)
-    lost = ~((sines * sines).sum(axis=1) <= 1.0)
+    lost = ~(np.vecdot(sines, sines) <= 1.0)
     if lost.any():
         sines[lost] = _searched(waves[lost], array, ambiguities)
 
     # Angles, and how sure they are.
-    el = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
-    az = np.arctan2(sines[:, 0], array.forward(sines))
+    forward = array.forward(sines)
     if array.told[0]:
-        azimuth[known] = az
+        azimuth[known] = np.arctan2(sines[:, 0], forward)
     if array.told[1]:
-        elevation[known] = el
+        elevation[known] = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
     if levels is not None:
-        covariance[known] = _least_covariance(array, sines, az, el, 10.0 ** (0.1 * levels[known]))
+        covariance[known] = _least_covariance(array, sines, forward, 10.0 ** (0.1 * levels[known]))
     return Directions(azimuth, elevation, covariance)
 
 
@@ -242,8 +247,8 @@ class _Array:
 
 
 @lru_cache(maxsize=16)
-def _array(radar: Radar) -> tuple[_Array, _Reals]:
-    """The channels of a radar, and `_ambiguities`."""
+def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
+    """The channels of a radar, `_ambiguities`, and the corrections of channels for targets at rest, (channel,)."""
     positions = radar.virtual_array / radar.waveform.wavelength
     along, across = (
         2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
@@ -253,7 +258,7 @@ def _array(radar: Radar) -> tuple[_Array, _Reals]:
     if told.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
         told[:] = False
     array = _Array(along, 2.0 * np.pi * across * told, (bool(told[0]), bool(told[1])))
-    return array, _ambiguities(array)
+    return array, _ambiguities(array), channel_corrections(radar, None, None)
 
 
 def _aligned(waves: _Complexes, array: _Array) -> _Reals:
@@ -262,7 +267,7 @@ def _aligned(waves: _Complexes, array: _Array) -> _Reals:
         return np.full((len(waves), 2), np.nan)
     undone, shifts = array.aligning
     over_first = waves[:, 1:] * waves[:, :1].conj()
-    sines = _nearest_to_front(np.angle(over_first) @ undone, shifts)
+    sines = _nearest_to_front(np.arctan2(over_first.imag, over_first.real) @ undone, shifts)
     if not over_first.all():
         sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
     return sines
@@ -365,24 +370,27 @@ def _common_power(array: _Array, differences: _Reals) -> _Reals:
 def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
     """Of the directions that give the same phases, the one nearest to the front."""
     candidates = sines[:, None] + ambiguities
-    which = np.square(candidates).sum(axis=-1).argmin(axis=1)
+    which = np.vecdot(candidates, candidates).argmin(axis=1)
     nearest: _Reals = sines + ambiguities[which]
     return nearest
 
 
-def _least_covariance(array: _Array, sines: _Reals, az: _Reals, el: _Reals, snr: _Reals) -> _Reals:
+def _least_covariance(array: _Array, sines: _Reals, forward: _Reals, snr: _Reals) -> _Reals:
     """Cramer-Rao bound of azimuth and elevation of one plane wave of unknown amplitude and phase in white noise.
 
     The Fisher information of the sines is ``2 snr`` times the sum over the channels of the squared slopes of the phase
     about their mean (Van Trees, Optimum Array Processing, 8.4).
     """
     yy, zz, yz = _variances(array.slopes(sines), array.told) if array.x.any() else array.variances
-    # Angles by sines: u_y = cos(el) sin(az), u_z = sin(el).
-    along, slope = 1.0 / np.cos(el), np.tan(az)
-    by_y, by_z = along / np.cos(az), slope * np.tan(el) * along
-    both = (by_y * yz + by_z * zz) * along
-    first = by_y * (by_y * yy + 2.0 * by_z * yz) + by_z * by_z * zz
-    covariance = (np.array([first, both, both, along * along * zz]) * (0.5 / snr)).T.reshape(-1, 2, 2)
+    # Angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el). At the horizon, steep.
+    y, z = sines.T
+    square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
+    by_y = 1.0 / np.maximum(forward, _TINY)
+    by_z = by_y * y * z / square
+    crossed = by_y * yz + by_z * zz
+    first = by_y * (by_y * yy + by_z * yz) + by_z * crossed
+    both = crossed / np.sqrt(square)
+    covariance = (np.array([first, both, both, zz / square]) * (0.5 / snr)).T.reshape(-1, 2, 2)
     if not all(array.told):
         untold = int(array.told[0])
         covariance[:, [untold, 0, 1], [untold, 1, 0]] = np.nan

@@ -48,9 +48,13 @@ class MapTest:
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
         """Rows, columns and thresholds of the candidates above it."""
         if self.ranks is None:
-            threshold = self._sums(power) * self.per_sum.astype(power.dtype)
-            rows, columns = np.nonzero((power > threshold) & is_candidate & self.has_training)
-            return rows, columns, threshold[rows, columns]
+            threshold = self._sums(power) * self._in(power.dtype)[0]
+            is_above = power > threshold
+            is_above &= is_candidate
+            is_above &= self.has_training
+            index = np.flatnonzero(is_above)  # of two dimensions at once it takes longer than all before
+            rows, columns = np.divmod(index, power.shape[1])
+            return rows, columns, threshold.ravel()[index]
         rows, columns = np.nonzero(is_candidate & self.has_training)
         around = self._around(power, rows, columns)
         # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
@@ -64,19 +68,29 @@ class MapTest:
         """Sums of the training cells, (row, column), see `training_sums`: of small maps by two products of matrices."""
         if max(power.shape) > _MOST_BY_PRODUCTS:
             return training_sums(power, self.guards, self.trainings)
-        over_columns, over_rows = self._bands
-        parts = (power @ over_columns.astype(power.dtype)).reshape(-1, power.shape[1])  # of every row two
-        return np.asarray(over_rows.astype(power.dtype) @ parts)
+        _, over_columns, over_rows = self._in(power.dtype)
+        parts = (power @ over_columns).reshape(-1, power.shape[1])  # of every row two
+        return np.asarray(over_rows @ parts)
+
+    def _in(self, dtype: np.dtype[Any]) -> tuple[NDArray[Any], ...]:
+        """`per_sum` and `_bands` in the precision of a map."""
+        if dtype not in self._by_dtype:
+            self._by_dtype[dtype] = tuple(each.astype(dtype) for each in (self.per_sum, *self._bands))
+        return self._by_dtype[dtype]
 
     @cached_property
-    def _bands(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Ones for what is added: columns beside the guard cells, and of the whole window; then rows of both."""
+    def _by_dtype(self) -> dict[np.dtype[Any], tuple[NDArray[Any], ...]]:
+        return {}
+
+    @cached_property
+    def _bands(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """What is added: columns beside the guard cells, and of the whole window; then rows of both."""
         rows, columns = (np.abs(np.subtract.outer(*2 * [np.arange(length)])) for length in self.counts.shape)
         (row_guard, column_guard), (row_training, column_training) = self.guards, self.trainings
         across, along = columns <= column_guard + column_training, rows <= row_guard + row_training
         over_columns = np.concatenate([across & (columns > column_guard), across], axis=1)
         over_rows = np.stack([rows <= row_guard, along & (rows > row_guard)], axis=2).reshape(len(rows), -1)
-        return over_columns.astype(np.float32), over_rows.astype(np.float32)
+        return over_columns, over_rows
 
     def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells that have any."""

@@ -17,7 +17,8 @@ ROUNDING = 1e-12
 """Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
 errs by less."""
 
-_LEAST = float(np.finfo(np.float32).tiny)
+LEAST_NOISE = float(np.finfo(np.float32).tiny)
+"""Smallest noise of a cell at all."""
 
 
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
@@ -72,5 +73,10 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
     """
+    return max(rounding_per_energy(fast_weights, slow_weights) * float(np.vdot(cube, cube).real), LEAST_NOISE)
+
+
+def rounding_per_energy(fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
+    """`rounding_noise` over the sum of the squared samples."""
     fast, slow = (float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
-    return max(ROUNDING * fast * slow * float(np.vdot(cube, cube).real), _LEAST)
+    return ROUNDING * fast * slow

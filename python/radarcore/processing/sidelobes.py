@@ -11,14 +11,13 @@ _PER_CELL = 16
 """Points of the window's spectrum per cell."""
 
 
-def envelope(weights: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def envelope(window: bytes, distance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest amplitude at this distance [cells] or farther, relative to that at the peak.
 
-    Farther than half of the transform there is no other cell: that distance has the last value.
+    Farther than half of the transform there is no other cell: that distance has the last value. The window is float64,
+    as bytes, by which its envelope is kept for the next frame.
     """
-    table = _envelope(weights.tobytes())
-    index = (distance * _PER_CELL).astype(np.intp)
-    return table[np.minimum(index, len(table) - 1)]
+    return _envelope(window).take((distance * _PER_CELL).astype(np.intp), mode="clip")
 
 
 @lru_cache(maxsize=64)

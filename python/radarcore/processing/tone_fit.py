@@ -29,8 +29,9 @@ _LEAST_VARIANCE = 1e-9
 """Parts of the noise below this, relative to a cell, are combinations of cells that the window makes zero."""
 
 _TINY = float(np.finfo(np.float64).tiny)
-_BOTH = np.arange(2)[:, None, None]
+_BOTH = np.arange(2)[:, None]
 """Index of the axis."""
+_EXPONENTS = np.arange(_DEGREE + 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,20 +42,14 @@ class Axes:
 
     Attributes
     ----------
-    series : (axis, degree, 4 (2 cell - 1)) float64
-        Power series, by the distance from the middle cell [cells], of a tone of amplitude 1 and of its derivative, as
-        complex numbers: in the middle cell and all on both sides of it that a patch of cells can have.
-    inverse : (axis, 1, cell, cell) complex128
-        Pseudo-inverse of the covariance of the noise, whose power is 1 in a single cell.
+    series : (axis, place, degree, 8 cell) float64
+        Power series, by the distance from the middle cell [cells], of a tone of amplitude 1 and of its derivative, both
+        as they are and as the conjugate of their product with the pseudo-inverse of the covariance of the noise, whose
+        power is 1 in a single cell: complex numbers (2, 2, cell). They are in the cells of a patch that has `place`
+        cells before the middle one.
     """
 
     series: NDArray[np.float64]
-    inverse: NDArray[np.complex128]
-
-    @property
-    def num_cells(self) -> int:
-        """Cells of each axis."""
-        return len(self.inverse[0, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +90,7 @@ def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conj
     """
     most = max(num_cells)
     series = np.zeros((2, _DEGREE + 1, 2, 2 * most - 1), dtype=np.complex128)
-    inverse = np.zeros((2, 1, most, most), dtype=np.complex128)
+    inverse = np.zeros((2, most, most), dtype=np.complex128)
     for i, (window, number) in enumerate(zip(windows, num_cells, strict=True)):
         weights = np.frombuffer(window)
         n = np.arange(len(weights))
@@ -108,12 +103,14 @@ def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conj
             tone, covariance = tone.conj(), covariance.conj()
         variances, parts = np.linalg.eigh(covariance)
         kept = variances > _LEAST_VARIANCE
-        inverse[i, 0, :number, :number] = (parts[:, kept] / variances[kept]) @ parts[:, kept].conj().T
+        inverse[i, :number, :number] = (parts[:, kept] / variances[kept]) @ parts[:, kept].conj().T
         cells = slice(most - number, most + number - 1)
         series[i, :, 0, cells] = tone[:-1]
         if np.count_nonzero(kept) > 1:  # a single part has no frequency
             series[i, :, 1, cells] = tone[1:] * np.arange(1, _DEGREE + 2)[:, None]
-    return Axes(series.reshape(2, _DEGREE + 1, -1).view(np.float64), inverse)
+    places = np.stack([series[..., most - 1 - k : 2 * most - 1 - k] for k in range(most)], axis=1)
+    through = (places @ inverse[:, None, None].mT).conj()
+    return Axes(np.stack([places, through], axis=3).reshape(2, most, _DEGREE + 1, -1).view(np.float64))
 
 
 def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64], axes: Axes) -> Fit:
@@ -134,39 +131,28 @@ def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64]
     """
     number, num_channels, num_rows, num_columns = cells.shape
     by_row = cells.swapaxes(1, 2).astype(np.complex128, order="C").reshape(number, num_rows, -1)
-    wanted = first.T[:, :, None] + np.arange(axes.num_cells) + axes.num_cells - 1  # (axis, tone, cell)
-    each = np.arange(number)[:, None]
+    series = axes.series[_BOTH, -first.T]  # (axis, tone, degree, 8 cell)
     offset = start.copy()
     for _ in range(_NUM_STEPS):
         # Tone and derivative in the cells, both through the inverse; their products with each other and the cells.
-        pair = _tones(offset, axes)[_BOTH, each, :, wanted]
-        through = (axes.inverse @ pair).conj()  # (axis, tone, cell, 2)
-        products = pair.mT @ through  # (axis, tone, 2, 2)
-        in_columns = through[0, :, :num_rows].mT @ by_row  # (tone, 2, channel, column), the last two in one
-        found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :num_columns]
-        found = found.reshape(number, 2, num_channels, 2).swapaxes(1, 2).reshape(number, num_channels, 4)
+        values = (offset.T[:, :, None, None] ** _EXPONENTS @ series).view(np.complex128)
+        pair, through = np.moveaxis(values.reshape(2, number, 2, 2, -1), 2, 0)  # (axis, tone, 2, cell)
+        products = pair @ through.mT  # (axis, tone, 2, 2)
+        in_columns = through[0, :, :, :num_rows] @ by_row  # (tone, 2, channel, column), the last two in one
+        found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :, :num_columns].mT
+        found = found.reshape(number, 2, num_channels, 2).mT  # (tone, 2, 2, channel): of rows, of columns
 
         # What of the derivatives is across the tone: a change of phase is none of frequency.
         along = products / products[..., :1, :1]
         across = (along[..., 1, 1] - along[..., 1, 0] * along[..., 0, 1]).real.T
         # Fisher's scoring.
-        energies = found[:, :, :1].conj().mT @ found
-        slope = (energies[:, 0, 2:0:-1] / np.maximum(energies[:, 0, :1], _TINY) - along[..., 1, 0].T).real
+        energies = np.vecdot(found[:, :1, :1], found).real.reshape(number, 4)
+        slope = energies[:, 2:0:-1] / np.maximum(energies[:, :1], _TINY) - along[..., 1, 0].real.T
         step = slope / np.maximum(across, _TINY)
         offset += np.minimum(np.maximum(step, -0.5), 0.5)
     lost = np.abs(offset - start) > _FARTHEST
     if lost.any():
         offset = np.where(lost.any(axis=1, keepdims=True), start, offset)
     # The last step is too small to change the amplitude, whose slope is zero at the peak.
-    gain = products[:, :, 0, 0].real.prod(axis=0)
-    return Fit(offset, found[:, :, 0] / gain[:, None], gain, across)
-
-
-def _tones(offset: NDArray[np.float64], axes: Axes) -> NDArray[np.complex128]:
-    """Tones at some offsets (tone, axis) and their derivatives, (axis, tone, 2, cell)."""
-    powers = np.empty((2, len(offset), _DEGREE + 1))
-    powers[..., 0] = 1.0
-    powers[..., 1:] = offset.T[..., None]
-    np.multiply.accumulate(powers, axis=2, out=powers)
-    values = (powers @ axes.series).view(np.complex128)
-    return values.reshape(2, len(offset), 2, -1)
+    gain = np.multiply(*products[:, :, 0, 0].real)
+    return Fit(offset, found[:, 0, 0] / gain[:, None], gain, across)
