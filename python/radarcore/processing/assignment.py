@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.processing.kalman import Array, inverse_of_measured
+
+_FEW = 64
+"""Pairs of tracks and detections that are all worked out: leaving most of them out takes longer."""
 
 
 @cache
@@ -55,24 +58,24 @@ def assign(innovation: Array, spread: Array, noise: Array, probability: float) -
     """
     limits = gate_limits(probability)
 
-    # The squared distance is at least that of each value alone: most pairs go at once.
-    variance = spread.diagonal(axis1=1, axis2=2)[:, None] + noise.diagonal(axis1=1, axis2=2)
-    is_far = (innovation * innovation > limits[innovation.shape[-1]] * variance).any(axis=-1)
-    rows, columns = np.nonzero(~is_far)
-    if len(rows) == 0:
-        return Pairs(rows, columns, spread[rows])
+    num_tracks, num_detections, num_values = innovation.shape
+    if num_tracks * num_detections <= _FEW:
+        rows, columns = _all_pairs(num_tracks, num_detections)
+    else:
+        # The squared distance is at least that of each value alone: most pairs go at once.
+        variance = spread.diagonal(axis1=1, axis2=2)[:, None] + noise.diagonal(axis1=1, axis2=2)
+        rows, columns = np.nonzero(~(innovation * innovation > limits[num_values] * variance).any(axis=-1))
     between = innovation[rows, columns]
     squares, inverse = inverse_of_measured(between, spread[rows] + noise[columns])
-    num_measured = (~np.isnan(between)).sum(axis=-1)
-    inside = (squares <= limits[num_measured]) & (num_measured > 0)
-    if not inside.all():
-        rows, columns, squares, inverse = rows[inside], columns[inside], squares[inside], inverse[inside]
+    num_measured = num_values - np.isnan(between).sum(axis=-1)
+    inside = ((squares <= limits[num_measured]) & (num_measured > 0)).nonzero()[0]
+    rows, columns, inverse = rows[inside], columns[inside], inverse[inside]
     if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no two want the same
         return Pairs(rows, columns, inverse)
 
     from scipy.optimize import linear_sum_assignment  # here: as above
 
-    cost = squares - np.log(np.linalg.det(inverse))
+    cost = squares[inside] - np.log(np.linalg.det(inverse))
     costs = np.zeros(innovation.shape[:2])  # a pair outside of the gate costs as much as none
     costs[rows, columns] = cost - cost.max() - 1.0
     pair = np.full(costs.shape, -1)
@@ -80,3 +83,10 @@ def assign(innovation: Array, spread: Array, noise: Array, probability: float) -
     pair = pair[linear_sum_assignment(costs)]
     taken = pair[pair >= 0]
     return Pairs(rows[taken], columns[taken], inverse[taken])
+
+
+@lru_cache(maxsize=256)
+def _all_pairs(num_tracks: int, num_detections: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of the tracks and of the detections of all pairs."""
+    rows, columns = np.indices((num_tracks, num_detections)).reshape(2, -1)
+    return rows, columns

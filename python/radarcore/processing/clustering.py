@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,9 @@ _MOST_PAIRS = 512**2
 
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
+
+_FEW = 16
+"""Detections whose pairs are compared one by one."""
 
 _NEVER = 1e300
 """Period of what has none: nothing is so large that it is wrapped."""
@@ -203,6 +208,24 @@ def pairs_within(
         is_near = _are_within(values[one, 1] - values[other, 1], velocity, periods[1])
         one, other = one[is_near], other[is_near]
     return both_ways(number, one, other)
+
+
+def may_be_near(values: Array, distance: float | None, velocity: float | None, periods: Array) -> bool:
+    """Whether any pair may be among those of `pairs_within`, by ranges and velocities alone; of few detections.
+
+    Arrays would take longer to make than the numbers of a few detections take one by one.
+    """
+    if len(values) > _FEW:
+        return True
+    farthest, fastest = (math.inf if limit is None else limit for limit in (distance, velocity))
+    period = float(periods[1])
+    for (range_, speed), (other_range, other_speed) in combinations(values[:, :2].tolist(), 2):
+        if abs(range_ - other_range) > farthest:
+            continue
+        apart = speed - other_speed
+        if not abs(math.remainder(apart, period)) > fastest:
+            return True
+    return False
 
 
 def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,11 @@ from radarcore import check
 
 Array = NDArray[np.float64]
 
+_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+"""Of the cofactors of two rows and columns."""
 
+
+@lru_cache(maxsize=64)
 def white_acceleration(interval: float, density: float, num_dimensions: int) -> tuple[Array, Array]:
     """Motion at a constant velocity that white acceleration disturbs (their section 6.2.2).
 
@@ -34,12 +38,13 @@ def white_acceleration(interval: float, density: float, num_dimensions: int) -> 
     Returns
     -------
     transition, noise : (2 d, 2 d) float64
-        The matrices F and Q of ``predict``.
+        The matrices F and Q of ``predict``, read-only: kept for equal intervals.
     """
     moved, noise = _powers_of_time(num_dimensions)
-    t = float(interval)
+    t = interval
     weights = np.array([density * t**3 / 3.0, density * t**2 / 2.0, density * t])
-    return _unit(2 * num_dimensions) + t * moved, (weights @ noise).reshape(moved.shape)
+    transition = _unit(2 * num_dimensions) + t * moved
+    return check.frozen(transition), check.frozen((weights @ noise).reshape(moved.shape))
 
 
 @cache
@@ -93,7 +98,7 @@ def update(
     innovation, jacobian, noise = without_missing(innovation, jacobian, noise)
     crossed = jacobian @ covariance
     if inverse is None:
-        inverse = np.linalg.inv(crossed @ jacobian.mT + noise)
+        inverse = inverted(crossed @ jacobian.mT + noise)
     gain = crossed.mT @ inverse
     kept = _unit(state.shape[-1]) - gain @ jacobian
     updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
@@ -146,5 +151,33 @@ def inverse_of_measured(innovation: Array, covariance: Array) -> tuple[Array, Ar
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    inverse = np.linalg.inv(covariance)
+    inverse = inverted(covariance)
     return np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0]), inverse
+
+
+def inverted(covariance: Array) -> Array:
+    """Inverses of covariances (..., m, m): those of 2 to 4 values by blocks of two, faster than LAPACK's one by one."""
+    length = covariance.shape[-1]
+    if not 2 <= length <= 4:
+        return np.linalg.inv(covariance)
+    first = _inverted_pairs(covariance[..., :2, :2])
+    if length == 2:
+        return first
+    crossed = covariance[..., :2, 2:]
+    slope = first @ crossed
+    rest = covariance[..., 2:, 2:] - crossed.mT @ slope  # covariance of the others, given the first two
+    rest = _inverted_pairs(rest) if length == 4 else 1.0 / rest
+    weighted = slope @ rest
+    inverse = np.empty(covariance.shape)
+    inverse[..., :2, :2] = first + weighted @ slope.mT
+    inverse[..., :2, 2:] = -weighted
+    inverse[..., 2:, :2] = -weighted.mT
+    inverse[..., 2:, 2:] = rest
+    return inverse
+
+
+def _inverted_pairs(covariance: Array) -> Array:
+    """Inverses of symmetric matrices (..., 2, 2)."""
+    crossed = covariance[..., 0, 1]
+    determinant = covariance[..., 0, 0] * covariance[..., 1, 1] - crossed * crossed
+    return covariance[..., ::-1, ::-1] * _SIGNS / determinant[..., None, None]

@@ -52,7 +52,7 @@ class MapTest:
             is_above = power > threshold
             is_above &= is_candidate
             is_above &= self.has_training
-            index = np.flatnonzero(is_above)  # of two dimensions at once it takes longer than all before
+            index = is_above.ravel().nonzero()[0]  # of two dimensions at once it takes longer than all before
             rows, columns = np.divmod(index, power.shape[1])
             return rows, columns, threshold.ravel()[index]
         rows, columns = np.nonzero(is_candidate & self.has_training)

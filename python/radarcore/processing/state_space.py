@@ -86,7 +86,7 @@ def expect(state: Array, covariance: Array) -> Expected:
     value, jacobian = observe(state)
     number, d = len(state), state.shape[1] // 2
     first_order = jacobian @ covariance @ jacobian.mT
-    curvature = np.zeros_like(first_order)
+    curvature = np.zeros(first_order.shape)
     if d == 1:
         return Expected(value, jacobian, first_order, curvature)
 

@@ -136,7 +136,8 @@ def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64]
     for _ in range(_NUM_STEPS):
         # Tone and derivative in the cells, both through the inverse; their products with each other and the cells.
         values = (offset.T[:, :, None, None] ** _EXPONENTS @ series).view(np.complex128)
-        pair, through = np.moveaxis(values.reshape(2, number, 2, 2, -1), 2, 0)  # (axis, tone, 2, cell)
+        values = values.reshape(2, number, 2, 2, -1)
+        pair, through = values[:, :, 0], values[:, :, 1]  # (axis, tone, 2, cell)
         products = pair @ through.mT  # (axis, tone, 2, 2)
         in_columns = through[0, :, :, :num_rows] @ by_row  # (tone, 2, channel, column), the last two in one
         found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :, :num_columns].mT

@@ -18,6 +18,7 @@ from radarcore.processing.clustering import (
     covariances,
     groups,
     levels,
+    may_be_near,
     pairs_within,
     periods_of,
     wrapped,
@@ -162,13 +163,10 @@ class Tracker:
     def _clustered(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
         """Means of groups of detections, and their covariance, by increasing range."""
         s, periods = self.settings, self._periods[: values.shape[1]]
-        order = values[:, 0].argsort(kind="stable")
-        sorted_range = values[order, 0]
-        if s.cluster_distance is not None and (sorted_range[1:] - sorted_range[:-1] > s.cluster_distance).all():
-            return values[order], covariance[order]  # no two in one group, as often
-        near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
-        if len(near[0]) == len(values):  # each near itself only
+        if not may_be_near(values, s.cluster_distance, s.cluster_velocity, periods):  # as often
+            order = values[:, 0].argsort(kind="stable")
             return values[order], covariance[order]
+        near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
         _, found = groups(values, levels(detections), covariance, connected(len(values), *near), periods)
         return found.values, found.covariance
 
@@ -186,7 +184,7 @@ class Tracker:
             self._keep(time - self._seen <= self.settings.max_gap)
         if len(self._ids) > 0:
             d = self._state.shape[1] // 2
-            motion = white_acceleration(time - self.time, self.settings.acceleration_density, d)
+            motion = white_acceleration(float(time - self.time), self.settings.acceleration_density, d)
             self._state, self._covariance = predict(self._state, self._covariance, *motion)
         self.time = time
 
