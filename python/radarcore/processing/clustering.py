@@ -26,6 +26,9 @@ _CROSSED = ~np.eye(4, dtype=bool)
 _FEW = 16
 """Detections whose pairs are compared one by one."""
 
+_ROUNDED = 1.0 + 1e-9
+"""Limits with what rounding may make of them."""
+
 _NEVER = 1e300
 """Period of what has none: nothing is so large that it is wrapped."""
 
@@ -211,19 +214,26 @@ def pairs_within(
 
 
 def may_be_near(values: Array, distance: float | None, velocity: float | None, periods: Array) -> bool:
-    """Whether any pair may be among those of `pairs_within`, by ranges and velocities alone; of few detections.
+    """Whether any pair may be among those of `pairs_within`; of few detections.
 
     Arrays would take longer to make than the numbers of a few detections take one by one.
     """
     if len(values) > _FEW:
         return True
-    farthest, fastest = (math.inf if limit is None else limit for limit in (distance, velocity))
+    farthest, fastest = (math.inf if limit is None else limit * _ROUNDED for limit in (distance, velocity))
     period = float(periods[1])
-    for (range_, speed), (other_range, other_speed) in combinations(values[:, :2].tolist(), 2):
-        if abs(range_ - other_range) > farthest:
+    for (range_, speed, *angles), (other_range, other_speed, *other_angles) in combinations(values.tolist(), 2):
+        along = abs(range_ - other_range)
+        if along > farthest or abs(math.remainder(speed - other_speed, period)) > fastest:
             continue
-        apart = speed - other_speed
-        if not abs(math.remainder(apart, period)) > fastest:
+        if not angles or math.isinf(farthest):
+            return True
+        # With unit vectors u: |r1 u1 - r2 u2|^2 = (r1 - r2)^2 + r1 r2 |u1 - u2|^2.
+        apart = [2.0 * math.sin(0.5 * (one - other)) for one, other in zip(angles, other_angles, strict=True)]
+        across = apart[0] ** 2
+        if len(angles) == 2:
+            across = apart[1] ** 2 + math.cos(angles[1]) * math.cos(other_angles[1]) * across
+        if not along * along + range_ * other_range * across > farthest * farthest:
             return True
     return False
 

@@ -15,9 +15,6 @@ from radarcore import check
 
 Array = NDArray[np.float64]
 
-_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
-"""Of the cofactors of two rows and columns."""
-
 
 @lru_cache(maxsize=64)
 def white_acceleration(interval: float, density: float, num_dimensions: int) -> tuple[Array, Array]:
@@ -98,7 +95,7 @@ def update(
     innovation, jacobian, noise = without_missing(innovation, jacobian, noise)
     crossed = jacobian @ covariance
     if inverse is None:
-        inverse = inverted(crossed @ jacobian.mT + noise)
+        inverse = np.linalg.inv(crossed @ jacobian.mT + noise)
     gain = crossed.mT @ inverse
     kept = _unit(state.shape[-1]) - gain @ jacobian
     updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
@@ -151,33 +148,5 @@ def inverse_of_measured(innovation: Array, covariance: Array) -> tuple[Array, Ar
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    inverse = inverted(covariance)
+    inverse = np.linalg.inv(covariance)
     return np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0]), inverse
-
-
-def inverted(covariance: Array) -> Array:
-    """Inverses of covariances (..., m, m): those of 2 to 4 values by blocks of two, faster than LAPACK's one by one."""
-    length = covariance.shape[-1]
-    if not 2 <= length <= 4:
-        return np.linalg.inv(covariance)
-    first = _inverted_pairs(covariance[..., :2, :2])
-    if length == 2:
-        return first
-    crossed = covariance[..., :2, 2:]
-    slope = first @ crossed
-    rest = covariance[..., 2:, 2:] - crossed.mT @ slope  # covariance of the others, given the first two
-    rest = _inverted_pairs(rest) if length == 4 else 1.0 / rest
-    weighted = slope @ rest
-    inverse = np.empty(covariance.shape)
-    inverse[..., :2, :2] = first + weighted @ slope.mT
-    inverse[..., :2, 2:] = -weighted
-    inverse[..., 2:, :2] = -weighted.mT
-    inverse[..., 2:, 2:] = rest
-    return inverse
-
-
-def _inverted_pairs(covariance: Array) -> Array:
-    """Inverses of symmetric matrices (..., 2, 2)."""
-    crossed = covariance[..., 0, 1]
-    determinant = covariance[..., 0, 0] * covariance[..., 1, 1] - crossed * crossed
-    return covariance[..., ::-1, ::-1] * _SIGNS / determinant[..., None, None]

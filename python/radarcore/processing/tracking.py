@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from itertools import chain
+from dataclasses import dataclass
+from itertools import chain, compress
 from typing import Any
 
 import numpy as np
@@ -64,12 +65,7 @@ class Tracker:
 
     _state: Array
     _covariance: Array
-    _ids: Indices
-    _hits: Indices
-    _age: Indices
-    _missed: Indices
-    _seen: Array
-    _confirmed: NDArray[np.bool_]
+    _lives: list[_Life]
 
     def __init__(self, **settings: Any) -> None:
         self.settings = TrackerSettings(**settings)
@@ -181,8 +177,8 @@ class Tracker:
     def _predict(self, time: float) -> None:
         """Tracks at the time of a frame, but those that were last seen too long before."""
         if self.settings.max_gap is not None:
-            self._keep(time - self._seen <= self.settings.max_gap)
-        if len(self._ids) > 0:
+            self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
+        if self._lives:
             d = self._state.shape[1] // 2
             motion = white_acceleration(float(time - self.time), self.settings.acceleration_density, d)
             self._state, self._covariance = predict(self._state, self._covariance, *motion)
@@ -200,25 +196,36 @@ class Tracker:
 
     def _count(self, tracks: Indices) -> None:
         """Count the frame for all tracks, and the detections of some."""
-        self._age += 1
-        self._missed += 1
-        self._missed[tracks] = 0
-        self._seen[tracks] = self.time
-        self._hits[tracks] += 1
-        s = self.settings
-        self._confirmed |= (self._hits >= s.confirm_hits) & (self._age <= s.confirm_frames)
+        for life in self._lives:
+            life.age += 1
+            life.missed += 1
+        for track in tracks.tolist():
+            life = self._lives[track]
+            life.missed, life.seen = 0, self.time
+            life.hits += 1
+            life.is_confirmed |= self._confirms(life)
 
     def _end(self) -> None:
         """Leave out tracks that cannot be confirmed any more, or have not been detected for too many frames."""
         s = self.settings
-        can_be = self._hits - self._age >= s.confirm_hits - s.confirm_frames  # none grows older than its last chance
-        self._keep(np.where(self._confirmed, self._missed <= s.max_missed, can_be))
+        self._keep(
+            [
+                life.missed <= s.max_missed
+                if life.is_confirmed
+                else life.hits + max(s.confirm_frames - life.age, 0) >= s.confirm_hits
+                for life in self._lives
+            ]
+        )
 
-    def _keep(self, which: NDArray[np.bool_]) -> None:
+    def _confirms(self, life: _Life) -> bool:
+        """Whether detections have been many and fast enough."""
+        return life.hits >= self.settings.confirm_hits and life.age <= self.settings.confirm_frames
+
+    def _keep(self, which: list[bool]) -> None:
         """Leave out all other tracks."""
-        if not which.all():
-            for name in _ROWS:
-                setattr(self, name, getattr(self, name)[which])
+        if not all(which):
+            self._state, self._covariance = self._state[which], self._covariance[which]
+            self._lives = list(compress(self._lives, which))
 
     def _begin(self, measured: Array, noise: Array) -> None:
         """Begin tracks with detections."""
@@ -240,25 +247,50 @@ class Tracker:
         kept = measured[starts]
         kept[:, 1] = velocity[starts]
         state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))  # even within the largest speed
-        ids = np.arange(self.num_begun, self.num_begun + number)
-        once, none = np.ones(number, dtype=np.int64), np.zeros(number, dtype=np.int64)
-        new = (state, covariance, ids, once, once, none, np.full(number, self.time), once >= s.confirm_hits)
-        for name, rows in zip(_ROWS, new, strict=True):
-            setattr(self, name, np.concatenate([getattr(self, name), rows]))
-        self.num_begun += number
+        self._state = np.concatenate([self._state, state])
+        self._covariance = np.concatenate([self._covariance, covariance])
+        for _ in range(number):
+            life = _Life(self.num_begun, self.time)
+            life.is_confirmed = self._confirms(life)
+            self._lives.append(life)
+            self.num_begun += 1
 
     def _states(self) -> list[TrackState]:
         """States of all tracks."""
         states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
-        columns = self._ids, self._missed == 0, self._confirmed, self._hits
-        ids, is_detected, is_confirmed, hits = (column.tolist() for column in columns)
-        return TrackState.of_rows(self.time, ids, list(states), list(covariances), is_detected, is_confirmed, hits)
+        return [
+            TrackState.of_fields(
+                id=life.id,
+                time=self.time,
+                state=state,
+                state_covariance=covariance,
+                is_detected=life.missed == 0,
+                is_confirmed=life.is_confirmed,
+                num_hits=life.hits,
+            )
+            for life, state, covariance in zip(self._lives, states, covariances, strict=True)
+        ]
 
     def _clear(self, length: int) -> None:
         """No tracks, of states of a length."""
         self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
-        self._ids, self._hits, self._age, self._missed = np.zeros((4, 0), dtype=np.int64)
-        self._seen, self._confirmed = np.zeros(0), np.zeros(0, dtype=bool)
+        self._lives = []
+
+
+@dataclass(slots=True)
+class _Life:
+    """What has become of a track; of few, numbers are counted faster one by one than in arrays."""
+
+    id: int
+    seen: float
+    """Time of the newest detection [s]."""
+    hits: int = 1
+    """Detections."""
+    age: int = 1
+    """Frames from the first detection on, that one included."""
+    missed: int = 0
+    """Frames in a row without a detection."""
+    is_confirmed: bool = False
 
 
 def _without_lost_angles(values: Array, variance: Array) -> Array:
@@ -269,10 +301,6 @@ def _without_lost_angles(values: Array, variance: Array) -> Array:
     values = values.copy()
     values[:, 2:][lost] = np.nan
     return values
-
-
-_ROWS = ("_state", "_covariance", "_ids", "_hits", "_age", "_missed", "_seen", "_confirmed")
-"""Attributes of a tracker that have a row per track."""
 
 
 def track(

@@ -18,9 +18,6 @@ from radarcore.recording.frame import Truth
 _COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed")
 """Fields that `Track` has a row of for each `TrackState`."""
 
-_NOT_TIME = ("id", "state", "state_covariance", "is_detected", "is_confirmed", "num_hits")
-"""Fields of `TrackState` but its time."""
-
 
 @dataclass(frozen=True, eq=False)
 class TrackState:
@@ -54,12 +51,11 @@ class TrackState:
     num_hits: int
 
     @classmethod
-    def of_rows(cls, time: float, *columns: Sequence[Any]) -> list[TrackState]:
-        """States at one time, from a sequence of each of the other fields in their order."""
-        states = [object.__new__(cls) for _ in columns[0]]
-        for state, *row in zip(states, *columns, strict=True):
-            vars(state).update(zip(_NOT_TIME, row, strict=True), time=time)  # without a call for each field
-        return states
+    def of_fields(cls, **fields: Any) -> TrackState:
+        """A state of all its fields by name, made without a call for each."""
+        state = object.__new__(cls)
+        vars(state).update(fields)
+        return state
 
     @property
     def range(self) -> float:
