@@ -33,11 +33,10 @@ RATE = 40.0
 
 STAGES: dict[str, tuple[Any, str]] = {
     "transforms": (detection, "_map"),
-    "CFAR": (map_test.MapTest, "passed"),
-    "local maxima": (detection, "_local_maxima"),
+    "CFAR, local maxima": (map_test.MapTest, "passed"),
     "sidelobes": (detection, "_without_sidelobes"),
     "fit": (detection, "_fitted"),
-    "directions": (detection, "directions"),
+    "directions": (detection, "plane_waves"),
 }
 """Where the functions of the stages of `rc.detect` are looked up."""
 

@@ -15,13 +15,13 @@ from radarcore import check
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
-from radarcore.processing.directions import directions
+from radarcore.processing.directions import plane_waves
 from radarcore.processing.inputs import checked_samples, cube_and_radar
 from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import LEAST_NOISE, median_of_unit_mean, rounding_per_energy
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
-from radarcore.processing.spectra import fast_spectrum, spectrum
+from radarcore.processing.spectra import both_windows, fast_spectrum, transformed
 from radarcore.processing.tone_fit import REACH, Axes, Fit, axes_of, fit
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
@@ -165,15 +165,14 @@ def detect(
     layout, test = search.layout, search.test
 
     # Power over velocity and range; the noise is the same in all cells.
-    cells, power = _map(samples, wf, layout, window, doppler_window, remove_static)
+    cells, power = _map(samples, wf, layout, window, remove_static)
 
     # Cells above the threshold of their surroundings that no neighbour exceeds.
     first, last = search.columns
     searched = power[:, first:last]
     noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
     around = _surrounded(power, layout.is_iq)
-    is_maximum = _local_maxima(around, layout)[:, first:last]
-    rows, columns, least = test.passed(searched, is_maximum)
+    rows, columns, least = test.passed(searched, lambda row, column: _local_maxima(around, row, column + first, layout))
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
         return _none(time)
@@ -205,7 +204,7 @@ def detect(
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
-    seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
+    seen = plane_waves(snapshots, radar, velocity, snr / radar.num_channels)
     covariance[:, 2:, 2:] = seen.covariance
 
     # By range, within the limits.
@@ -246,6 +245,16 @@ class _Layout:
     def gain(self) -> float:
         """Amplitude of a tone of amplitude 1 in the middle of a cell."""
         return float(self.slow.sum() * (self.fast.sum()))
+
+    def both_windows(self, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """As `transformed` takes them, in the precision of the samples."""
+        if dtype not in self._both_windows:
+            self._both_windows[dtype] = both_windows(self.fast, self.slow, len(self.slow), dtype)
+        return self._both_windows[dtype]
+
+    @cached_property
+    def _both_windows(self) -> dict[np.dtype[Any], NDArray[Any]]:
+        return {}
 
     @cached_property
     def rounding(self) -> float:
@@ -325,8 +334,11 @@ class _Search:
 
 def _search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
     """The same for every frame of a stream, but of arguments that may have no hash, or that of others."""
-    are_plain = all(each is None or isinstance(each, str | int | float) for each in arguments)
-    return (_kept_search if are_plain else _new_search)(radar, is_iq, *arguments)
+    return (_kept_search if _PLAIN.issuperset(map(type, arguments)) else _new_search)(radar, is_iq, *arguments)
+
+
+_PLAIN = {bool, int, float, str, type(None)}
+"""Types of arguments that are equal only if they mean the same, given equal types."""
 
 
 @lru_cache(maxsize=16, typed=True)
@@ -434,25 +446,19 @@ def _map(
     wf: Waveform,
     layout: _Layout,
     window: Window,
-    doppler_window: Window,
     remove_static: bool,
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
     moving = remove_mean(samples) if remove_static else samples
     if layout.has_velocity:
-        cells = spectrum(
-            moving,
-            wf,
-            window=window,
-            doppler_window=doppler_window,
-            num_range_bins=None,
-            num_velocity_bins=None,
-        )
+        windowed = moving * layout.both_windows(moving.real.dtype)
+        cells = transformed(windowed, wf, wf.num_samples, wf.num_chirps)
     else:
         profiles = fast_spectrum(moving, wf, window=window, num_bins=None)
         cells = profiles.reshape(-1, 1, profiles.shape[-1])
     cells = cells[..., : layout.num_columns]
-    power = (np.square(cells.real) + np.square(cells.imag)).sum(axis=0)
+    squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
+    power = squares[:, ::2] + squares[:, 1::2]
     if remove_static and layout.has_velocity:
         power /= np.maximum(layout.row_gain, _LEAST_GAIN)[:, None].astype(power.dtype)
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
@@ -460,17 +466,16 @@ def _map(
     return cells, power
 
 
-def _local_maxima(around: NDArray[Any], layout: _Layout) -> NDArray[np.bool_]:
-    """Cells to be tested that none of their eight neighbours exceeds; `around`: the map as `_surrounded`."""
-    power = around[1:-1, 1:-1]
-    highest = np.maximum(around[:, :-2], around[:, 2:])
-    np.maximum(highest, around[:, 1:-1], out=highest)
-    beside = np.maximum(highest[:-2], highest[2:])
-    is_maximum = np.asarray(power >= np.maximum(beside, highest[1:-1], out=beside))
-    is_maximum &= power > 0.0
-    if not layout.is_tested.all():
-        is_maximum &= layout.is_tested[:, None]
-    return is_maximum
+def _local_maxima(
+    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: _Layout
+) -> NDArray[np.bool_]:
+    """Whether cells are to be tested and none of their eight neighbours exceeds them; `around` as `_surrounded`."""
+    width = around.shape[1]
+    square = np.array([[-width - 1, -width, 1 - width, -1, 0, 1, width - 1, width, width + 1]])
+    power = around.ravel()[((rows + 1) * width + columns + 1)[:, None] + square]
+    cell = power[:, 4]
+    is_maximum: NDArray[np.bool_] = (cell >= power.max(axis=1)) & (cell > 0.0)
+    return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
 
 
 def _surrounded(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:

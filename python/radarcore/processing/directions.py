@@ -106,13 +106,29 @@ def directions(
     values = _snapshots(snapshots, radar.num_channels)
     number = len(values)
     speeds, levels = _per_detection("velocity", velocity, number), _per_detection("snr_db", snr_db, number)
+    return plane_waves(values, radar, speeds, None if levels is None else 10.0 ** (0.1 * levels), channel_phase)
+
+
+def plane_waves(
+    values: _Complexes,
+    radar: Radar,
+    velocity: _Reals | None,
+    snr: _Reals | None,
+    channel_phase: ArrayLike | None = None,
+) -> Directions:
+    """`directions` of snapshots (detection, channel), from velocities and SNR (detection,) that need no checks."""
+    number = len(values)
     array, ambiguities, corrections = _array(radar)
-    if channel_phase is not None or (speeds is not None and radar.channel_offsets.any()):
-        corrections = channel_corrections(radar, speeds, channel_phase)
+    if channel_phase is not None or (velocity is not None and radar.channel_offsets.any()):
+        corrections = channel_corrections(radar, velocity, channel_phase)
 
     # Take off what is not direction; what has no direction stays NaN.
     blank = np.full(6 * number, np.nan)
-    azimuth, elevation, covariance = blank[:number], blank[number : 2 * number], blank[2 * number :].reshape(number, 2, 2)
+    azimuth, elevation, covariance = (
+        blank[:number],
+        blank[number : 2 * number],
+        blank[2 * number :].reshape(number, 2, 2),
+    )
     size = np.abs(values).max(axis=1, initial=0.0)
     known: Any = (size > 0.0) & (size < np.inf)
     if known.all():
@@ -135,8 +151,8 @@ def directions(
         azimuth[known] = np.arctan2(sines[:, 0], forward)
     if array.told[1]:
         elevation[known] = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
-    if levels is not None:
-        covariance[known] = _least_covariance(array, sines, forward, 10.0 ** (0.1 * levels[known]))
+    if snr is not None:
+        covariance[known] = _least_covariance(array, sines, forward, snr[known])
     return Directions(azimuth, elevation, covariance)
 
 

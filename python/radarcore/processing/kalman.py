@@ -7,6 +7,7 @@ and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
 from __future__ import annotations
 
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,9 +95,8 @@ def update(
     """
     innovation, jacobian, noise = without_missing(innovation, jacobian, noise)
     crossed = jacobian @ covariance
-    if inverse is None:
-        inverse = np.linalg.inv(crossed @ jacobian.mT + noise)
-    gain = crossed.mT @ inverse
+    inverted: Any = np.linalg.inv(crossed @ jacobian.mT + noise) if inverse is None else inverse
+    gain = crossed.mT @ inverted
     kept = _unit(state.shape[-1]) - gain @ jacobian
     updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
     return state + (gain @ innovation[..., None])[..., 0], 0.5 * (updated + updated.mT)
@@ -148,5 +148,5 @@ def inverse_of_measured(innovation: Array, covariance: Array) -> tuple[Array, Ar
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    inverse = np.linalg.inv(covariance)
+    inverse: Any = np.linalg.inv(covariance)
     return np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0]), inverse

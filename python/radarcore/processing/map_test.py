@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -18,6 +19,8 @@ from radarcore.processing.constant_false_alarm import (
 )
 from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
 from radarcore.processing.false_alarms import averaging_factor, ordered_factor
+
+_Indices = NDArray[np.intp]
 
 _MOST_BY_PRODUCTS = 128
 """Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
@@ -44,18 +47,20 @@ class MapTest:
         return np.isfinite(self.factor)
 
     def passed(
-        self, power: NDArray[Any], is_candidate: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-        """Rows, columns and thresholds of the candidates above it."""
+        self, power: NDArray[Any], are_candidates: Callable[[_Indices, _Indices], NDArray[np.bool_]]
+    ) -> tuple[_Indices, _Indices, NDArray[np.float64]]:
+        """Rows, columns and thresholds of the cells above it that are candidates, which are asked for by both."""
         if self.ranks is None:
             threshold = self._sums(power) * self._in(power.dtype)[0]
             is_above = power > threshold
-            is_above &= is_candidate
             is_above &= self.has_training
             index = is_above.ravel().nonzero()[0]  # of two dimensions at once it takes longer than all before
             rows, columns = np.divmod(index, power.shape[1])
-            return rows, columns, threshold.ravel()[index]
-        rows, columns = np.nonzero(is_candidate & self.has_training)
+            kept = are_candidates(rows, columns)
+            return rows[kept], columns[kept], threshold.ravel()[index[kept]]
+        rows, columns = np.nonzero(self.has_training)
+        kept = are_candidates(rows, columns)
+        rows, columns = rows[kept], columns[kept]
         around = self._around(power, rows, columns)
         # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
         limit = (power[rows, columns] / self.factor[rows, columns]).astype(power.dtype)

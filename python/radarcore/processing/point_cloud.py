@@ -53,9 +53,7 @@ class Detections:
         object.__setattr__(self, "time", check.number("time", self.time, "s"))
 
     @classmethod
-    def from_rows(
-        cls, rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float
-    ) -> Detections:
+    def from_rows(cls, rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float) -> Detections:
         """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only."""
         if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
             raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")

@@ -132,17 +132,29 @@ def spectrum(
     num_bins = transform_length("num_range_bins", num_range_bins, "num_samples", waveform.num_samples)
     fast = window_weights("window", window, waveform.num_samples)
     slow = window_weights("doppler_window", doppler_window, waveform.num_chirps)
-    if n % 2 == 0:
+    return transformed(samples * both_windows(fast, slow, n, samples.real.dtype), waveform, num_bins, n)
+
+
+def both_windows(
+    fast: NDArray[np.float64], slow: NDArray[np.float64], num_velocity_bins: int, dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    """Windows over fast and slow time as `transformed` takes them, (chirp, sample)."""
+    if num_velocity_bins % 2 == 0:
         # Half a turn more from chirp to chirp puts zero velocity into the middle.
         slow = slow.copy()
         slow[1::2] *= -1.0
-    windowed = samples * fast.astype(samples.real.dtype)
-    windowed *= slow.astype(samples.real.dtype)[:, None]
+    return (slow[:, None] * fast).astype(dtype)
 
+
+def transformed(
+    windowed: NDArray[Any], waveform: Waveform, num_range_bins: int, num_velocity_bins: int
+) -> NDArray[Any]:
+    """Transform of samples times `both_windows` along both axes, in their precision."""
     from scipy.fft import fft  # here: importing radarcore imports numpy and nothing heavier
 
-    transformed: NDArray[Any] = fft(_fast_transform(windowed, num_bins, waveform), n, axis=-2, overwrite_x=True)
-    return transformed if n % 2 == 0 else np.fft.fftshift(transformed, axes=-2)
+    profiles = _fast_transform(windowed, num_range_bins, waveform)
+    cells: NDArray[Any] = fft(profiles, num_velocity_bins, axis=-2, overwrite_x=True)
+    return cells if num_velocity_bins % 2 == 0 else np.fft.fftshift(cells, axes=-2)
 
 
 def _fast_transform(windowed: NDArray[Any], num_bins: int, waveform: Waveform) -> NDArray[Any]:

@@ -8,7 +8,6 @@ from itertools import chain, compress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.processing.assignment import assign
