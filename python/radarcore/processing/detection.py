@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from radarcore.processing.inputs import checked_samples, cube_and_radar
 from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import LEAST_NOISE, median_of_unit_mean, rounding_per_energy
 from radarcore.processing.point_cloud import Detections
-from radarcore.processing.sidelobes import envelope
+from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import both_windows, fast_spectrum, transformed
 from radarcore.processing.tone_fit import REACH, Axes, Fit, axes_of, fit
 from radarcore.processing.windows import Window, window_centre, window_weights
@@ -47,6 +47,9 @@ _LEAST_GAIN = 0.05
 
 _FLAT = 1e-30
 """Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
+
+_FEW = 16
+"""Maxima up to which they are worked out one by one."""
 
 _BLOCK = 64
 """Maxima whose sidelobes are worked out at a time."""
@@ -517,6 +520,52 @@ def _without_sidelobes(
 
     `peaks` are their rows and columns (axis, peak); none is below `least_part` of the highest.
     """
+    without = _few_without_sidelobes if len(height) <= _FEW else _many_without_sidelobes
+    return np.array(without(peaks, height, cell, threshold, layout, least_part), dtype=np.intp)
+
+
+def _few_without_sidelobes(
+    peaks: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: _Layout,
+    least_part: float,
+) -> list[int]:
+    """`_without_sidelobes` one by one, in less time than arrays of a few take to make."""
+    (rows, columns), heights = peaks.tolist(), height.tolist()
+    weakest = max(heights) * least_part
+    margins = [
+        sqrt(power) - sqrt(max(least, weakest)) for power, least in zip(cell.tolist(), threshold.tolist(), strict=True)
+    ]
+    kept: list[int] = []
+    for this in sorted((k for k, margin in enumerate(margins) if margin > 0.0), key=lambda k: -heights[k]):
+        leaked = 0.0
+        for other in kept:
+            apart_rows, apart_columns = abs(round(rows[this]) - rows[other]), abs(round(columns[this]) - columns[other])
+            apart_rows = min(apart_rows, layout.num_rows - apart_rows)
+            if layout.is_iq:
+                apart_columns = min(apart_columns, layout.num_columns - apart_columns)
+            speed = abs(rows[other] - layout.num_rows // 2)
+            near = _OFF_PEAK + 0.5 * layout.smear * min(speed, layout.num_rows - speed)
+            lobe = sqrt(heights[other]) * envelope_at(layout.windows[0], max(apart_rows - near, 0.0))
+            if layout.has_range:
+                lobe *= envelope_at(layout.windows[1], max(apart_columns - near, 0.0))
+            leaked += lobe
+        if leaked < margins[this]:
+            kept.append(this)
+    return kept
+
+
+def _many_without_sidelobes(
+    peaks: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: _Layout,
+    least_part: float,
+) -> list[int]:
+    """`_without_sidelobes` in blocks."""
     least = np.sqrt(np.maximum(threshold, height.max() * least_part))
     margin = np.sqrt(cell.astype(np.float64)) - least
     order = (-height).argsort(kind="stable")
@@ -543,7 +592,7 @@ def _without_sidelobes(
             if leaked[index] < margin[index]:
                 kept.append(index)
                 leaked[first:] += lobe
-    return np.asarray(order[np.array(kept, dtype=np.intp)])
+    return order[kept].tolist() if kept else []
 
 
 def _fitted(

@@ -20,6 +20,17 @@ def envelope(window: bytes, distance: NDArray[np.float64]) -> NDArray[np.float64
     return _envelope(window).take((distance * _PER_CELL).astype(np.intp), mode="clip")
 
 
+def envelope_at(window: bytes, distance: float) -> float:
+    """`envelope` at a single distance, without arrays."""
+    table = _listed(window)
+    return table[min(int(distance * _PER_CELL), len(table) - 1)]
+
+
+@lru_cache(maxsize=64)
+def _listed(window: bytes) -> list[float]:
+    return _envelope(window).tolist()
+
+
 @lru_cache(maxsize=64)
 def _envelope(window: bytes) -> NDArray[np.float64]:
     weights = np.frombuffer(window)

@@ -102,11 +102,12 @@ class Tracker:
             )
         values, covariance = coordinates(detections), covariances(detections)
         variance = covariance.diagonal(axis1=1, axis2=2)
-        least, most = (extreme.reduce(variance, axis=None, initial=0.0) for extreme in (np.fmin, np.fmax))
-        if least < 0.0 or most == np.inf:
+        largest = np.fmax.reduce(variance, axis=0, initial=0.0).tolist()
+        if max(largest) == np.inf or np.fmin.reduce(variance, axis=None, initial=0.0) < 0.0:
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
-        values = _without_lost_angles(values, variance)
+        if max(largest[2:]) > _LOST:
+            values = _without_lost_angles(values, variance)
         self._choose_dimensions(values)
         self._predict(detections.time)
         if self.num_dimensions is None:
@@ -294,11 +295,8 @@ class _Life:
 
 def _without_lost_angles(values: Array, variance: Array) -> Array:
     """Coordinates of detections, without angles that are not known at all, as those at the horizon of an array."""
-    lost = variance[:, 2:] > _LOST
-    if not lost.any():
-        return values
     values = values.copy()
-    values[:, 2:][lost] = np.nan
+    values[:, 2:][variance[:, 2:] > _LOST] = np.nan
     return values
 
 
