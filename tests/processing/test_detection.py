@@ -316,3 +316,18 @@ def test_silly_input_is_refused_by_name(cube: Any, keywords: dict[str, Any], err
 def test_one_chirp_has_no_static_echo_to_remove() -> None:
     with pytest.raises(ValueError, match="remove_static: expected at least two chirps"):
         rc.detect(CUBE[:, :1], radar(num_chirps=1), remove_static=True)
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_maxima_one_by_one_are_those_kept_in_blocks(real: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few maxima are worked out as numbers, many as arrays: both take off the same sidelobes."""
+    of, rng = radar(real=real), np.random.default_rng(3)
+    few = []
+    for _ in range(20):
+        places = zip(rng.uniform(0.6, 3.6, 6), rng.uniform(-2.5, 2.5, 6), 10.0 ** rng.uniform(0.0, 2.0, 6), strict=True)
+        few.append(sum(target(of, *place) for place in places) + noise(of, rng))
+    one_by_one = [rc.detect(cube, of) for cube in few]
+    monkeypatch.setattr("radarcore.processing.detection._FEW", 0)
+    for cube, found in zip(few, one_by_one, strict=True):
+        np.testing.assert_array_equal(rc.detect(cube, of).range, found.range)
+    assert 40 < sum(map(len, one_by_one)) <= 16 * 20  # some of six are found, hardly anything else

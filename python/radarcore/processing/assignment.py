@@ -67,8 +67,12 @@ def assign(innovation: Array, spread: Array, noise: Array, probability: float) -
         rows, columns = np.nonzero(~(innovation * innovation > limits[num_values] * variance).any(axis=-1))
     between = innovation[rows, columns]
     squares, inverse = inverse_of_measured(between, spread[rows] + noise[columns])
-    num_measured = num_values - np.isnan(between).sum(axis=-1)
-    inside = ((squares <= limits[num_measured]) & (num_measured > 0)).nonzero()[0]
+    missing = np.isnan(between)
+    is_inside = squares <= limits[num_values]
+    if missing.any():
+        num_measured = num_values - missing.sum(axis=-1)
+        is_inside = (squares <= limits[num_measured]) & (num_measured > 0)
+    inside = is_inside.nonzero()[0]
     rows, columns, inverse = rows[inside], columns[inside], inverse[inside]
     if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no two want the same
         return Pairs(rows, columns, inverse)

@@ -253,6 +253,12 @@ def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> 
     """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
     if fewest == 1 and len(first) == number:  # nobody is near anybody else
         return np.arange(number)
+    if fewest == 1 and number <= _FEW:
+        names = list(range(number))
+        for one, other in zip(first.tolist(), second.tolist(), strict=True):
+            if names[one] < names[other]:  # the other way round, the pair comes again
+                names = [names[one] if name == names[other] else name for name in names]
+        return np.array(names)
     is_core = np.bincount(first, minlength=number) >= fewest
     inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
     one, other = first[inner], second[inner]

@@ -26,6 +26,10 @@ _MOST_BY_PRODUCTS = 128
 """Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
 
 
+_LOWER_UPPER = np.array([[-1], [0]])
+"""With the count, twice the indices of the two values in the middle."""
+
+
 @dataclass(frozen=True, eq=False)
 class MapTest:
     """Factors of the thresholds of a map."""
@@ -101,12 +105,13 @@ class MapTest:
         """Medians of the training cells of some cells that have any."""
         ordered = self._around(power, rows, columns)
         ordered.sort(axis=1)
-        counts, each = self.counts[rows, columns], np.arange(len(rows))
-        return np.asarray(0.5 * ordered[each, (counts - 1) // 2] + 0.5 * ordered[each, counts // 2], dtype=np.float64)
+        middle = (self.counts[rows, columns] + _LOWER_UPPER) // 2
+        lower, upper = ordered[np.arange(len(rows)), middle].astype(np.float64)
+        return np.asarray(0.5 * lower + 0.5 * upper)
 
     def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
         """Training cells of some cells, inf where the map has none, (cell, training cell)."""
-        top, left = (g + t for g, t in zip(self.guards, self.trainings, strict=True))
+        top, left = self.guards[0] + self.trainings[0], self.guards[1] + self.trainings[1]
         height, width = power.shape[0] + 2 * top, power.shape[1] + 2 * left
         padded = np.full((height, width), np.inf, dtype=power.dtype)
         padded[top : height - top, left : width - left] = power

@@ -28,7 +28,7 @@ def envelope_at(window: bytes, distance: float) -> float:
 
 @lru_cache(maxsize=64)
 def _listed(window: bytes) -> list[float]:
-    return _envelope(window).tolist()
+    return [float(amplitude) for amplitude in _envelope(window)]
 
 
 @lru_cache(maxsize=64)
