@@ -131,6 +131,21 @@ def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, 
     assert np.mean(snr_in_cell) == pytest.approx(snr_db - 20.0 * np.log10(1.5), abs=0.3)
 
 
+def test_errors_of_all_four_coordinates_are_as_their_covariance_says() -> None:
+    lines = radar(real=True, num_chirps=16)
+    of = rc.Radar(lines.waveform, rx=[[0.0, 2.4e-3, 0.0], [0.0, 0.0, 2.4e-3], [0.0, 0.0, 0.0]], receiver=lines.receiver)
+    rng = np.random.default_rng(6)
+    echo = target(of, 2.5, 0.7, 0.6)  # straight ahead: the same in all channels
+    squares = []
+    for _ in range(300):
+        found = rc.detect(echo + noise(of, rng), of)
+        best = found[int(np.argmax(found.snr_db))]
+        error = [best.range[0] - 2.5, best.velocity[0] - 0.7, best.azimuth[0], best.elevation[0]]
+        squares.append(error @ np.linalg.solve(best.covariance[0], error))
+    # Chi-squared with 4 degrees of freedom: mean 4, variance 8; 2.5 % for the SNR, which is measured too.
+    assert np.mean(squares) == pytest.approx(4.0, abs=4.0 * np.sqrt(8.0 / 300) + 0.1)
+
+
 def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
     # All cells of a transform without a window are all samples: the information is the sum of squared phase slopes
     # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of that of a tone of length 1.

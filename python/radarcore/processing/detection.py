@@ -190,13 +190,15 @@ def detect(
     beat = np.sign(wf.slope) * layout.beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
     doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
     range_, velocity = layout.coordinates.at(beat, doppler)
-    covariance = np.full((len(rows), 4, 4), np.nan)
+    covariance = np.zeros((len(rows), 4, 4))  # one tone's amplitudes and frequencies err independently
     covariance[:, :2, :2] = _covariance(layout, wf, tones, snr)
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
     covariance[:, 2:, 2:] = seen.covariance
+    is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+    covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
     found = Detections(
         range=range_ if layout.has_range else np.full(len(rows), np.nan),
         velocity=velocity,
