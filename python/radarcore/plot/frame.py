@@ -11,11 +11,11 @@ from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing import spectra
-from radarcore.processing.cell_noise import known_noise
 from radarcore.processing.inputs import require_one_waveform
+from radarcore.processing.noise import known_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.windows import window_weights
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,8 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ax.margins(x=0.0)
     ax.grid(alpha=0.3)
     ax.set_xlabel("Time since start of ramp [µs]")
-    unit = r"\sqrt{\mathrm{W}}" if frame.raw is None else r"\mathrm{full\ scale}"
+    given = unit_of(frame)
+    unit = r"\sqrt{\mathrm{W}}" if given is None else rf"\mathrm{{{given.replace(' ', chr(92) + ' ')}}}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
     ax.set_title(f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
     return ax

@@ -14,7 +14,7 @@ from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import directions
-from radarcore.processing.inputs import checked_samples, cube_and_radar
+from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
 from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import median_of_unit_mean, rounding_noise
 from radarcore.processing.point_cloud import Detections
@@ -92,8 +92,9 @@ def detect(
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
         in a profile without velocities 16.
     remove_static : bool
-        Take off the mean of the chirps. What the noise then lacks at low velocities is reckoned with; targets that
-        move less than about one velocity bin are lost.
+        Take off the mean of the chirps, for a radar that stands still; the function `remove_static` is for one that
+        moves. What the noise then lacks at low velocities is reckoned with; targets that move less than about one
+        velocity bin are lost.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     min_range, max_range : float, optional
@@ -112,7 +113,8 @@ def detect(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the radar, NaN or infinite samples, and numbers out of range.
+        For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
+        NaN or infinite samples, and numbers out of range.
 
     Examples
     --------
@@ -124,7 +126,9 @@ def detect(
     [1.5]
     """
     # Check all arguments before any work.
+    require_one_frame("frame", frame)
     cube, radar = cube_and_radar(frame, radar)
+    require_transmitters_apart(frame, radar)
     wf = radar.waveform
     samples = checked_samples(
         cube,

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.constant_false_alarm import checked_power
-from radarcore.processing.windows import Window, window_weights
-from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame, unit_of
+from radarcore.recording.recording import Recording
 
 ROUNDING = 1e-12
 """Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
@@ -49,20 +49,25 @@ def median_of_unit_mean(num_looks: int) -> float:
     return float(gammaincinv(num_looks, 0.5)) / num_looks
 
 
-def receiver_noise(radar: Radar, *, window: Window = "hann", doppler_window: Window = "hann") -> float | None:
-    """Mean noise power of a cell of ``abs(range_doppler(...))**2`` of one channel by the radar's own receiver.
+def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | None:
+    """Mean power of the receiver's noise in a cell of one channel; None where it is not known.
 
-    None without a receiver, or without a noise figure. Only for samples in the unit of the simulation, square roots of
-    watts: those of a real board are in parts of its full scale.
+    White noise of variance s^2 has the power ``s^2 sum(w^2)`` in every cell of a transform with weights w, and a factor
+    ``sum(w^2)`` more for every further axis. It is known of samples in sqrt(W), simulated ones, of a receiver with a
+    noise figure and no other effects.
+
+    Parameters
+    ----------
+    frame : Frame or Recording
+    weights : (length,) arrays
+        Window over each axis that is transformed.
     """
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
-    if radar.receiver is None or radar.receiver.noise_figure_db is None:
+    receiver = frame.radar.receiver
+    unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
+    if receiver is None or not receiver.is_plain or unit is not None:
         return None
-    wf = radar.waveform
-    fast = window_weights("window", window, wf.num_samples)
-    slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
-    return radar.receiver.noise_variance(wf.sample_rate) * float(np.sum(fast**2) * np.sum(slow**2))
+    variance = receiver.noise_variance(frame.radar.waveform.sample_rate)
+    return variance * float(np.prod([np.square(w).sum() for w in weights])) or None
 
 
 def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:

@@ -12,7 +12,14 @@ from radarcore import check
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.correlated_noise import independent_cells
 from radarcore.processing.false_alarms import ordered_factor
-from radarcore.processing.inputs import Samples, checked_samples, cube_and_waveform, require_uniform_chirps
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    cube_and_waveform,
+    require_one_frame,
+    require_transmitters_apart,
+    require_uniform_chirps,
+)
 from radarcore.processing.noise import median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
@@ -103,10 +110,12 @@ def strongest_peak(
     Raises
     ------
     ValueError, TypeError
-        As `range_doppler`, but for a CW radar, unless with limits of range; for NaN or infinite samples; for limits in
-        the wrong order.
+        As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
+        Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
     """
     # Check all arguments before any work.
+    require_one_frame("cube", cube)
+    require_transmitters_apart(cube, waveform)
     cube, waveform = cube_and_waveform(cube, waveform)
     samples = checked_samples(
         cube,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.processing import bounds
 from radarcore.processing.beat_search import search_beat, search_doppler
-from radarcore.processing.inputs import Samples, require_uniform_chirps
+from radarcore.processing.inputs import Samples, require_transmitters_apart, require_uniform_chirps
 from radarcore.processing.peaks import limits
 from radarcore.processing.phase_fit import PhaseFit, fit_phase
 from radarcore.processing.single_echo import (
@@ -77,8 +77,9 @@ def doppler_velocity(
     ------
     ValueError, TypeError
         For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
-        and limits in the wrong order.
+        transmitters in Doppler-division multiplex, and limits in the wrong order.
     """
+    require_transmitters_apart(cube, waveform)
     given = checked_input(cube, waveform)
     wf = given.waveform
     require_uniform_chirps(wf)
