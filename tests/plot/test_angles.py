@@ -78,7 +78,7 @@ def test_map_of_noise_alone_is_dark(method: str) -> None:
     ax: Any = plot.range_angle_map(rc.Frame(parts[0] + 1j * parts[1], 0.0, noisy), method=method)
     drawn = ax.collections[0]
     assert drawn.get_clim() == (0.0, 30.0)
-    # A mean over 4 chirps: above 9 dB, twice its mean four times over, with a probability of e^-31.8 (31.8^3 / 6 + ...),
+    # A mean over 4 chirps is above 9 dB, eight times its own mean, with a probability of e^-31.8 (31.8^3 / 6 + ...),
     # 1e-10. Capon's beam of so few chirps has less.
     assert drawn.get_array().max() < 9.0
 

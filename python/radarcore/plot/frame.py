@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+_BELOW_NOISE = 10.0
+"""What a line of powers shows below the mean of the noise [dB]: it would lie on the axis else."""
+
+
 class Image(Protocol):
     """Parts of a `DepthImage` that are drawn: row 0 on top, column 0 on the left."""
 
@@ -109,7 +113,7 @@ def range_profile(
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over range, averaged over chirps.
+    """Power over range, averaged over chirps, in decibels as those of `range_doppler_map`.
 
     Parameters as `range_doppler_map`.
     """
@@ -120,6 +124,8 @@ def range_profile(
     power = (np.abs(profile) ** 2).mean(axis=1).sum(axis=0)
     noise = known_noise(frame, window_weights("window", "hann", wf.num_samples))
     scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
+    if noise is not None:
+        scale = scale._replace(low=scale.low - _BELOW_NOISE)
     ranges = wf.range_axis(n)[: len(power)]
     ax = canvas.new_axes() if ax is None else ax
     ax.plot(ranges, scale.level_db(power), color="tab:blue", linewidth=1.4)
