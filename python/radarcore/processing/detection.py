@@ -44,6 +44,14 @@ _LEAST_GAIN = 0.05
 """Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
 
 
+_LEAST_ROWS, _LEAST_COLUMNS = 8, 16
+"""Smallest map whose rows have levels to compare."""
+
+_EMPTY = 0.25
+"""Level of a row, over that of four fifths of all, below which its noise was filtered out: of noise alone the median
+of a row is as low in one of a thousand rows with few cells, whose training then counts for a little more."""
+
+
 def detect(
     frame: Frame | ArrayLike,
     radar: Radar | None = None,
@@ -168,7 +176,7 @@ def detect(
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
     test = _test(searched.shape, layout, guards, trainings, rate, method)
     is_maximum = _local_maxima(power, layout.is_iq)[:, first:last] & layout.is_tested[:, None]
-    rows, columns, least, around = test.passed(searched, is_maximum)
+    rows, columns, least, around = test.passed(_with_noise(searched), is_maximum)
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
         return _none(time)
@@ -347,6 +355,25 @@ def _map(
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
     return cells, power
+
+
+def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
+    """The map with noise in rows that a filter took it from, such as `remove_static`: these do not train.
+
+    Rows whose median is far below that of others have the power of rows far away where that is larger.
+    """
+    number = len(power)
+    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
+        return power
+    levels = np.median(power, axis=1)
+    is_empty = levels < _EMPTY * np.partition(levels, number * 4 // 5)[number * 4 // 5]
+    if not is_empty.any() or is_empty.all():
+        return power
+    (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
+    nearest = np.searchsorted(full, empty)
+    filled = power.copy()
+    filled[empty] = np.maximum(power[empty], power[full[(nearest + len(full) // 2) % len(full)]])
+    return filled
 
 
 def _test(
