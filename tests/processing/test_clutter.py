@@ -96,6 +96,24 @@ def test_noise_is_not_known_in_other_units_and_beyond_thermal_noise(tmp_path: Pa
     assert (rested.raw, recordings[-1].raw) == (None, None)
 
 
+@pytest.mark.parametrize(
+    "clean",
+    [
+        *(lambda frame: rc.remove_static(frame, [0.0, 2.0, 0.0]), rc.remove_mean),
+        *(rc.cancel_pulses, lambda frame: rc.cancel_pulses(frame, num_pulses=3)),
+    ],
+    ids=["band", "mean", "two", "three"],
+)
+def test_noise_that_filters_left_has_no_strongest_peak(clean: Any) -> None:
+    of = rc.bgt60tr13c(num_samples=32, num_chirps=64)
+    rng = np.random.default_rng(9)
+    # One frame in a million has one; of three pulses more, as the noise that is left differs by 6 dB from row to row.
+    frames = [rc.Frame(rng.standard_normal((3, 64, 32)), 0.0, of) for _ in range(30)]
+    assert [rc.strongest_peak(clean(frame)) for frame in frames] == [None] * 30
+    strong = np.cos(np.pi * (0.5 * np.arange(32) + 0.7 * np.arange(64)[:, None]))
+    assert all(rc.strongest_peak(clean(rc.Frame(frame.cube + strong, 0.0, of))) is not None for frame in frames)
+
+
 def test_frames_and_recordings_stay_what_they_are() -> None:
     wf = rc.Waveform(
         start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=1e-4

@@ -16,7 +16,7 @@ from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per
 from radarcore.processing.directions import directions
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
 from radarcore.processing.map_test import MapTest, map_test
-from radarcore.processing.noise import median_of_unit_mean, rounding_noise
+from radarcore.processing.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import fast_spectrum, spectrum
@@ -44,12 +44,8 @@ _LEAST_GAIN = 0.05
 """Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
 
 
-_LEAST_ROWS, _LEAST_COLUMNS = 8, 16
-"""Smallest map whose rows have levels to compare."""
-
-_EMPTY = 0.25
-"""Level of a row, over that of four fifths of all, below which its noise was filtered out: of noise alone the median
-of a row is as low in one of a thousand rows with few cells, whose training then counts for a little more."""
+_LARGEST_NOISE = 20.0
+"""What is above that many medians is an echo rather than noise."""
 
 
 def detect(
@@ -360,19 +356,15 @@ def _map(
 def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     """The map with noise in rows that a filter took it from, such as `remove_static`: these do not train.
 
-    Rows whose median is far below that of others have the power of rows far away where that is larger.
+    They have the power of rows far away, without the echoes there, where that is larger.
     """
-    number = len(power)
-    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
-        return power
-    levels = np.median(power, axis=1)
-    is_empty = levels < _EMPTY * np.partition(levels, number * 4 // 5)[number * 4 // 5]
-    if not is_empty.any() or is_empty.all():
+    is_empty, level = filtered_rows(power)
+    if not is_empty.any():
         return power
     (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
-    nearest = np.searchsorted(full, empty)
+    far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]
     filled = power.copy()
-    filled[empty] = np.maximum(power[empty], power[full[(nearest + len(full) // 2) % len(full)]])
+    filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * level))
     return filled
 
 

@@ -13,6 +13,13 @@ from radarcore.processing.constant_false_alarm import checked_power
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording
 
+_LEAST_ROWS, _LEAST_COLUMNS = 8, 16
+"""Smallest map whose rows have levels to compare."""
+
+_EMPTY = 0.25
+"""Level of a row, over that which a fifth of the rows exceed, below which its noise was filtered out: of noise alone
+the median of a row is as low in one of a thousand rows with few cells."""
+
 ROUNDING = 1e-12
 """Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
 errs by less."""
@@ -39,6 +46,19 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     cells = checked_power(power)
     looks = check.count("num_looks", num_looks)
     return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
+
+
+def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_], float]:
+    """Rows (velocities) whose noise a filter took, such as `remove_static`, (row,), and the median of the others.
+
+    Rows whose median is far below that which a fifth of all exceed. None in maps too small to tell.
+    """
+    number = len(power)
+    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
+        return np.zeros(number, dtype=bool), float(np.median(power)) if power.size else 0.0
+    medians = np.median(power, axis=1)
+    level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
+    return np.asarray(medians < _EMPTY * level), level
 
 
 @lru_cache(maxsize=64)
