@@ -75,6 +75,9 @@ def detect(
     therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
     `false_alarm_rate` is that of detections, per cell.
 
+    Targets that share a cell of range and velocity are one detection, in a direction between theirs. Velocities whose
+    noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
+
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
     ``waveform.duration / 2`` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
