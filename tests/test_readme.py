@@ -103,7 +103,10 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         assert cli.main(arguments) == 0, arguments
         if "-o" in arguments:
             output = Path(arguments[arguments.index("-o") + 1])
-            assert len(rc.Recording.load(output)) == 2 if output.is_dir() else output.is_file()
+            if arguments[0] == "process":
+                assert {file.name for file in output.iterdir()} == {"detections.csv", "tracks.csv"}
+            else:
+                assert len(rc.Recording.load(output)) == 2 if output.is_dir() else output.is_file()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)

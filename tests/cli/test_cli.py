@@ -146,7 +146,7 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
     os.kill(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert errors == "radarcore: interrupted; what was recorded so far is readable\n"
+    assert errors == "radarcore: interrupted; what was written so far is readable\n"
     with pytest.warns(UserWarning, match="of 10000 planned frames"):
         recording = rc.Recording.load(output)
     assert len(recording) >= 2

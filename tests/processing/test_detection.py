@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.correlated_noise import correlation, independent_cells
-from radarcore.processing.tone_fit import axis_of, both_axes, tones
+from radarcore.processing.tone_fit import axes_of, fit
 from radarcore.processing.windows import window_weights
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
@@ -167,9 +167,15 @@ def test_errors_of_all_four_coordinates_are_as_their_covariance_says() -> None:
 def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
     # All cells of a transform without a window are all samples: the information is the sum of squared phase slopes
     # (2 pi n / N)^2 about their mean, (pi^2 / 3) (1 - 1 / N^2) of that of a tone of length 1.
-    both = both_axes(axis_of(np.ones(8), 8, -4), axis_of(np.ones(8), 8, -4))
-    *_, information = tones(np.array([[0.0, 0.1], [0.3, 0.0], [-0.5, 0.2]]), both)
-    np.testing.assert_allclose(information, np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0), rtol=1e-9)
+    offsets = np.array([[0.0, 0.1], [0.3, 0.0], [-0.5, 0.2]])
+    n = np.arange(8)
+    slow, fast = (np.exp(2j * np.pi * np.multiply.outer(offset, n) / 8) for offset in offsets.T)
+    cells = np.fft.fftshift(np.fft.fft2(slow[:, :, None] * fast[:, None, :]), axes=(1, 2))[:, None]
+    window = np.ones(8).tobytes()
+    found = fit(cells, np.full((3, 2), -4), offsets, axes_of((window, window), (8, 8)))
+    np.testing.assert_allclose(found.information, np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0), rtol=1e-9)
+    np.testing.assert_allclose(found.offset, offsets, atol=1e-12)
+    np.testing.assert_allclose(np.abs(found.amplitude[:, 0]), 1.0, rtol=1e-12)
 
 
 def test_noise_of_neighbouring_cells_is_correlated_as_the_window_says() -> None:

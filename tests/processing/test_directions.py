@@ -101,6 +101,24 @@ def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: 
         np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(found.elevation), sines[visible, 0], atol=EXACT)
 
 
+@pytest.mark.parametrize("positions", [[[0, 0, 0], [0, 1.1, 0], [0, 0.3, 0.9]], [[0, 0, 0], [0, 1.7, 0]]])
+def test_of_few_channels_too_the_direction_nearest_to_the_front_is_taken(positions: Any) -> None:
+    # So few channels always add up in phase somewhere: in the given direction, and in all that turns add to it.
+    radar = rc.Radar(WAVEFORM, rx=WAVELENGTH * np.array(positions))
+    told = np.array(positions)[1:, 1 : len(positions)]
+    sines = np.zeros((200, 2))
+    sines[:, : len(told)] = RNG.uniform(-0.65, 0.65, (200, len(told)))
+    el = np.arcsin(sines[:, 1])
+    found = rc.directions(echoes(radar, np.arcsin(sines[:, 0] / np.cos(el)), el), radar)
+    turns = np.stack(np.meshgrid(*len(told) * [np.arange(-5, 6)]), axis=-1).reshape(-1, len(told))
+    candidates = sines[:, None, : len(told)] + turns @ np.linalg.inv(told).T
+    nearest = candidates[np.arange(200), np.square(candidates).sum(axis=2).argmin(axis=1)]
+    elevation = found.elevation if len(told) > 1 else np.zeros(200)
+    np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(elevation), nearest[:, 0], atol=4 * EXACT)
+    if len(told) > 1:
+        np.testing.assert_allclose(np.sin(elevation), nearest[:, 1], atol=4 * EXACT)
+
+
 def test_target_beyond_the_horizon_of_a_dense_array_is_put_at_the_horizon() -> None:
     radar = rc.Radar(WAVEFORM, rx=row(4, 0.4))
     phases = np.exp(-2j * np.pi * 1.1 * 0.4 * np.arange(4))  # of a sine of 1.1, as noise may give

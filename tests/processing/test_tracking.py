@@ -238,6 +238,22 @@ def test_detections_that_lack_a_coordinate_continue_a_track_but_begin_none() -> 
     assert len(track(stream(rows), **POINTS)) == 1  # range alone, then
 
 
+@pytest.mark.parametrize("clusters", [{}, POINTS])
+def test_angles_at_the_horizon_say_nothing_and_end_no_track(clusters: dict[str, Any]) -> None:
+    # There an array's bounds are as good as infinite, and a matrix with them is singular to rounding.
+    tracker = Tracker(num_dimensions=3, **clusters)
+    huge = np.diag(np.square(ERRORS))
+    huge[2:, 2:] = [[1e32, 1e31], [1e31, 1e30]]
+    for k in range(12):
+        one = detections([[2.0, 0.0, 0.3, 0.1]], k / RATE)
+        if k > 5:
+            one = Detections([2.0, 2.5], [0.0, 0.0], [1.5, -1.5], [0.4, 0.4], [20.0, 20.0], [huge, huge], k / RATE)
+        (state,) = tracker.update(one)
+        assert state.is_detected
+        assert state.azimuth == pytest.approx(0.3, abs=1e-3)
+    assert state.id == 0
+
+
 def test_person_of_many_detections_is_one_track() -> None:
     """Twelve detections within 0.2 m and 0.5 m/s: one cluster, whose spread makes its centroid less certain."""
     rng = np.random.default_rng(5)

@@ -16,6 +16,9 @@ from typing import Any
 from radarcore._core import __version__
 from radarcore.cli import sensor, source
 
+_WRITERS = ("demo", "simulate", "process")
+"""Commands whose results are written as they come."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status: 0, 1 for bad input, 130 when interrupted."""
@@ -27,8 +30,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
             return status
     except KeyboardInterrupt:
-        is_recording = options.command in ("demo", "simulate") or getattr(options, "action", None) == "record"
-        hint = "; what was recorded so far is readable" if is_recording else ""
+        is_recording = (
+            options.command in ("demo", "simulate", "process") or getattr(options, "action", None) == "record"
+        )
+        hint = "; what was written so far is readable" if is_recording else ""
         print(f"radarcore: interrupted{hint}", file=sys.stderr)
         return 130
     except BrokenPipeError:  # whoever reads our output has had enough: `radarcore schema | head`
@@ -72,7 +77,8 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument(
         "--kind",
         choices=(
-            *("overview", "chirp", "range-profile", "map", "range-time", "spectrogram", "tracks"),
+            *("overview", "chirp", "range-profile", "map", "detections", "range-angle"),
+            *("range-time", "spectrogram", "tracks"),
             *("depth", "reflectance", "above", "experiment"),
         ),
         default="overview",
@@ -97,6 +103,21 @@ def _parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="list every key of a scene file with unit and default")
     schema.add_argument("--json", action="store_true", help="print the JSON schema, for editors")
     schema.set_defaults(run=_schema)
+
+    process = commands.add_parser("process", help="find detections and tracks in a recording of any length")
+    process.add_argument("source", type=Path, help="recording, or a bare .npy file with --config")
+    process.add_argument("-o", "--output", type=Path, metavar="DIR", help="write detections.csv and tracks.csv there")
+    process.add_argument("--overwrite", action="store_true", help="replace the results that are there")
+    source.add_config(process)
+    process.add_argument(
+        "--false-alarm-rate", type=float, metavar="P", help="detections per cell of noise (default: 1e-6)"
+    )
+    process.add_argument("--method", choices=("ca", "os"), help="cell averaging or ordered statistic (default: ca)")
+    process.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
+    process.add_argument("--max-range", type=float, metavar="M", help="farthest range of detections [m]")
+    process.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
+    process.add_argument("--json", action="store_true", help="print the summary as JSON")
+    process.set_defaults(run=_process)
 
     sensor.add_parser(commands)
     return parser
@@ -155,6 +176,12 @@ def _info(options: argparse.Namespace) -> int:
     from radarcore.cli import info
 
     return info.run(options)
+
+
+def _process(options: argparse.Namespace) -> int:
+    from radarcore.cli import process
+
+    return process.run(options)
 
 
 def _schema(options: argparse.Namespace) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,9 @@ import numpy as np
 
 from radarcore import check, plot
 from radarcore.cli.source import load_recording
-from radarcore.processing.peaks import strongest_peak
+from radarcore.processing.detection import detect
+from radarcore.processing.tracking import track
+from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
@@ -25,13 +28,15 @@ OF_FRAMES: dict[str, Callable[..., Axes]] = {
     "chirp": plot.chirp,
     "range-profile": plot.range_profile,
     "map": plot.range_doppler_map,
+    "detections": lambda frame, **view: _detections(frame, **view),
+    "range-angle": plot.range_angle_map,
 }
 """Pictures of one frame."""
 
 OF_RECORDINGS: dict[str, Callable[..., Axes]] = {
     "range-time": plot.range_time,
     "spectrogram": plot.spectrogram,
-    "tracks": lambda recording: _tracks(recording),
+    "tracks": lambda recording, **view: _tracks(recording, **view),
 }
 """Pictures of a recording; a scene is simulated for them."""
 
@@ -47,8 +52,11 @@ VIEWS = {
     "chirp": ("channel",),
     "range-profile": ("channel", "max_range"),
     "map": ("channel", "max_range", "max_velocity"),
+    "detections": ("max_range", "max_velocity", "remove_static"),
+    "range-angle": ("max_range",),
     "range-time": ("channel", "max_range", "remove_static"),
     "spectrogram": ("channel", "max_range", "max_velocity", "remove_static"),
+    "tracks": ("max_range", "remove_static"),
     "experiment": ("max_range",),
 }
 """What can be chosen of the pictures."""
@@ -139,15 +147,15 @@ def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _tracks(recording: Recording) -> Axes:
-    """True ranges of all bodies, and the strongest echo of every frame."""
-    middle = 0.5 * recording.radar.waveform.duration
-    peaks = [strongest_peak(frame) for frame in recording.frames()]
-    name = "strongest echo"
-    track = {
-        "time": recording.time + middle,
-        "range": np.array([np.nan if peak is None else peak.range for peak in peaks]),
-        "velocity": np.array([np.nan if peak is None else peak.velocity for peak in peaks]),
-    }
-    ax = plot.tracks(recording, {}) if recording.truth is not None else None
-    return plot.tracks(recording, {name: track}, ax, colors={name: "black"})
+def _detections(
+    frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None, remove_static: bool = False
+) -> Axes:
+    """The range-velocity map with what is detected in it."""
+    found = detect(frame, max_range=max_range, remove_static=remove_static)
+    return plot.range_doppler_map(frame, detections=found, max_range=max_range, max_velocity=max_velocity)
+
+
+def _tracks(recording: Recording, *, max_range: float | None = None, remove_static: bool = False) -> Axes:
+    """Tracks over time, and the true ranges of all bodies where they are known."""
+    found = track(recording, detector=partial(detect, max_range=max_range, remove_static=remove_static))
+    return plot.tracks(recording, found)

@@ -47,9 +47,9 @@ def assign(
     limits = gate_limits(probability)
 
     # The squared distance is at least that of each value alone: most pairs go at once.
-    variance = np.diagonal(spread, axis1=1, axis2=2)[:, None] + np.diagonal(noise, axis1=1, axis2=2)
-    is_near = ~(np.square(innovation) > limits[innovation.shape[-1]] * variance).any(axis=-1)
-    rows, columns = np.nonzero(is_near)
+    variance = spread.diagonal(axis1=1, axis2=2)[:, None] + noise.diagonal(axis1=1, axis2=2)
+    is_far = (innovation * innovation > limits[innovation.shape[-1]] * variance).any(axis=-1)
+    rows, columns = np.nonzero(~is_far)
     if len(rows) == 0:
         return rows, columns
     between = innovation[rows, columns]
@@ -57,7 +57,7 @@ def assign(
     num_measured = (~np.isnan(between)).sum(axis=-1)
     inside = (squares <= limits[num_measured]) & (num_measured > 0)
     rows, columns, cost = rows[inside], columns[inside], (squares + log_determinant)[inside]
-    if len(rows) < 2:
+    if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no two want the same
         return rows, columns
 
     from scipy.optimize import linear_sum_assignment  # here: as above

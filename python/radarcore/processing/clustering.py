@@ -153,18 +153,21 @@ def periods_of(max_velocity: float | None) -> Array:
 def coordinates(detections: Detections) -> Array:
     """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
     values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
-    return np.where(np.isfinite(values), values, np.nan)
+    is_told = np.isfinite(values)
+    return values if is_told.all() else np.where(is_told, values, np.nan)
 
 
 def covariances(detections: Detections) -> Array:
     """Of range, velocity, azimuth and elevation (detection, 4, 4); errors whose correlation is NaN have none."""
     covariance = detections.covariance
-    return np.where(np.isnan(covariance) & _CROSSED, 0.0, covariance)
+    is_unknown = np.isnan(covariance)
+    return np.where(is_unknown & _CROSSED, 0.0, covariance) if is_unknown.any() else covariance
 
 
 def levels(detections: Detections) -> Array:
     """Power over the noise (detection,) [dB]; 0 where it is not told."""
-    return np.where(np.isfinite(detections.snr_db), detections.snr_db, 0.0)
+    is_told = np.isfinite(detections.snr_db)
+    return detections.snr_db if is_told.all() else np.where(is_told, detections.snr_db, 0.0)
 
 
 def wrapped(difference: Array, period: Array) -> Array:
@@ -186,7 +189,7 @@ def pairs_within(
         near = np.ones((number, number), dtype=bool)
         if distance is not None:
             apart = points[:, None] - points
-            near = np.einsum("ijk,ijk->ij", apart, apart) <= distance**2
+            near = (apart * apart).sum(axis=2) <= distance**2
         if velocity is not None:
             near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
         near.flat[:: number + 1] = True  # those whose range is not told, too
@@ -215,6 +218,8 @@ def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indic
 
 def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> Indices:
     """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
+    if fewest == 1 and len(first) == number:  # nobody is near anybody else
+        return np.arange(number)
     is_core = np.bincount(first, minlength=number) >= fewest
     inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
     one, other = first[inner], second[inner]
@@ -251,6 +256,8 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     sorted_labels = labels[order]
     is_first = np.ones(len(order), dtype=bool)
     is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
+    if is_first.all():
+        return _each_alone(values[order], level[order], covariance[order], labels, periods)
     starts = is_first.nonzero()[0]
     group = is_first.cumsum() - 1
     counts = np.bincount(group)
@@ -291,6 +298,22 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     found = Groups(
         mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
     )
+    return place[labels], found
+
+
+def _each_alone(
+    values: Array, level: Array, covariance: Array, labels: Indices, periods: Array
+) -> tuple[Indices, Groups]:
+    """Groups of a single detection each, in the order of their labels."""
+    by_range = values[:, 0].argsort(kind="stable")
+    mean, of_mean = wrapped(values[by_range], periods), covariance[by_range]
+    untold = np.isnan(mean)
+    if untold.any():
+        of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+    place = np.full(len(labels) + 1, -1)
+    place[np.sort(labels[labels >= 0])[by_range]] = np.arange(len(values))
+    ones = np.ones(len(values))
+    found = Groups(mean, of_mean, np.zeros_like(of_mean), level[by_range], ones, ones.astype(np.int64))
     return place[labels], found
 
 

@@ -164,16 +164,18 @@ def training_counts(shape: Sequence[int], guards: Sequence[int], trainings: Sequ
 def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int]) -> NDArray[Any]:
     """Sums over the training cells, (..., row, column).
 
-    The columns beside the guard cells over all rows of the window, and the columns of the guard cells over the rows
+    The rows beside the guard cells over all columns of the window, and the rows of the guard cells over the columns
     beside: nothing is taken off again, so that an echo in the middle leaves no rounding error in the sum around it.
     """
-    (row_guard, column_guard), (row_training, column_training) = guards, trainings
-    beside = _sums_beside(power, column_guard, column_training)
-    within = _sums_within(power, column_guard)
-    rows_of_beside, rows_of_within = np.swapaxes(beside, -1, -2), np.swapaxes(within, -1, -2)
-    sums = _sums_within(rows_of_beside, row_guard + row_training)
-    sums = sums + _sums_beside(rows_of_within, row_guard, row_training)
-    return np.swapaxes(sums, -1, -2)
+    rows, columns = power.shape[-2:]
+    top, left = (g + t for g, t in zip(guards, trainings, strict=True))
+    padded = np.zeros((*power.shape[:-2], rows + 2 * top, columns + 2 * left), dtype=power.dtype)
+    padded[..., top : top + rows, left : left + columns] = power
+    beside = _sums_beside(padded, -1, guards[1], trainings[1])
+    across = beside + _sums_within(padded, -1, guards[1], trainings[1])
+    return np.asarray(
+        _sums_beside(across, -2, guards[0], trainings[0]) + _sums_within(beside, -2, guards[0], trainings[0])
+    )
 
 
 def exceeds_ordered(
@@ -232,43 +234,44 @@ def _window_lengths(length: int, reach: int) -> NDArray[np.intp]:
     return np.minimum(at, reach) + np.minimum(at[::-1], reach) + 1
 
 
-def _sums_within(values: NDArray[Any], reach: int) -> NDArray[Any]:
-    """Sums of the cells up to `reach` away along the last axis, zeros beyond the edges."""
-    return _running_sums(_padded(values, reach), 2 * reach + 1)
+def _sums_within(padded: NDArray[Any], axis: int, guard: int, training: int) -> NDArray[Any]:
+    """Sums of the cells up to `guard` away; `guard + training` cells at both ends of the axis are beyond the edges."""
+    inner = _part(padded, axis, training, padded.shape[axis] - training)
+    return _running_sums(inner, axis, 2 * guard + 1)
 
 
-def _sums_beside(values: NDArray[Any], guard: int, training: int) -> NDArray[Any]:
-    """Sums of the `training` cells on both sides beyond `guard` cells along the last axis."""
+def _sums_beside(padded: NDArray[Any], axis: int, guard: int, training: int) -> NDArray[Any]:
+    """Sums of the `training` cells on both sides beyond `guard` cells, likewise."""
+    length = padded.shape[axis] - 2 * (guard + training)
     if training == 0:
-        return np.zeros_like(values)
-    length = values.shape[-1]
-    sums = _running_sums(_padded(values, guard + training), training)
+        return np.zeros_like(_part(padded, axis, 0, length))
+    sums = _running_sums(padded, axis, training)
     first = 2 * guard + 1 + training
-    return np.asarray(sums[..., :length] + sums[..., first : first + length])
+    return np.asarray(_part(sums, axis, 0, length) + _part(sums, axis, first, first + length))
 
 
-def _padded(values: NDArray[Any], reach: int) -> NDArray[Any]:
-    padded = np.zeros((*values.shape[:-1], values.shape[-1] + 2 * reach), dtype=values.dtype)
-    padded[..., reach : reach + values.shape[-1]] = values
-    return padded
+def _part(values: NDArray[Any], axis: int, first: int, last: int) -> NDArray[Any]:
+    """Some cells of the last axis (-1), or of the last but one (-2)."""
+    return values[..., first:last] if axis == -1 else values[..., first:last, :]
 
 
-def _running_sums(values: NDArray[Any], length: int) -> NDArray[Any]:
-    """Sums of `length` values that follow each other along the last axis.
+def _running_sums(values: NDArray[Any], axis: int, length: int) -> NDArray[Any]:
+    """Sums of `length` values that follow each other along an axis.
 
     Blocks of 1, 2, 4, ... values by doubling; those of the binary digits of `length` make the sum. Every value is
     added, none is taken off: the relative error is that of a few additions, also beside values far above.
     """
-    num_sums = values.shape[-1] - length + 1
+    num_sums = values.shape[axis] - length + 1
     sums: NDArray[Any] | None = None
     block, size, start = values, 1, 0
     while True:
         if length & size:
-            piece = block[..., start : start + num_sums]
+            piece = _part(block, axis, start, start + num_sums)
             sums = piece if sums is None else sums + piece
             start += size
         if 2 * size > length:
             assert sums is not None  # a length of at least 1 has a digit
             return sums
-        block = block[..., : block.shape[-1] - size] + block[..., size:]
+        num_blocks = block.shape[axis]
+        block = _part(block, axis, 0, num_blocks - size) + _part(block, axis, size, num_blocks)
         size *= 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,12 @@ from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import directions
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
-from radarcore.processing.map_test import MapTest, map_test
+from radarcore.processing.map_test import map_test
 from radarcore.processing.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import fast_spectrum, spectrum
-from radarcore.processing.tone_fit import REACH, Fit, axis_of, fit
+from radarcore.processing.tone_fit import REACH, Axes, Fit, axes_of, fit
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
@@ -42,6 +43,12 @@ _OFF_PEAK = 0.1
 
 _LEAST_GAIN = 0.05
 """Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
+
+_FLAT = 1e-30
+"""Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
+
+_BLOCK = 64
+"""Maxima whose sidelobes are worked out at a time."""
 
 
 _LARGEST_NOISE = 20.0
@@ -145,7 +152,8 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    if not np.isfinite(samples).all():
+    energy = np.vdot(samples, samples)  # no number either if a sample is none
+    if not np.isfinite(energy) and not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(
             f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
@@ -173,56 +181,62 @@ def detect(
     first, last = layout.searched(limits[0])
     searched = power[:, first:last]
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
-    test = _test(searched.shape, layout, guards, trainings, rate, method)
-    is_maximum = _local_maxima(power, layout.is_iq)[:, first:last] & layout.is_tested[:, None]
-    rows, columns, least, around = test.passed(_with_noise(searched), is_maximum)
+    test = map_test(searched.shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
+    around = _surrounded(power, layout.is_iq)
+    is_maximum = _local_maxima(around, layout)[:, first:last]
+    trained = _with_noise(searched)
+    rows, columns, least = test.passed(trained, is_maximum)
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
         return _none(time)
 
     # Without sidelobes, and without what rounding of the samples may be.
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
-    peak_row, peak_column, height = _between_cells(power, rows, columns + first, layout)
-    kept = _without_sidelobes(peak_row, peak_column, height, searched[rows, columns], least, layout, dynamic_range)
+    offset, height = _between_cells(around, rows, columns + first)
+    peaks = offset + np.array([rows, columns + first])
+    kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, dynamic_range)
     if len(kept) == 0:
         return _none(time)
-    start = np.stack([peak_row - rows, peak_column - columns - first], axis=1)[kept]
 
     # The tones, and how far they are above the noise.
-    noise = np.maximum(_medians(around[kept]) / median_of_unit_mean(layout.num_looks), noise_floor) / layout.num_looks
     rows, columns = rows[kept], columns[kept]
+    noise = test.medians(trained, rows, columns) / median_of_unit_mean(layout.num_looks)
+    noise = np.maximum(noise, noise_floor) / layout.num_looks
     columns = columns + first
-    tones = _fitted(cells, rows, columns, start, layout)
-    matched = np.sum(np.abs(tones.amplitude) ** 2, axis=1) * tones.energy_gain / noise
+    tones = _fitted(cells, rows, columns, offset.T[kept], layout)
+    matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
     in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
 
     # Range and velocity, and their covariance.
-    beat = np.sign(wf.slope) * layout.beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
+    beat = layout.signed_beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
     doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
     range_, velocity = layout.coordinates.at(beat, doppler)
     covariance = np.zeros((len(rows), 4, 4))  # one tone's amplitudes and frequencies err independently
-    covariance[:, :2, :2] = _covariance(layout, wf, tones, snr)
+    covariance[:, :2, :2] = _covariance(layout, tones, snr)
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     seen = directions(snapshots, radar, velocity=velocity, snr_db=10.0 * np.log10(snr / radar.num_channels))
     covariance[:, 2:, 2:] = seen.covariance
     is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
-    covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
-    found = Detections(
-        range=range_ if layout.has_range else np.full(len(rows), np.nan),
-        velocity=velocity,
-        azimuth=seen.azimuth,
-        elevation=seen.elevation,
-        snr_db=10.0 * np.log10(in_cell),
-        covariance=covariance,
+    if is_unknown.any():
+        covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
+
+    # By range, within the limits.
+    distance = range_ if layout.has_range else np.full(len(rows), np.nan)
+    order = np.lexsort((velocity, distance))
+    if layout.has_range:
+        order = order[(distance[order] >= limits[0]) & (distance[order] <= limits[1])]
+    return Detections(
+        range=distance[order],
+        velocity=velocity[order],
+        azimuth=seen.azimuth[order],
+        elevation=seen.elevation[order],
+        snr_db=10.0 * np.log10(in_cell[order]),
+        covariance=covariance[order],
         time=time,
     )
-    order = np.lexsort((found.velocity, found.range))
-    if layout.has_range:
-        order = order[(found.range[order] >= limits[0]) & (found.range[order] <= limits[1])]
-    return found[order]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,25 +260,55 @@ class _Layout:
     """Cells that a target crosses in a frame per row of its velocity."""
     coordinates: Coordinates
 
-    @property
+    @cached_property
     def is_tested(self) -> NDArray[np.bool_]:
         return self.row_gain > _LEAST_GAIN
 
-    @property
+    @cached_property
     def gain(self) -> float:
         """Amplitude of a tone of amplitude 1 in the middle of a cell."""
         return float(self.slow.sum() * (self.fast.sum()))
 
+    @cached_property
+    def windows(self) -> tuple[bytes, bytes]:
+        """Windows over what the rows and the columns are the transforms of, float64."""
+        return self.slow.tobytes(), (self.fast if self.has_range else np.ones(1)).tobytes()
+
+    @cached_property
+    def axes(self) -> Axes:
+        """What a tone looks like in the cells about its peak."""
+        most = 2 * REACH + 1
+        num_cells = min(most, self.num_rows), min(most, self.num_columns)
+        windows = self.windows[0], self.fast.tobytes()
+        return axes_of(windows, num_cells, is_conjugate=self.is_down)
+
+    @cached_property
+    def signed_beat_step(self) -> float:
+        """Beat frequency from one column to the next, with the sign of the slope [Hz]."""
+        return float(np.sign(self.coordinates.waveform.slope)) * self.beat_step
+
+    @cached_property
+    def per_variance(self) -> NDArray[np.float64]:
+        """Covariance of range and velocity by the variances of row and column [cells^2], (2, 4)."""
+        slopes = np.asarray(self.coordinates.slopes() * (self.signed_beat_step, self.doppler_step))
+        slopes[[not self.has_range, not self.has_velocity]] = np.nan
+        return np.array([np.outer(slope, slope).ravel() for slope in slopes.T[::-1]])
+
+    @cached_property
+    def metres_per_column(self) -> float:
+        """Range from one column to the next [m]."""
+        return abs(float(self.beat_step * self.coordinates.slopes()[0, 0]))
+
     @property
     def num_rows(self) -> int:
+        """Rows of the map."""
         return len(self.row_gain)
 
     def searched(self, lowest: float) -> tuple[int, int]:
         """First and last column (exclusive) to be searched."""
         if not self.has_range or self.num_columns <= 2 * _MAIN_LOBE:
             return 0, self.num_columns
-        nearest = abs(self.beat_step * self.coordinates.slopes()[0, 0])  # [m] per column
-        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / nearest))
+        first = _MAIN_LOBE if np.isneginf(lowest) else min(_MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
@@ -277,6 +321,17 @@ class _Layout:
 
 
 def _layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
+    """The same for every frame of a stream, unless windows may have no hash."""
+    named = all(each is None or isinstance(each, str) for each in (window, doppler_window))
+    return (_kept_layout if named else _new_layout)(radar, window, doppler_window, remove_static, is_iq)
+
+
+@lru_cache(maxsize=16)
+def _kept_layout(radar: Radar, *settings: Any) -> _Layout:
+    return _new_layout(radar, *settings)
+
+
+def _new_layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
     wf = radar.waveform
     fast = window_weights("window", window, wf.num_samples)
     slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
@@ -371,130 +426,106 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     return filled
 
 
-def _test(
-    shape: tuple[int, int],
-    layout: _Layout,
-    guards: tuple[int, int],
-    trainings: tuple[int, int],
-    rate: float,
-    method: str,
-) -> MapTest:
-    windows = layout.slow.tobytes(), layout.fast.tobytes() if layout.has_range else np.ones(1).tobytes()
-    return map_test(shape, windows, guards, trainings, rate, method, layout.num_looks)
+def _local_maxima(around: NDArray[Any], layout: _Layout) -> NDArray[np.bool_]:
+    """Cells to be tested that none of their eight neighbours exceeds; `around`: the map as `_surrounded`."""
+    power = around[1:-1, 1:-1]
+    highest = np.maximum(around[:, :-2], around[:, 2:])
+    np.maximum(highest, around[:, 1:-1], out=highest)
+    beside = np.maximum(highest[:-2], highest[2:])
+    is_maximum = np.asarray(power >= np.maximum(beside, highest[1:-1], out=beside))
+    is_maximum &= power > 0.0
+    if not layout.is_tested.all():
+        is_maximum &= layout.is_tested[:, None]
+    return is_maximum
 
 
-def _local_maxima(power: NDArray[Any], is_iq: bool) -> NDArray[np.bool_]:
-    """Cells that none of their eight neighbours exceeds; velocity is cyclic, range too with I/Q."""
-    beside = _beside(power, is_iq)
-    highest = np.maximum(np.maximum(beside[:, :-2], beside[:, 2:]), power)
-    around = np.concatenate([highest[-1:], highest, highest[:1]])
-    highest = np.maximum(np.maximum(around[:-2], around[2:]), highest)
-    return np.asarray((power > 0.0) & (power >= highest))
+def _surrounded(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
+    """The map with a row and a column more on all sides.
 
-
-def _beside(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
-    """The map with a column more on both sides; the spectrum of real samples is even about both its ends."""
-    left, right = (-1, 0) if is_iq or power.shape[1] < 2 else (1, -2)
-    return np.concatenate([power[:, [left]], power, power[:, [right]]], axis=1)
+    Velocity is cyclic, range too with I/Q; the spectrum of real samples is even about both its ends.
+    """
+    around = np.empty([length + 2 for length in power.shape], dtype=power.dtype)
+    around[1:-1, 1:-1] = power
+    around[0, 1:-1], around[-1, 1:-1] = power[-1], power[0]
+    left, right = (-2, 1) if is_iq or power.shape[1] < 2 else (2, -3)
+    around[:, 0], around[:, -1] = around[:, left], around[:, right]
+    return around
 
 
 def _between_cells(
-    power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: _Layout
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Row, column and height of local maxima by parabolas through the logarithm of the power."""
-    beside = _beside(power, layout.is_iq)
-    middle = power[rows, columns].astype(np.float64)
-    height = np.log(middle)
-    peaks = []
-    for at, (before, after) in (
-        (rows, (power[rows - 1, columns], power[(rows + 1) % len(power), columns])),
-        (columns, (beside[rows, columns], beside[rows, columns + 2])),
-    ):
-        left, right = (np.log(np.maximum(side, 1e-30 * middle)) - np.log(middle) for side in (before, after))
-        curvature = left + right
-        is_peak = curvature < 0.0
-        offset = np.clip(0.5 * (left - right) / np.where(is_peak, curvature, -1.0), -0.5, 0.5) * is_peak
-        height = height - 0.25 * (left - right) * offset
-        peaks.append(at + offset)
-    return peaks[0], peaks[1], np.exp(height)
+    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Offsets of local maxima along rows and columns (axis, peak) and heights, by parabolas through the log power."""
+    width = around.shape[1]
+    cross = np.array([[0], [-width], [-1], [width], [1]])
+    levels = around.ravel()[(rows + 1) * width + columns + 1 + cross].astype(np.float64)
+    levels = np.log(np.maximum(levels, 1e-30 * levels[0]))
+    levels[1:] -= levels[0]
+    slope, curvature = levels[1:3] - levels[3:], np.minimum(levels[1:3] + levels[3:], -_FLAT)
+    offset = np.minimum(np.maximum(0.5 * slope / curvature, -0.5), 0.5)
+    return offset, np.exp(levels[0] - 0.25 * (slope * offset).sum(axis=0))
 
 
 def _without_sidelobes(
-    row: NDArray[np.float64],
-    column: NDArray[np.float64],
+    peaks: NDArray[np.float64],
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
     layout: _Layout,
     dynamic_range_db: float,
 ) -> NDArray[np.intp]:
-    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones."""
-    order = np.argsort(-height, kind="stable")
-    at_row, at_column = np.round(row), np.round(column)
-    amplitude, least = np.sqrt(cell.astype(np.float64)), np.sqrt(threshold.astype(np.float64))
-    least = np.maximum(least, np.sqrt(height[order[0]]) * 10.0 ** (-dynamic_range_db / 20.0))
-    velocity = np.abs(layout.wrapped_row(row))
-    leaked = np.zeros(len(row))
+    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
+
+    `peaks` are their rows and columns (axis, peak).
+    """
+    least = np.sqrt(np.maximum(threshold, height.max() * 10.0 ** (-0.1 * dynamic_range_db)))
+    margin = np.sqrt(cell.astype(np.float64)) - least
+    order = (-height).argsort(kind="stable")
+    order = order[margin[order] > 0.0]
+    peaks, margin = peaks[:, order], margin[order]
+    cell_of = np.rint(peaks)
+    # The distance that a target crosses in a frame widens its lobes along both axes alike.
+    near = _OFF_PEAK + 0.5 * layout.smear * np.abs(layout.wrapped_row(peaks[0]))
+    amplitude = np.sqrt(height[order])
+    leaked = np.zeros(len(order))
     kept = []
-    for index in order:
-        if amplitude[index] - leaked[index] <= least[index]:
-            continue
-        kept.append(index)
-        if len(kept) == len(order):
-            break
-        # The distance that a target crosses in a frame widens its lobes along both axes alike.
-        near = _OFF_PEAK + 0.5 * layout.smear * velocity[index]
-        rows, columns = np.abs(at_row - row[index]), np.abs(at_column - column[index])
-        rows = np.minimum(rows, layout.num_rows - rows)
+    for first in range(0, len(order), _BLOCK):
+        some = slice(first, first + _BLOCK)
+        rows, columns = apart = np.abs(cell_of[:, None, first:] - peaks[:, some, None])
+        np.minimum(rows, layout.num_rows - rows, out=rows)
         if layout.is_iq:
-            columns = np.minimum(columns, layout.num_columns - columns)
-        lobes = envelope(layout.slow, np.maximum(rows - near, 0.0))
+            np.minimum(columns, layout.num_columns - columns, out=columns)
+        rows, columns = np.maximum(apart - near[some, None], 0.0)
+        lobes = amplitude[some, None] * envelope(layout.slow, rows)
         if layout.has_range:
-            lobes = lobes * envelope(layout.fast, np.maximum(columns - near, 0.0))
-        leaked += np.sqrt(height[index]) * lobes
-    return np.array(kept, dtype=np.intp)
-
-
-def _medians(around: NDArray[Any]) -> NDArray[np.float64]:
-    """Medians of training cells, of which those that are missing are inf."""
-    ordered = np.sort(around, axis=1).astype(np.float64)
-    number = np.count_nonzero(np.isfinite(ordered), axis=1)
-    each = np.arange(len(ordered))
-    return np.asarray(0.5 * (ordered[each, (number - 1) // 2] + ordered[each, number // 2]))
+            lobes *= envelope(layout.fast, columns)
+        for index, lobe in enumerate(lobes, first):
+            if leaked[index] < margin[index]:
+                kept.append(index)
+                leaked[first:] += lobe
+    return np.asarray(order[np.array(kept, dtype=np.intp)])
 
 
 def _fitted(
     cells: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], start: NDArray[np.float64], layout: _Layout
 ) -> Fit:
     """The tones of the cells about some peaks."""
-    num_rows, num_columns = min(2 * REACH + 1, cells.shape[1]), min(2 * REACH + 1, cells.shape[2])
-    slow = axis_of(layout.slow, num_rows, -(num_rows // 2))
-    row = (rows[:, None] + np.arange(num_rows) - num_rows // 2) % cells.shape[1]
-    first = np.full(len(columns), -(num_columns // 2))
+    num_rows, num_columns = (min(2 * REACH + 1, length) for length in cells.shape[1:])
+    first = np.empty((len(rows), 2), dtype=np.intp)
+    first[:] = -(num_rows // 2), -(num_columns // 2)
     if not layout.is_iq:  # real samples have no columns beyond the edges
-        first = np.clip(columns + first, 0, cells.shape[2] - num_columns) - columns
-    column = (columns + first)[:, None] + np.arange(num_columns)
-    patches = np.moveaxis(cells[:, row[:, :, None], column[:, None, :] % cells.shape[2]], 0, 1)
-
-    # Peaks near an edge have other cells about them.
-    parts = [np.flatnonzero(first == each) for each in np.unique(first)]
-    fast = [axis_of(layout.fast, num_columns, int(first[p[0]]), is_conjugate=layout.is_down) for p in parts]
-    fits = [fit(patches[p], start[p], slow, axis) for p, axis in zip(parts, fast, strict=True)]
-    if len(fits) == 1:
-        return fits[0]
-    back = np.argsort(np.concatenate(parts))
-    return Fit(*(np.concatenate([getattr(each, name) for each in fits])[back] for name in vars(fits[0])))
+        first[:, 1] = np.minimum(np.maximum(columns + first[:, 1], 0), cells.shape[2] - num_columns) - columns
+    row = (rows + first[:, 0])[:, None, None] + np.arange(num_rows)[:, None]
+    column = (columns + first[:, 1])[:, None, None] + np.arange(num_columns)
+    patches = cells[:, row % cells.shape[1], column % cells.shape[2]].swapaxes(0, 1)
+    return fit(patches, first, start, layout.axes)
 
 
-def _covariance(layout: _Layout, wf: Waveform, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
+def _covariance(layout: _Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
-    covariance = np.full((len(snr), 2, 2), np.nan)
-    slopes = layout.coordinates.slopes() * (np.sign(wf.slope) * layout.beat_step, layout.doppler_step)
-    told = [i for i, is_told in enumerate((layout.has_range, layout.has_velocity)) if is_told]
-    used = [axis for axis, is_told in ((1, layout.has_range), (0, layout.has_velocity)) if is_told]
-    by_cell = slopes[np.ix_(told, told)]
-    variance = 1.0 / (2.0 * snr[:, None] * tones.information[:, used])  # (detection, coordinate), in cells^2
-    covariance[np.ix_(range(len(snr)), told, told)] = (by_cell * variance[:, None, :]) @ by_cell.T
+    some = np.where(tones.information > 0.0, tones.information, np.inf)  # what is not told has none
+    variance = 0.5 / (snr[:, None] * some)  # in cells^2
+    covariance: NDArray[np.float64] = (variance @ layout.per_variance).reshape(-1, 2, 2)
     return covariance
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ _FINER = 4
 
 _NUM_STEPS = 4
 """Newton steps from the grid, an eighth of a lobe off at most: errors of 1e-8 of a lobe and then of rounding."""
+
+_SMALL_STEP = 1e-8
+"""Steps below this [grid points] are the last: each about squares the error."""
 
 _AMBIGUOUS = 0.99
 """Power of a grating lobe over that of the main lobe above which noise decides between them."""
@@ -106,20 +110,21 @@ def directions(
     covariance = np.full((number, 2, 2), np.nan)
     array, ambiguities = _array(radar)
     size = np.abs(values).max(axis=1, initial=0.0)
-    known = np.isfinite(size) & (size > 0.0)
+    known: Any = np.isfinite(size) & (size > 0.0)
     if not known.any() or not any(array.told):
         return Directions(azimuth, elevation, covariance)
-    waves = values[known] / size[known, None] * (corrections if corrections.ndim == 1 else corrections[known])
+    if known.all():
+        known = slice(None)
+    waves = values[known] / size[known][:, None] * (corrections if corrections.ndim == 1 else corrections[known])
 
-    # The highest point of a grid, its peak, and the peak of the same height that is nearest to the front. The grid
-    # reaches beyond the horizon: what is near to it on one side may have its highest grid point on the other.
-    grid = array.grid(1.0 if array.x.any() else 1.0 + float(array.step.max()))
-    sines = _refined(waves, array, _highest(waves, array, grid))
-    sines = _nearest_to_front(sines, ambiguities)
-    sines = _refined(waves, array, _within(sines, 1.0), largest=1.0, num_steps=3)
+    # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
+    sines = _aligned(waves, array)
+    lost = ~((sines * sines).sum(axis=1) <= 1.0)
+    if lost.any():
+        sines[lost] = _searched(waves[lost], array, ambiguities)
 
     # Angles, and how sure they are.
-    el = np.arcsin(np.clip(sines[:, 1], -1.0, 1.0))
+    el = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
     az = np.arctan2(sines[:, 0], array.forward(sines))
     if array.told[0]:
         azimuth[known] = az
@@ -179,9 +184,47 @@ class _Array:
         kept: _Reals = cells[np.square(cells).sum(axis=1) <= largest**2 * (1.0 + 1e-9)]
         return kept
 
+    @cached_property
+    def front(self) -> _Reals:
+        """The grid that is searched.
+
+        It reaches beyond the horizon: what is near to that on one side may have its highest grid point on the other.
+        """
+        return self.grid(1.0 if self.x.any() else 1.0 + float(self.step.max()))
+
+    @cached_property
+    def aligning(self) -> tuple[_Reals, _Reals] | None:
+        """Sines by the phases over the first channel (channel - 1, 2), and what differences of whole turns add to them.
+
+        Of a flat array with one channel more than there are sines to tell: there are always directions in which all
+        channels add up in phase, and no power can be more. None for others.
+        """
+        told = np.flatnonzero(self.told)
+        if self.x.any() or len(told) == 0 or len(self.across) != len(told) + 1:
+            return None
+        undone = np.zeros((len(told), 2))
+        undone[:, told] = -np.linalg.inv(self.across[1:, told] - self.across[0, told]).T
+        # All that lead from within half a turn in every channel to a direction, by a little more than can be needed.
+        reach = 1.01 + float(np.pi * np.linalg.norm(undone, axis=1).sum())
+        most = np.ceil(reach * np.linalg.norm(np.diff(self.across, axis=0), axis=1).sum() / (2.0 * np.pi))
+        turns = np.stack(np.meshgrid(*len(told) * [np.arange(-most, most + 1)]), axis=-1).reshape(-1, len(told))
+        shifts = 2.0 * np.pi * turns @ undone
+        return undone, shifts[np.square(shifts).sum(axis=1) <= reach**2]
+
+    @cached_property
+    def products(self) -> _Reals:
+        """Products of the slopes of a flat array, see `_products`."""
+        return _products(self.across)
+
+    @cached_property
+    def variances(self) -> tuple[_Reals, _Reals, _Reals]:
+        """Of the sines by a flat array, see `_variances`."""
+        return _variances(self.across, self.told)
+
     def forward(self, sines: _Reals) -> _Reals:
         """The direction's part along x."""
-        forward: _Reals = np.sqrt(np.maximum(1.0 - np.square(sines).sum(axis=-1), 0.0))
+        y, z = sines[..., 0], sines[..., 1]
+        forward: _Reals = np.sqrt(np.maximum(1.0 - y * y - z * z, 0.0))
         return forward
 
     def phases(self, sines: _Reals) -> _Reals:
@@ -213,6 +256,25 @@ def _array(radar: Radar) -> tuple[_Array, _Reals]:
     return array, _ambiguities(array)
 
 
+def _aligned(waves: _Complexes, array: _Array) -> _Reals:
+    """Sines nearest to the front in which all channels add up in phase, (detection, 2); NaN where there are none."""
+    if array.aligning is None:
+        return np.full((len(waves), 2), np.nan)
+    undone, shifts = array.aligning
+    over_first = waves[:, 1:] * waves[:, :1].conj()
+    sines = _nearest_to_front(np.angle(over_first) @ undone, shifts)
+    if not over_first.all():
+        sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
+    return sines
+
+
+def _searched(waves: _Complexes, array: _Array, ambiguities: _Reals) -> _Reals:
+    """Sines of the highest point of a grid, of its peak, and of the equally high peak that is nearest to the front."""
+    sines = _refined(waves, array, _highest(waves, array, array.front))
+    sines = _within(_nearest_to_front(sines, ambiguities), 1.0)
+    return _refined(waves, array, sines, largest=1.0, num_steps=3)
+
+
 def _highest(waves: _Complexes, array: _Array, grid: _Reals) -> _Reals:
     """The grid's sines of most power, (detection, 2)."""
     highest, largest = np.zeros((len(waves), 2)), np.full(len(waves), -1.0)
@@ -231,43 +293,49 @@ def _refined(
     waves: _Complexes, array: _Array, sines: _Reals, *, largest: float = np.inf, num_steps: int = _NUM_STEPS
 ) -> _Reals:
     """Sines of the peak of power by Newton's method from nearby, (detection, 2), at most `largest` in length."""
-    told = np.array(array.told)
+    has_both = all(array.told)
+    along, up = (float(is_told) for is_told in array.told)
     for _ in range(num_steps):
         # Power |b|^2 and its derivatives; b is the sum of the channels with the wave's phases undone.
-        slopes = array.slopes(sines)
         terms = waves * np.exp(1j * array.phases(sines))
-        total = terms.sum(axis=1).conj()
-        first = np.einsum("nc,nci->ni", terms, slopes)
-        second = np.einsum("nc,nci,ncj->nij", terms, slopes, slopes)
-        gradient = -(total[:, None] * first).imag
-        curvature = (first[:, :, None] * first[:, None].conj() - total[:, None, None] * second).real
-        # Uphill also where power is not concave: shift the larger eigenvalue below zero.
-        half, difference = 0.5 * np.trace(curvature, axis1=1, axis2=2), curvature[:, 0, 0] - curvature[:, 1, 1]
-        larger = half + np.hypot(0.5 * difference, curvature[:, 0, 1])
-        shift = np.where(told.all(), np.maximum(larger, 0.0), np.maximum(2.0 * half, 0.0))
-        damped = curvature - (1.5 * shift[:, None, None]) * np.eye(2)
-        damped[:, ~told, ~told] = -1.0
-        step = -_solved(damped, gradient)
-        sines = _within(sines + np.clip(step, -array.step, array.step), largest)
+        products = _products(array.slopes(sines)) if array.x.any() else array.products
+        sums = (terms[:, None] @ products)[:, 0]
+        total, first, second = sums[:, :1].conj(), sums[:, 1:3], sums[:, 3:]
+        gradient = -(total * first).imag
+        yy, zz, yz = (first[:, [0, 1, 0]] * first[:, [0, 1, 1]].conj() - total * second).real.T
+        # Uphill also where power is not concave: shift the larger eigenvalue below zero. A sine that is not told stays.
+        larger = 0.5 * (yy + zz) + np.hypot(0.5 * (yy - zz), yz) if has_both else yy + zz
+        shift = 1.5 * np.maximum(larger, 0.0)
+        yy, zz = yy - shift * along - (1.0 - along), zz - shift * up - (1.0 - up)
+        step = np.minimum(np.maximum(-_solved(yy, zz, yz, gradient), -array.step), array.step)
+        sines = _within(sines + step, largest)
+        if not (np.abs(step) > _SMALL_STEP * array.step).any():
+            break
     return sines
+
+
+def _products(slopes: _Reals) -> _Reals:
+    """1, the slopes of the phases (..., channel, 2), their squares and their product, (..., channel, 6)."""
+    squares = [np.square(slopes), np.prod(slopes, axis=-1, keepdims=True)]
+    return np.concatenate([np.ones((*slopes.shape[:-1], 1)), slopes, *squares], axis=-1)
 
 
 def _within(sines: _Reals, largest: float) -> _Reals:
     """Sines shortened to at most `largest`."""
+    if np.isinf(largest):
+        return sines
     lengths = np.sqrt(np.square(sines).sum(axis=1))
     within: _Reals = sines * np.minimum(1.0, largest / np.maximum(lengths, 1e-300))[:, None]
     return within
 
 
-def _solved(matrices: _Reals, vectors: _Reals) -> _Reals:
-    """Solutions of systems of two equations, (n, 2, 2) and (n, 2); zero where there is none."""
-    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
-    determinant = a * d - b * c
-    adjoint = np.stack([d * vectors[:, 0] - b * vectors[:, 1], a * vectors[:, 1] - c * vectors[:, 0]], axis=1)
-    solved: _Reals = np.divide(
-        adjoint, determinant[:, None], out=np.zeros_like(adjoint), where=determinant[:, None] != 0.0
-    )
-    return solved
+def _solved(yy: _Reals, zz: _Reals, yz: _Reals, vectors: _Reals) -> _Reals:
+    """Solutions (n, 2) of symmetric systems of two equations, (n,) and (n, 2); zero where there is none."""
+    determinant = yy * zz - yz * yz
+    y, z = vectors.T
+    adjoint = np.array([zz * y - yz * z, yy * z - yz * y])
+    solved: _Reals = np.divide(adjoint, determinant, out=np.zeros_like(adjoint), where=determinant != 0.0)
+    return solved.T
 
 
 def _ambiguities(array: _Array) -> _Reals:
@@ -298,7 +366,7 @@ def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
     """Of the directions that give the same phases, the one nearest to the front."""
     candidates = sines[:, None] + ambiguities
     which = np.square(candidates).sum(axis=-1).argmin(axis=1)
-    nearest: _Reals = candidates[np.arange(len(sines)), which]
+    nearest: _Reals = sines + ambiguities[which]
     return nearest
 
 
@@ -308,20 +376,26 @@ def _least_covariance(array: _Array, sines: _Reals, az: _Reals, el: _Reals, snr:
     The Fisher information of the sines is ``2 snr`` times the sum over the channels of the squared slopes of the phase
     about their mean (Van Trees, Optimum Array Processing, 8.4).
     """
-    told = np.array(array.told)
-    slopes = array.slopes(sines)
-    about_mean = slopes - slopes.mean(axis=1, keepdims=True)
-    information = 2.0 * snr[:, None, None] * np.einsum("nci,ncj->nij", about_mean, about_mean)
-    information[:, ~told, ~told] = 1.0
-    unit = np.eye(2)
-    of_sines = np.stack([_solved(information, np.broadcast_to(row, (len(snr), 2))) for row in unit], axis=1)
+    yy, zz, yz = _variances(array.slopes(sines), array.told) if array.x.any() else array.variances
     # Angles by sines: u_y = cos(el) sin(az), u_z = sin(el).
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_angles = np.zeros((len(snr), 2, 2))
-        to_angles[:, 0, 0] = 1.0 / (np.cos(az) * np.cos(el))
-        to_angles[:, 0, 1] = np.tan(az) * np.tan(el) / np.cos(el)
-        to_angles[:, 1, 1] = 1.0 / np.cos(el)
-        covariance: _Reals = to_angles @ of_sines @ np.swapaxes(to_angles, 1, 2)
-    covariance[:, ~told, :] = np.nan
-    covariance[:, :, ~told] = np.nan
+    along, slope = 1.0 / np.cos(el), np.tan(az)
+    by_y, by_z = along / np.cos(az), slope * np.tan(el) * along
+    both = (by_y * yz + by_z * zz) * along
+    first = by_y * (by_y * yy + 2.0 * by_z * yz) + by_z * by_z * zz
+    covariance = (np.array([first, both, both, along * along * zz]) * (0.5 / snr)).T.reshape(-1, 2, 2)
+    if not all(array.told):
+        untold = int(array.told[0])
+        covariance[:, [untold, 0, 1], [untold, 1, 0]] = np.nan
     return covariance
+
+
+def _variances(slopes: _Reals, told: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
+    """Of both sines and their covariance (...,), times twice the SNR; slopes (..., channel, 2).
+
+    The inverse of the information; of the one sine alone where only one is told.
+    """
+    about_mean = slopes - slopes.mean(axis=-2, keepdims=True)
+    yy, zz, yz = np.moveaxis(_products(about_mean)[..., 3:].sum(axis=-2), -1, 0)
+    yy, zz = yy + (not told[0]), zz + (not told[1])
+    determinant = yy * zz - yz * yz
+    return zz / determinant, yy / determinant, -yz / determinant

@@ -6,6 +6,8 @@ and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,14 +34,20 @@ def white_acceleration(interval: float, density: float, num_dimensions: int) -> 
     transition, noise : (2 d, 2 d) float64
         The matrices F and Q of ``predict``.
     """
+    unit, moved, noise = _powers_of_time(num_dimensions)
+    weights = density * interval * np.array([interval**2 / 3.0, interval / 2.0, 1.0])
+    return unit + interval * moved, np.asarray((weights @ noise.reshape(3, -1)).reshape(unit.shape))
+
+
+@cache
+def _powers_of_time(num_dimensions: int) -> tuple[Array, Array, Array]:
+    """Unit matrix, what the transition has per time, and what the noise has of its cube, square and itself."""
     d = num_dimensions
-    transition, noise = np.eye(2 * d), np.zeros((2 * d, 2 * d))
-    for k in range(d):
-        transition[k, d + k] = interval
-        noise[k, k] = density * interval**3 / 3.0
-        noise[k, d + k] = noise[d + k, k] = density * interval**2 / 2.0
-        noise[d + k, d + k] = density * interval
-    return transition, noise
+    unit, moved, noise = np.eye(2 * d), np.zeros((2 * d, 2 * d)), np.zeros((3, 2 * d, 2 * d))
+    here, rate = np.arange(d), d + np.arange(d)
+    moved[here, rate] = 1.0
+    noise[0, here, here] = noise[1, here, rate] = noise[1, rate, here] = noise[2, rate, rate] = 1.0
+    return unit, moved, noise
 
 
 def predict(state: Array, covariance: Array, transition: Array, noise: Array) -> tuple[Array, Array]:
@@ -109,5 +117,5 @@ def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Arr
     missing = np.isnan(innovation)
     if missing.any():
         innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    squares = np.einsum("...i,...ij,...j->...", innovation, np.linalg.inv(covariance), innovation)
+    squares = (innovation * np.linalg.solve(covariance, innovation[..., None])[..., 0]).sum(axis=-1)
     return squares, np.log(np.linalg.det(covariance))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ from radarcore.processing.constant_false_alarm import (
 from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
 from radarcore.processing.false_alarms import averaging_factor, ordered_factor
 
+_MOST_BY_PRODUCTS = 128
+"""Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
+
 
 @dataclass(frozen=True, eq=False)
 class MapTest:
@@ -26,6 +29,8 @@ class MapTest:
 
     guards: tuple[int, int]
     trainings: tuple[int, int]
+    counts: NDArray[np.intp]
+    """Training cells, (row, column)."""
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column)."""
     per_sum: NDArray[np.float64]
@@ -33,30 +38,60 @@ class MapTest:
     ranks: NDArray[np.float64] | None
     """Of the ordered statistic, (row, column); None for averages."""
 
+    @cached_property
+    def has_training(self) -> NDArray[np.bool_]:
+        """Whether a cell has training cells, (row, column)."""
+        return np.isfinite(self.factor)
+
     def passed(
         self, power: NDArray[Any], is_candidate: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[Any]]:
-        """Rows, columns and thresholds of the candidates above it, and their training cells (inf for missing ones)."""
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+        """Rows, columns and thresholds of the candidates above it."""
         if self.ranks is None:
-            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
-            rows, columns = np.nonzero(is_candidate & (power > threshold) & (self.per_sum > 0.0))
-            return rows, columns, threshold[rows, columns], self._around(power, rows, columns)
-        rows, columns = np.nonzero(is_candidate & np.isfinite(self.factor))
+            threshold = self._sums(power) * self.per_sum.astype(power.dtype)
+            rows, columns = np.nonzero((power > threshold) & is_candidate & self.has_training)
+            return rows, columns, threshold[rows, columns]
+        rows, columns = np.nonzero(is_candidate & self.has_training)
         around = self._around(power, rows, columns)
         # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
         limit = (power[rows, columns] / self.factor[rows, columns]).astype(power.dtype)
         above = np.flatnonzero(np.count_nonzero(around < limit[:, None], axis=1) >= self.ranks[rows, columns])
         rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
         ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
-        return rows, columns, self.factor[rows, columns] * ordered, around
+        return rows, columns, self.factor[rows, columns] * ordered
+
+    def _sums(self, power: NDArray[Any]) -> NDArray[Any]:
+        """Sums of the training cells, (row, column), see `training_sums`: of small maps by two products of matrices."""
+        if max(power.shape) > _MOST_BY_PRODUCTS:
+            return training_sums(power, self.guards, self.trainings)
+        over_columns, over_rows = self._bands
+        parts = (power @ over_columns.astype(power.dtype)).reshape(-1, power.shape[1])  # of every row two
+        return np.asarray(over_rows.astype(power.dtype) @ parts)
+
+    @cached_property
+    def _bands(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Ones for what is added: columns beside the guard cells, and of the whole window; then rows of both."""
+        rows, columns = (np.abs(np.subtract.outer(*2 * [np.arange(length)])) for length in self.counts.shape)
+        (row_guard, column_guard), (row_training, column_training) = self.guards, self.trainings
+        across, along = columns <= column_guard + column_training, rows <= row_guard + row_training
+        over_columns = np.concatenate([across & (columns > column_guard), across], axis=1)
+        over_rows = np.stack([rows <= row_guard, along & (rows > row_guard)], axis=2).reshape(len(rows), -1)
+        return over_columns.astype(np.float32), over_rows.astype(np.float32)
+
+    def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Medians of the training cells of some cells that have any."""
+        ordered = self._around(power, rows, columns)
+        ordered.sort(axis=1)
+        counts, each = self.counts[rows, columns], np.arange(len(rows))
+        return np.asarray(0.5 * ordered[each, (counts - 1) // 2] + 0.5 * ordered[each, counts // 2], dtype=np.float64)
 
     def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
         """Training cells of some cells, inf where the map has none, (cell, training cell)."""
-        reach = [g + t for g, t in zip(self.guards, self.trainings, strict=True)]
-        padded = np.full([n + 2 * r for n, r in zip(power.shape, reach, strict=True)], np.inf, dtype=power.dtype)
-        padded[reach[0] : reach[0] + power.shape[0], reach[1] : reach[1] + power.shape[1]] = power
-        width = padded.shape[1]
-        middle = (rows + reach[0]) * width + columns + reach[1]
+        top, left = (g + t for g, t in zip(self.guards, self.trainings, strict=True))
+        height, width = power.shape[0] + 2 * top, power.shape[1] + 2 * left
+        padded = np.full((height, width), np.inf, dtype=power.dtype)
+        padded[top : height - top, left : width - left] = power
+        middle = (rows + top) * width + columns + left
         around: NDArray[Any] = padded.ravel()[middle[:, None] + _offsets(self.guards, self.trainings, width)]
         return around
 
@@ -106,7 +141,7 @@ def map_test(
 
         factor = tabulated(counts, ordered)
     per_sum = np.where(np.isfinite(factor), factor, 0.0) / np.maximum(counts, 1)
-    return MapTest(guards, trainings, factor, per_sum, ranks)
+    return MapTest(guards, trainings, counts, factor, per_sum, ranks)
 
 
 @lru_cache(maxsize=16)

@@ -24,6 +24,8 @@ ROUNDING = 1e-12
 """Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
 errs by less."""
 
+_LEAST = float(np.finfo(np.float32).tiny)
+
 
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     """Noise power of the cells of a map: their mean, if half of them have no echo.
@@ -95,5 +97,5 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
     """
-    gain = np.prod([weights.sum() ** 2 / len(weights) for weights in (fast_weights, slow_weights)])
-    return max(ROUNDING * float(gain) * float(np.vdot(cube, cube).real), float(np.finfo(np.float32).tiny))
+    fast, slow = (float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
+    return max(ROUNDING * fast * slow * float(np.vdot(cube, cube).real), _LEAST)

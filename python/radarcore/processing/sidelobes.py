@@ -17,8 +17,8 @@ def envelope(weights: NDArray[np.float64], distance: NDArray[np.float64]) -> NDA
     Farther than half of the transform there is no other cell: that distance has the last value.
     """
     table = _envelope(weights.tobytes())
-    index = np.floor(distance * _PER_CELL).astype(np.intp)
-    return table[np.clip(index, 0, len(table) - 1)]
+    index = (distance * _PER_CELL).astype(np.intp)
+    return table[np.minimum(index, len(table) - 1)]
 
 
 @lru_cache(maxsize=64)

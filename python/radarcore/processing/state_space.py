@@ -16,6 +16,9 @@ from radarcore.processing.kalman import Array, alone
 SHORTEST_RANGE = 1e-3
 """Nearer than this [m] there is no direction."""
 
+_UNITS = [np.eye(d) for d in range(4)]
+"""Unit matrices of d dimensions."""
+
 
 class Expected(NamedTuple):
     """What a radar is expected to measure of targets."""
@@ -47,9 +50,9 @@ def observe(state: Array) -> tuple[Array, Array]:
     if d == 1:
         return state, np.broadcast_to(np.eye(2), (number, 2, 2))
     position, motion = state[:, :d], state[:, d:]
-    distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", position, position)), SHORTEST_RANGE)
+    distance = np.maximum(np.sqrt((position * position).sum(axis=1)), SHORTEST_RANGE)
     towards = position / distance[:, None]
-    rate = np.einsum("ij,ij->i", towards, motion)
+    rate = (towards * motion).sum(axis=1)
     value, jacobian = np.empty((number, d + 1)), np.zeros((number, d + 1, 2 * d))
     value[:, 0], value[:, 1] = distance, rate
     jacobian[:, 0, :d] = jacobian[:, 1, d:] = towards
@@ -89,7 +92,7 @@ def expect(state: Array, covariance: Array) -> Expected:
     # Second derivatives of range and range rate: of the direction, as both are its products with place and motion.
     distance, rate = value[:, 0, None, None], value[:, 1, None, None]
     towards, turning = jacobian[:, 0, :d], jacobian[:, 1, :d]
-    bend = (np.eye(d) - towards[:, :, None] * towards[:, None, :]) / distance
+    bend = (_UNITS[d] - towards[:, :, None] * towards[:, None, :]) / distance
     crossed = towards[:, :, None] * turning[:, None, :]
     second = np.zeros((number, 2, 2 * d, 2 * d))
     second[:, 0, :d, :d] = second[:, 1, :d, d:] = second[:, 1, d:, :d] = bend
@@ -97,8 +100,9 @@ def expect(state: Array, covariance: Array) -> Expected:
 
     # Half the traces of their products with the covariance, and of the products of two of those.
     spread = second @ covariance[:, None]
-    value[:, :2] += 0.5 * np.einsum("nkii->nk", spread)
-    curvature[:, :2, :2] = 0.5 * np.einsum("nkij,nlji->nkl", spread, spread)
+    value[:, :2] += 0.5 * spread.trace(axis1=2, axis2=3)
+    flat = (number, 2, 4 * d * d)
+    curvature[:, :2, :2] = 0.5 * (spread.reshape(flat) @ spread.mT.reshape(flat).mT)
     return Expected(value, jacobian, first_order, curvature)
 
 
@@ -115,29 +119,31 @@ def begin(measured: Array, noise: Array, speed_deviation: float) -> tuple[Array,
         Standard deviation of the velocity along each axis where nothing was measured [m/s].
     """
     number, d = measured.shape[0], measured.shape[1] - 1
-    unknown = np.zeros(measured.shape, dtype=bool)
-    unknown[:, 1] = np.isnan(measured[:, 1])
-    measured = np.where(unknown, 0.0, measured)
-    noise = np.where(unknown[:, :, None] & unknown[:, None, :], speed_deviation**2, alone(noise, unknown))
+    unknown = np.isnan(measured[:, 1])
+    if unknown.any():
+        which = np.zeros(measured.shape, dtype=bool)
+        which[:, 1] = unknown
+        measured = np.where(which, 0.0, measured)
+        noise = np.where(which[:, :, None] & which[:, None, :], speed_deviation**2, alone(noise, which))
     if d == 1:
         return measured, noise
 
-    distance, rate, azimuth = measured[:, 0], measured[:, 1], measured[:, 2]
+    # Unit vectors towards the target, to the left and up, (target, axis, vector).
+    distance, rate = measured[:, 0, None], measured[:, 1, None]
+    ca, sa = np.cos(measured[:, 2]), np.sin(measured[:, 2])
     elevation = measured[:, 3] if d == 3 else np.zeros(number)
-    towards = directions(azimuth, elevation)[:, :d]
-    leftward = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(number)], axis=1)[:, :d]
-    turns = [np.cos(elevation)[:, None] * leftward]
-    if d == 3:
-        turns.append(directions(azimuth, elevation + 0.5 * np.pi))
-    state = np.concatenate([distance[:, None] * towards, rate[:, None] * towards], axis=1)
+    ce, se = np.cos(elevation), np.sin(elevation)
+    vectors = np.array([[ce * ca, ce * sa, se], [-ce * sa, ce * ca, 0.0 * se], [-se * ca, -se * sa, ce]])
+    vectors = vectors[:d, :d].transpose(2, 1, 0)
+    towards, turns = vectors[:, :, 0], vectors[:, :, 1:]
+    state = np.concatenate([distance * towards, rate * towards], axis=1)
 
     # Derivative of the state by what was measured; of the velocity across the line of sight nothing is known.
     slope = np.zeros((number, 2 * d, d + 1))
     slope[:, :d, 0] = slope[:, d:, 1] = towards
-    for k, turn in enumerate(turns, start=2):
-        slope[:, :d, k], slope[:, d:, k] = distance[:, None] * turn, rate[:, None] * turn
+    slope[:, :d, 2:], slope[:, d:, 2:] = distance[:, None] * turns, rate[:, None] * turns
     covariance = slope @ noise @ slope.mT
-    covariance[:, d:, d:] += speed_deviation**2 * (np.eye(d) - towards[:, :, None] * towards[:, None, :])
+    covariance[:, d:, d:] += speed_deviation**2 * (_UNITS[d] - towards[:, :, None] * towards[:, None, :])
     return state, covariance
 
 

@@ -90,7 +90,7 @@ def checked_angles(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np
 def channel_corrections(
     radar: Radar, velocity: ArrayLike | None, channel_phase: ArrayLike | None
 ) -> NDArray[np.complex128]:
-    """Factors (..., channel) that take off what is not direction.
+    """Factors that take off what is not direction, (..., channel), or (channel,) where they are the same for all.
 
     What a target at `velocity` (...,) [m/s], receding positive, adds in channels whose chirps come later, and the
     phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_phases`. A velocity of NaN, or none,
@@ -99,8 +99,9 @@ def channel_corrections(
     phase = radar.channel_phases
     if channel_phase is not None:
         phase = check.array("channel_phase", channel_phase, (radar.num_channels,))
-    if velocity is not None:
+    if velocity is not None and (offsets := radar.channel_offsets).any():
         doppler = 2.0 * np.nan_to_num(np.asarray(velocity, np.float64)) / radar.waveform.wavelength
-        phase = phase + 2.0 * np.pi * doppler[..., None] * radar.channel_offsets
+        turned = 2.0 * np.pi * doppler[..., None] * offsets
+        phase = phase + turned
     factors: NDArray[np.complex128] = np.exp(-1j * phase)
     return factors

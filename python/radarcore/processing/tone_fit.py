@@ -15,8 +15,8 @@ REACH = 4
 1.34 times the least possible with all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.87), while echoes
 farther away still meet the sidelobes of the window."""
 
-_DEGREE = 52
-"""Degree of the polynomials: (pi 4.5)^53 / 53! = 3e-9, for a peak at the edge of its cells."""
+_DEGREE = 24
+"""Degree of the polynomials: pi^25 / 25! = 2e-13, for a peak one cell away from the middle."""
 
 _NUM_STEPS = 2
 """Steps of Fisher's scoring from the parabola, which is 0.02 cells off: each about squares the error, or divides it by
@@ -28,24 +28,33 @@ _FARTHEST = 1.0
 _LEAST_VARIANCE = 1e-9
 """Parts of the noise below this, relative to a cell, are combinations of cells that the window makes zero."""
 
+_TINY = float(np.finfo(np.float64).tiny)
+_BOTH = np.arange(2)[:, None, None]
+"""Index of the axis."""
+
 
 @dataclass(frozen=True, eq=False)
-class Axis:
-    """What a tone looks like in neighbouring cells of one axis.
+class Axes:
+    """What a tone looks like in neighbouring cells of slow and of fast time, and the noise in them.
+
+    Both have the same number of cells; the shorter axis has zeros beyond its own.
 
     Attributes
     ----------
-    whitening : (part, cell) complex128
-        Makes independent parts of the cells, with the noise of a single cell each.
-    series : (degree, part) complex128
-        Power series of a tone of amplitude 1 in these parts, by its distance from the middle cell [cells].
-    gain : float
-        Amplitude of a tone in a cell, in the middle of it: the sum of the window.
+    series : (axis, degree, 4 (2 cell - 1)) float64
+        Power series, by the distance from the middle cell [cells], of a tone of amplitude 1 and of its derivative, as
+        complex numbers: in the middle cell and all on both sides of it that a patch of cells can have.
+    inverse : (axis, 1, cell, cell) complex128
+        Pseudo-inverse of the covariance of the noise, whose power is 1 in a single cell.
     """
 
-    whitening: NDArray[np.complex128]
-    series: NDArray[np.complex128]
-    gain: float
+    series: NDArray[np.float64]
+    inverse: NDArray[np.complex128]
+
+    @property
+    def num_cells(self) -> int:
+        """Cells of each axis."""
+        return len(self.inverse[0, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,83 +80,93 @@ class Fit:
     information: NDArray[np.float64]
 
 
-def axis_of(weights: NDArray[np.float64], num_cells: int, first: int, *, is_conjugate: bool = False) -> Axis:
-    """The axis of a window's transform: the cells from `first` on, relative to the one that offsets count from."""
-    return _axis_of(weights.tobytes(), num_cells, first, is_conjugate)
+@lru_cache(maxsize=16)
+def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conjugate: bool = False) -> Axes:
+    """The axes of the transforms of windows over slow and fast time.
+
+    Parameters
+    ----------
+    windows : (bytes, bytes)
+        float64; as bytes, by which the axes are kept for the next frame.
+    num_cells : (int, int)
+        Rows and columns of a patch.
+    is_conjugate : bool
+        Fast time is transformed with the opposite sign.
+    """
+    most = max(num_cells)
+    series = np.zeros((2, _DEGREE + 1, 2, 2 * most - 1), dtype=np.complex128)
+    inverse = np.zeros((2, 1, most, most), dtype=np.complex128)
+    for i, (window, number) in enumerate(zip(windows, num_cells, strict=True)):
+        weights = np.frombuffer(window)
+        n = np.arange(len(weights))
+        waves = np.exp(-2j * np.pi * np.outer(np.arange(1 - number, number), n) / len(n))
+        turns = 2j * np.pi * (n - np.average(n, weights=weights)) / len(n)
+        tone = np.stack([(waves * weights) @ turns**q / factorial(q) for q in range(_DEGREE + 2)])
+        some = waves[:number]  # the noise is the same in all cells
+        covariance = (some * weights**2) @ some.conj().T / np.sum(weights**2)
+        if is_conjugate and i == 1:
+            tone, covariance = tone.conj(), covariance.conj()
+        variances, parts = np.linalg.eigh(covariance)
+        kept = variances > _LEAST_VARIANCE
+        inverse[i, 0, :number, :number] = (parts[:, kept] / variances[kept]) @ parts[:, kept].conj().T
+        cells = slice(most - number, most + number - 1)
+        series[i, :, 0, cells] = tone[:-1]
+        if np.count_nonzero(kept) > 1:  # a single part has no frequency
+            series[i, :, 1, cells] = tone[1:] * np.arange(1, _DEGREE + 2)[:, None]
+    return Axes(series.reshape(2, _DEGREE + 1, -1).view(np.float64), inverse)
 
 
-@lru_cache(maxsize=64)
-def _axis_of(window: bytes, num_cells: int, first: int, is_conjugate: bool) -> Axis:
-    weights = np.frombuffer(window)
-    n = np.arange(len(weights))
-    cells = first + np.arange(num_cells)
-    waves = np.exp(-2j * np.pi * np.outer(cells, n) / len(n))
-    turns = 2j * np.pi * (n - np.average(n, weights=weights)) / len(n)
-    series = np.stack([(waves * weights) @ turns**q / factorial(q) for q in range(_DEGREE + 1)])
-    covariance = (waves * weights**2) @ waves.conj().T / np.sum(weights**2)
-    if is_conjugate:
-        series, covariance = series.conj(), covariance.conj()
-    variances, parts = np.linalg.eigh(covariance)
-    kept = variances > _LEAST_VARIANCE
-    whitening = (parts[:, kept] / np.sqrt(variances[kept])).conj().T
-    return Axis(whitening, series @ whitening.T, float(weights.sum()))
-
-
-def fit(cells: NDArray[Any], start: NDArray[np.float64], slow: Axis, fast: Axis) -> Fit:
+def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64], axes: Axes) -> Fit:
     """Fit one tone to each patch of cells.
+
+    With noise of covariance C along an axis, ``t^H C^-1 x`` is what cells x have of a tone t: all that is needed is
+    products of this kind, of the tone and of its derivatives.
 
     Parameters
     ----------
     cells : (tone, channel, row, column) complex
         Cells of all channels about every peak, with amplitudes of their own.
+    first : (tone, 2) int
+        First row and column of each patch, relative to the middle cell that offsets count from.
     start : (tone, 2) float64
         Offset to start from.
-    slow, fast : Axis
-        Of rows and columns.
+    axes : Axes
     """
-    parts = slow.whitening @ cells.astype(np.complex128) @ fast.whitening.T
-    num_rows, num_columns = parts.shape[2:]
-    both = both_axes(slow, fast)
+    number, num_channels, num_rows, num_columns = cells.shape
+    by_row = cells.swapaxes(1, 2).astype(np.complex128, order="C").reshape(number, num_rows, -1)
+    wanted = first.T[:, :, None] + np.arange(axes.num_cells) + axes.num_cells - 1  # (axis, tone, cell)
+    each = np.arange(number)[:, None]
     offset = start.copy()
     for _ in range(_NUM_STEPS):
-        unit, across, length, size = tones(offset, both)
-        # What the parts have of the tone, and of its changes by either offset: (tone, channel, row, column), two each.
-        pair = np.stack([unit, across], axis=2).conj()[:, None]
-        found = pair[:, :, 0, :, :num_rows] @ parts @ np.swapaxes(pair[:, :, 1, :, :num_columns], -1, -2)
-        matched, change = found[:, :, 0, 0], np.stack([found[:, :, 1, 0], found[:, :, 0, 1]], axis=2)
-        energy = np.maximum(np.sum(np.abs(matched) ** 2, axis=1), np.finfo(np.float64).tiny)
-        slope = np.sum((matched.conj()[..., None] * change).real, axis=1)
-        offset += np.clip(slope / (energy[:, None] * np.where(size > 0.0, size, 1.0)), -0.5, 0.5)
-    lost = (np.abs(offset - start) > _FARTHEST).any(axis=1)
-    offset[lost] = start[lost]
+        # Tone and derivative in the cells, both through the inverse; their products with each other and the cells.
+        pair = _tones(offset, axes)[_BOTH, each, :, wanted]
+        through = (axes.inverse @ pair).conj()  # (axis, tone, cell, 2)
+        products = pair.mT @ through  # (axis, tone, 2, 2)
+        in_columns = through[0, :, :num_rows].mT @ by_row  # (tone, 2, channel, column), the last two in one
+        found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :num_columns]
+        found = found.reshape(number, 2, num_channels, 2).swapaxes(1, 2).reshape(number, num_channels, 4)
+
+        # What of the derivatives is across the tone: a change of phase is none of frequency.
+        along = products / products[..., :1, :1]
+        across = (along[..., 1, 1] - along[..., 1, 0] * along[..., 0, 1]).real.T
+        # Fisher's scoring.
+        energies = found[:, :, :1].conj().mT @ found
+        slope = (energies[:, 0, 2:0:-1] / np.maximum(energies[:, 0, :1], _TINY) - along[..., 1, 0].T).real
+        step = slope / np.maximum(across, _TINY)
+        offset += np.minimum(np.maximum(step, -0.5), 0.5)
+    lost = np.abs(offset - start) > _FARTHEST
+    if lost.any():
+        offset = np.where(lost.any(axis=1, keepdims=True), start, offset)
     # The last step is too small to change the amplitude, whose slope is zero at the peak.
-    gain = length[:, 0] * length[:, 1]
-    return Fit(offset, matched / gain[:, None], gain**2, size)
+    gain = products[:, :, 0, 0].real.prod(axis=0)
+    return Fit(offset, found[:, :, 0] / gain[:, None], gain, across)
 
 
-def both_axes(slow: Axis, fast: Axis) -> NDArray[np.complex128]:
-    """Series of both axes and of their derivatives, (axis, degree, 2 part), zeros beyond the parts of the shorter."""
-    num_parts = max(len(slow.whitening), len(fast.whitening))
-    series = np.zeros((2, _DEGREE + 1, 2, num_parts), dtype=np.complex128)
-    for i, axis in enumerate((slow, fast)):
-        series[i, :, 0, : len(axis.whitening)] = axis.series
-        if len(axis.whitening) > 1:  # a single part has no frequency
-            series[i, :-1, 1, : len(axis.whitening)] = axis.series[1:] * np.arange(1, _DEGREE + 1)[:, None]
-    return series.reshape(2, _DEGREE + 1, 2 * num_parts)
-
-
-def tones(offset: NDArray[np.float64], series: NDArray[np.complex128]) -> tuple[Any, Any, Any, Any]:
-    """Tones at some offsets (tone, axis): of unit length, what an offset adds to them, their length, and its square.
-
-    The first two are (tone, axis, part); the second is across the first, so that a change of phase is none of
-    frequency.
-    """
-    powers = offset.T[:, :, None] ** np.arange(_DEGREE + 1)
-    values = (powers @ series).reshape(2, len(offset), 2, -1).swapaxes(0, 1)
-    tone, change = values[:, :, 0], values[:, :, 1]
-    square = np.sum(tone.real**2 + tone.imag**2, axis=2)
-    length = np.sqrt(square)
-    unit = tone / length[..., None]
-    across = change / length[..., None]
-    across -= unit * np.sum(unit.conj() * across, axis=2, keepdims=True)
-    return unit, across, length, np.sum(across.real**2 + across.imag**2, axis=2)
+def _tones(offset: NDArray[np.float64], axes: Axes) -> NDArray[np.complex128]:
+    """Tones at some offsets (tone, axis) and their derivatives, (axis, tone, 2, cell)."""
+    powers = np.empty((2, len(offset), _DEGREE + 1))
+    powers[..., 0] = 1.0
+    powers[..., 1:] = offset.T[..., None]
+    np.multiply.accumulate(powers, axis=2, out=powers)
+    values = (powers @ axes.series).view(np.complex128)
+    return values.reshape(2, len(offset), 2, -1)

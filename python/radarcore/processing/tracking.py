@@ -34,6 +34,9 @@ from radarcore.recording.recording import Recording
 _KNOWN_WITHIN = 1.0 / 3.0
 """A velocity tells in which of its periods it is when it is expected to this fraction of half a period: 3 sigma."""
 
+_LOST = np.pi**2 / 3.0
+"""Variance of an angle that may be any [rad^2]."""
+
 
 class Tracker:
     """Tracks of a stream of frames: their state, which each update takes on.
@@ -82,8 +85,8 @@ class Tracker:
         Parameters
         ----------
         detections : Detections
-            At a later time than those before. Values that are NaN are left out; those that lack one of the coordinates
-            but the velocity begin no track.
+            At a later time than those before. Values that are NaN are left out, and angles of a variance above
+            pi^2 / 3, which may be any; those that lack one of the coordinates but the velocity begin no track.
 
         Returns
         -------
@@ -102,10 +105,11 @@ class Tracker:
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
             )
         values, covariance = coordinates(detections), covariances(detections)
-        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        variance = covariance.diagonal(axis1=1, axis2=2)
         if ((variance < 0.0) | (variance == np.inf)).any():
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
+        values = _without_lost_angles(values, variance)
         self._choose_dimensions(values)
         self._predict(detections.time)
         if self.num_dimensions is None:
@@ -136,7 +140,7 @@ class Tracker:
         s, told = self.settings, values.shape[1]
 
         # The usual errors where detections do not tell theirs.
-        unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+        unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
         if unknown.any():
             usual = self._usual[:told, :told]
             covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
@@ -179,8 +183,10 @@ class Tracker:
         periods = self._periods[: measured.shape[1]]
         innovation = wrapped(measured - expected.value[:, None], periods)
         if self.settings.max_velocity is not None:
-            deviation = np.sqrt(expected.covariance[:, 1, 1] + expected.curvature[:, 1, 1])
-            innovation[deviation > _KNOWN_WITHIN * self.settings.max_velocity, :, 1] = np.nan
+            variance = expected.covariance[:, 1, 1] + expected.curvature[:, 1, 1]
+            unknown = variance > (_KNOWN_WITHIN * self.settings.max_velocity) ** 2
+            if unknown.any():
+                innovation[unknown, :, 1] = np.nan
         return innovation
 
     def _count(self, tracks: Indices) -> None:
@@ -235,18 +241,25 @@ class Tracker:
     def _states(self) -> list[TrackState]:
         """States of all tracks."""
         states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
-        columns = self._ids, np.asarray(self._missed == 0), self._confirmed, self._hits
-        rows = zip(states, covariances, *(column.tolist() for column in columns), strict=True)
-        return [
-            TrackState(number, self.time, state, covariance, is_detected, is_confirmed, hits)
-            for state, covariance, number, is_detected, is_confirmed, hits in rows
-        ]
+        columns = self._ids, self._missed == 0, self._confirmed, self._hits
+        ids, is_detected, is_confirmed, hits = (column.tolist() for column in columns)
+        return TrackState.of_rows(self.time, ids, list(states), list(covariances), is_detected, is_confirmed, hits)
 
     def _clear(self, length: int) -> None:
         """No tracks, of states of a length."""
         self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
         self._ids, self._hits, self._age, self._missed = np.zeros((4, 0), dtype=np.int64)
         self._seen, self._confirmed = np.zeros(0), np.zeros(0, dtype=bool)
+
+
+def _without_lost_angles(values: Array, variance: Array) -> Array:
+    """Coordinates of detections, without angles that are not known at all, as those at the horizon of an array."""
+    lost = variance[:, 2:] > _LOST
+    if not lost.any():
+        return values
+    values = values.copy()
+    values[:, 2:][lost] = np.nan
+    return values
 
 
 _ROWS = ("_state", "_covariance", "_ids", "_hits", "_age", "_missed", "_seen", "_confirmed")

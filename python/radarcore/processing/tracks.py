@@ -18,6 +18,9 @@ from radarcore.recording.frame import Truth
 _COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed")
 """Fields that `Track` has a row of for each `TrackState`."""
 
+_NOT_TIME = ("id", "state", "state_covariance", "is_detected", "is_confirmed", "num_hits")
+"""Fields of `TrackState` but its time."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrackState:
@@ -49,6 +52,16 @@ class TrackState:
     is_detected: bool
     is_confirmed: bool
     num_hits: int
+
+    @classmethod
+    def of_rows(cls, time: float, *columns: Sequence[Any]) -> list[TrackState]:
+        """States at one time, from a sequence of each of the other fields in their order."""
+        states = []
+        for row in zip(*columns, strict=True):
+            state = object.__new__(cls)
+            vars(state).update(zip(_NOT_TIME, row, strict=True), time=time)
+            states.append(state)
+        return states
 
     @property
     def range(self) -> float:

@@ -201,10 +201,11 @@ class Radar(Twinned):
         positions: NDArray[np.float64] = rx if self._is_sum else (tx[:, None] + rx).reshape(-1, 3)
         return positions
 
-    @property
+    @cached_property
     def channel_offsets(self) -> NDArray[np.float64]:
         """Time from ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]: of TDM, else zero."""
-        return np.zeros(self.num_channels) if self._is_sum else np.repeat(self._tx_offsets, len(self.rx))
+        offsets = np.zeros(self.num_channels) if self._is_sum else np.repeat(self._tx_offsets, len(self.rx))
+        return check.frozen(offsets)
 
     @property
     def duration(self) -> float:

@@ -1,0 +1,146 @@
+"""The command `process`: detections and tracks of recordings, as files and as a summary."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from radarcore.cli import process
+from radarcore.cli.main import main
+
+RADAR = rc.bgt60tr13c()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two points, one of which recedes."""
+    path = tmp_path_factory.mktemp("recorded") / "recording"
+    points = [rc.PointTarget([1.5, 0.3, 0.0], velocity=[0.8, 0.0, 0.0]), rc.PointTarget([4.0, 0.0, 0.5], rcs=3.0)]
+    rc.Simulator(rc.Scene(points), RADAR).record(0.0, 0.3, 40.0, path=path, progress=False)
+    return path
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_files_hold_what_detect_and_tracker_give(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["process", str(recording), "-o", str(tmp_path / "new" / "out")]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""  # no progress bar beside a terminal
+    assert "12 frames, 24 detections, 2 tracks" in printed.out
+    detections, tracks = (rows(tmp_path / "new" / "out" / name) for name in process.FILES)
+    tracker = rc.Tracker(max_velocity=RADAR.max_velocity)
+    expected_tracks = []
+    k = 0
+    for index, frame in enumerate(rc.Recording.load(recording).frames()):
+        found = rc.detect(frame)
+        for j in range(len(found)):
+            row = detections[k]
+            assert int(row["frame"]) == index
+            for name in ("range", "velocity", "snr_db"):
+                assert float(row[name]) == pytest.approx(getattr(found, name)[j], rel=1e-5, abs=1e-9)
+            assert np.deg2rad(float(row["azimuth_deg"])) == pytest.approx(found.azimuth[j], rel=1e-5)
+            k += 1
+        expected_tracks += [(index, state.id, state.range) for state in tracker.update(found) if state.is_confirmed]
+    assert k == len(detections) == 24
+    assert [(int(r["frame"]), int(r["track"])) for r in tracks] == [(index, i) for index, i, _ in expected_tracks]
+    np.testing.assert_allclose([float(r["range"]) for r in tracks], [r for *_, r in expected_tracks], rtol=1e-5)
+
+
+def test_summary_is_json_for_machines(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["process", str(recording), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["detections"]) == (12, 24)
+    near, far = summary["tracks"]
+    assert (near["last_frame"], near["hits"]) == (11, 12)
+    assert near["farthest"] == pytest.approx(np.hypot(1.5 + 0.8 * 0.285, 0.3), abs=0.02)
+    assert far["nearest"] == pytest.approx(far["farthest"], abs=0.02)
+    assert summary["seconds"] > 0.0
+
+
+def test_options_choose_what_is_detected(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def number(*options: str) -> int:
+        assert main(["process", str(recording), "--json", *options]) == 0
+        return int(json.loads(capsys.readouterr().out)["detections"])
+
+    assert number("--max-range", "3") == number("--remove-static") == number("--min-range", "3") == 12
+    assert number("--method", "os") == 24
+    assert number("--false-alarm-rate", "1e-3") > 24
+
+
+def test_bare_samples_are_processed_with_the_radar_of_a_file(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
+    assert main(["process", str(tmp_path / "bare.npy"), "--config", str(recording / "meta.json"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["detections"] == 24
+
+
+@pytest.mark.parametrize(
+    "waveform", [{"num_chirps": 1}, {"chirp_times": 400e-6 * np.arange(8) ** 1.1, "num_chirps": 8}]
+)
+def test_radars_without_velocities_are_processed_too(tmp_path: Path, waveform: dict[str, Any]) -> None:
+    radar = rc.bgt60tr13c(**waveform)
+    scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], rcs=100.0)])
+    rc.Simulator(scene, radar).record(0.0, 0.2, 40.0, path=tmp_path / "rec", progress=False)
+    assert main(["process", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
+    detections, tracks = (rows(tmp_path / "out" / name) for name in process.FILES)
+    assert {row["velocity"] for row in detections} == {""}
+    assert {row["track"] for row in tracks} == {"0"}
+
+
+def test_results_are_replaced_only_when_told_to(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "detections.csv").write_text("mine\n")
+    assert main(["process", str(recording), "-o", str(tmp_path)]) == 1
+    message = capsys.readouterr().err
+    assert "detections.csv: expected no such file, got results; --overwrite replaces them" in message
+    assert (tmp_path / "detections.csv").read_text() == "mine\n"
+    assert main(["process", str(recording), "-o", str(tmp_path), "--overwrite"]) == 0
+    assert len(rows(tmp_path / "detections.csv")) == 24
+
+
+def test_interrupt_leaves_the_frames_before_it(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frames = iter(range(5))
+
+    def interrupted(frame: rc.Frame, **options: Any) -> rc.Detections:
+        if next(frames, None) is None:
+            raise KeyboardInterrupt
+        return rc.detect(frame, **options)
+
+    monkeypatch.setattr(process, "detect", interrupted)
+    assert main(["process", str(recording), "-o", str(tmp_path)]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert {row["frame"] for row in rows(tmp_path / "detections.csv")} == set("01234")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none"], "none: no such recording"),
+        (["RECORDING", "--false-alarm-rate", "2"], "false_alarm_rate: expected a probability below 1, got 2.0"),
+        (["RECORDING", "--max-range", "-1"], "max_range: expected"),
+        (["RECORDING", "--config", "radar.x"], "radar.x: expected a scene file (.toml) or the meta.json"),
+    ],
+)
+def test_faults_are_one_line(
+    recording: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    words = [str(recording) if word == "RECORDING" else word for word in arguments]
+    assert main(["process", *words]) == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
