@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,7 +113,8 @@ class Radar(Twinned):
             ("schedule", schedule, Schedule | None),
         ):
             if not isinstance(value, kind):
-                raise TypeError(f"{name}: expected {getattr(kind, '__name__', kind)}, got {type(value).__name__}")
+                expected = " or ".join(each.__name__ for each in get_args(kind))
+                raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
         put = object.__setattr__
         put(self, "waveform", waveform)
         put(self, "tx", _positions("tx", tx))
