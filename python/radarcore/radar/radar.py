@@ -127,7 +127,7 @@ class Radar(Twinned):
         put(self, "polarization", _polarization(polarization))
         if receiver is not None:
             receiver.check_receivers(len(self.rx))
-            if waveform.slope == 0.0 and receiver.high_pass is not None:
+            if receiver.high_pass is not None and any(each.slope == 0.0 for each in (waveform, *more_waveforms)):
                 raise ValueError(
                     "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
                 )
