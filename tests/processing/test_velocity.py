@@ -126,6 +126,10 @@ def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
     assert abs(found.range - (RANGE + VELOCITY * middle)) <= 1e-5
     other = rc.up_down_velocity(*frame.sequences()[::-1])
     assert other.velocity == pytest.approx(found.velocity, abs=1e-6)
+    cubes = rc.up_down_velocity(*(part.cube for part in frame.sequences()), *radar.sequences())
+    assert (cubes.range, cubes.velocity) == (found.range, found.velocity)
+    bound = rc.up_down_bound(up, down, found.snr_db, num_channels=radar.num_channels)  # type: ignore[arg-type]
+    assert found.velocity_std == pytest.approx(float(bound.velocity))
     recording = rc.Recording.from_frames([frame, rc.Frame(frame.cube, 1.0, radar, frame.truth)])
     both = rc.up_down_velocity(*recording.sequences())
     np.testing.assert_allclose(both.velocity, found.velocity, atol=1e-6)

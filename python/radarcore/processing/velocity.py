@@ -133,7 +133,8 @@ def up_down_velocity(
 
     Range and Doppler shift the beat frequencies of opposite slopes in opposite and in equal directions:
     ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. What the target moves in between is taken into
-    account. No Doppler ambiguity. With several targets their beat frequencies may be paired wrongly: limit the range.
+    account. No Doppler ambiguity. A frame of two sub-sequences is a pair: ``up_down_velocity(*frame.sequences())``, see
+    `Waveform.alternating`. With several targets their beat frequencies may be paired wrongly: limit the range.
 
     Parameters
     ----------
@@ -143,8 +144,8 @@ def up_down_velocity(
     up_waveform, down_waveform : Waveform or Radar, optional
         Of cubes; frames and recordings have their own.
     down_delay : float, optional
-        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times, or
-        ``up_waveform.frame_interval`` for cubes.
+        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times; for cubes
+        ``up_waveform.frame_interval``, or 0 where the first chirps come at different times, as those of sub-sequences.
     min_range, max_range : float, optional
         Limits of the search [m], each for the range that a chirp alone tells: ``velocity * f / abs(slope)`` too far for
         an up-chirp and too near for a down-chirp.
