@@ -238,3 +238,15 @@ def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_th
     again = source.frame(part, 1, part.waveform.frame_interval, if_gain_db=40.0)
     assert again.shape == found.shape
     assert (again != found).any()
+
+
+def test_virtual_sensor_leaves_out_what_is_switched_off() -> None:
+    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
+    radar = power_up(num_chirps=4)
+    full = measured(40).receiver
+    assert full is not None
+    off = {"leakage": None, "phase_noise": None, "kick_db": None, "rx_phase_deg": None}
+    own = replace(measured(), receiver=replace(measured().receiver, **off, adc_odd_width=0.26))
+    found = Simulated(rc.Simulator(scene, own, resolution=8)).frame(radar, 0, 0.0, if_gain_db=40.0)
+    expected = replace(radar, receiver=replace(full, **off, adc_odd_width=0.26))
+    np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))
