@@ -86,6 +86,9 @@ def _parser() -> argparse.ArgumentParser:
         help="%(choices)s (default: %(default)s); the last four need a scene file",
     )
     plot.add_argument("--frame", type=int, metavar="N", help="index of the frame (default: the middle one)")
+    plot.add_argument(
+        "--sequence", type=int, default=0, metavar="N", help="index of the sub-sequence, of several (default: 0)"
+    )
     plot.add_argument("--channel", type=int, metavar="N", help="one channel (default: the powers of all, added)")
     plot.add_argument("--max-range", type=float, metavar="M", help="end of the range axis, or of the range gate [m]")
     plot.add_argument("--max-velocity", type=float, metavar="V", help="end of the velocity axis to either side [m/s]")
@@ -167,7 +170,15 @@ def _plot(options: argparse.Namespace) -> int:
     from radarcore.cli import plot as draw
 
     view = {name: getattr(options, name) for name in ("channel", "max_range", "max_velocity", "remove_static")}
-    draw.draw(options.source, options.output, kind=options.kind, frame=options.frame, config=options.config, **view)
+    draw.draw(
+        options.source,
+        options.output,
+        kind=options.kind,
+        frame=options.frame,
+        sequence=options.sequence,
+        config=options.config,
+        **view,
+    )
     print(options.output)
     return 0
 

@@ -207,6 +207,7 @@ def _from_clutter(
     # Where every channel is at the middle of its chirps.
     positions = radar.virtual_array + 2.0 * radar.channel_offsets[:, None] * velocity
     along = positions @ directions.T  # (channel, direction)
+    phases = np.exp(1j * radar.channel_phases)[:, None, None]
     rates = -(directions @ velocity) - band.centre
     frequency = _frequencies(radar.waveform)
     kept = np.empty_like(projected)
@@ -215,7 +216,8 @@ def _from_clutter(
         part = slice(first, min(first + step, num_samples))
         wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
         over_time = band.polynomials.T @ np.exp(2j * wavenumber * np.outer(band.time, rates))  # (degree, direction)
-        steering = (np.exp(-1j * wavenumber * along)[:, None] * over_time).reshape(num_channels * num_degrees, -1)
+        of_channels = phases * np.exp(-1j * wavenumber * along)[:, None]
+        steering = (of_channels * over_time).reshape(num_channels * num_degrees, -1)
         power, vectors = np.linalg.eigh(steering @ steering.conj().T)  # increasing
         left = np.cumsum(power.clip(0.0))
         basis = vectors[:, int(np.count_nonzero(left <= residual * left[-1])) :]
