@@ -99,6 +99,20 @@ def test_radars_without_velocities_are_processed_too(tmp_path: Path, waveform: d
     assert {row["track"] for row in tracks} == {"0"}
 
 
+def test_sub_sequences_are_processed_one_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    up, down = RADAR.waveform.replace(num_chirps=32, chirp_interval=600e-6).alternating()
+    radar = rc.Radar([up, down], receiver=RADAR.receiver)
+    scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], rcs=10.0)])
+    rc.Simulator(scene, radar, field_of_view_deg=(60.0, 60.0)).record(
+        0.0, 0.1, 40.0, path=tmp_path / "rec", progress=False
+    )
+    for sequence in ("0", "1"):
+        assert main(["process", str(tmp_path / "rec"), "--json", "--sequence", sequence]) == 0
+        assert json.loads(capsys.readouterr().out)["detections"] == 4
+    assert main(["process", str(tmp_path / "rec"), "--sequence", "2"]) == 1
+    assert "sequence: expected an index below 2, got 2" in capsys.readouterr().err
+
+
 def test_results_are_replaced_only_when_told_to(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -113,6 +113,9 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--overwrite", action="store_true", help="replace the results that are there")
     source.add_config(process)
     process.add_argument(
+        "--sequence", type=int, default=0, metavar="N", help="sub-sequence of radars with several (default: the first)"
+    )
+    process.add_argument(
         "--false-alarm-rate", type=float, metavar="P", help="detections per cell of noise (default: 1e-6)"
     )
     process.add_argument("--method", choices=("ca", "os"), help="cell averaging or ordered statistic (default: ca)")

@@ -7,7 +7,7 @@ import csv
 import errno
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from radarcore import notice
+from radarcore import check, notice
 from radarcore.cli.source import open_recording
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     began = time.perf_counter()
     with ExitStack() as files:
         write = _writers(options.output, options.overwrite, files) if options.output is not None else None
-        for index, found, states in _processed(reader, chosen):
+        for index, found, states in _processed(reader, options.sequence, chosen):
             num_detections += len(found)
             believed = [state for state in states if state.is_confirmed]
             for state in believed:
@@ -94,14 +94,17 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _processed(reader: RecordingReader, options: dict[str, Any]) -> Iterator[tuple[int, Detections, list[TrackState]]]:
+def _processed(
+    reader: RecordingReader, sequence: int, options: dict[str, Any]
+) -> Iterator[tuple[int, Detections, Sequence[TrackState]]]:
     """Index, detections and tracks of frame after frame, with a bar of the progress."""
-    wf = reader.radar.waveform
-    has_period = wf.num_chirps > 1 and wf.has_uniform_chirps
-    tracker = Tracker(max_velocity=reader.radar.max_velocity if has_period else None)
+    radars = reader.radar.sequences()
+    radar = radars[check.index("sequence", sequence, len(radars))]
+    has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
+    tracker = Tracker(max_velocity=radar.max_velocity if has_period else None)
     with notice.progress(reader, "processing", "frame", total=len(reader)) as frames:
         for index, frame in enumerate(frames):
-            found = detect(frame, **options)
+            found = detect(frame.sequences()[sequence] if len(radars) > 1 else frame, **options)
             yield index, found, tracker.update(found)
 
 
