@@ -79,6 +79,18 @@ def test_parts_of_a_thing_share_a_name_and_a_colour_and_tracks_of_one_colour_hav
     assert len({(line.get_color(), line.get_marker()) for line in dots}) == 8
 
 
+def test_many_tracks_of_one_thing_share_an_entry_of_the_legend() -> None:
+    rec = recording()
+    assert rec.truth is not None
+    parts = replace(rec, truth=replace(rec.truth, names=("person/trunk", "person/head")))
+    (one,) = tracks()
+    many = Tracks(MIDDLES, tuple(replace(one, id=number) for number in range(9)))
+    ax: Any = plot.tracks(parts, many)
+    truth, person = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert truth == "truth"
+    assert person.startswith("person, 9 tracks: median ")
+
+
 def test_tracks_without_truth_or_of_other_frames_have_numbers_alone() -> None:
     ax: Any = plot.tracks(recording(truth=False), tracks(), quantity="velocity")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["track 3"]

@@ -14,11 +14,14 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.time_frequency import range_time as power_of_ranges
 from radarcore.processing.time_frequency import spectrogram as power_of_velocities
-from radarcore.processing.tracks import Tracks, assign_to_truth
+from radarcore.processing.tracks import Track, Tracks, assign_to_truth
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_MOST_APART = 8
+"""Tracks that are told apart by their colours."""
 
 QUANTITIES = {"range": ("Range [m]", "range_resolution"), "velocity": ("Velocity [m/s]", "velocity_resolution")}
 """Quantities that `tracks` draws: label, and the attribute of `Waveform` that is one bin."""
@@ -217,17 +220,31 @@ def _draw_tracks(
     ]
     if lines:
         lines[0].set_label("truth")
-    palette = canvas.color_cycle([f"track {one.id}" for one in found], colors)
-    for count, one in enumerate(found):
+    # A few tracks have a colour and an entry of the legend each; of many, all that follow one thing share them.
+    groups: dict[str, list[Track]] = {}
+    for one in found:
+        body = bodies.get(one.id)
+        shares = len(found) > _MOST_APART and body is not None
+        groups.setdefault(canvas.thing(body) if shares and body is not None else f"track {one.id}", []).append(one)
+    palette = canvas.color_cycle(groups, colors)
+    for count, (name, members) in enumerate(groups.items()):
         marker = _MARKERS[count // len(canvas.COLORS) % len(_MARKERS)]
-        name, body, values = f"track {one.id}", bodies.get(one.id), getattr(one, quantity)
-        text = name if body is None else f"{name}: {_plain(body)}"
-        if body in truth:
-            text += _error_text(_errors(one.time, values, truth_time, truth[body]) / width)
-        seen = one.is_detected
         size = 4.5 if marker == "." else 3.0
-        ax.plot(one.time[seen], values[seen], marker, color=palette[name], label=text, markersize=size)
-        ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
+        followed = {body for one in members if (body := bodies.get(one.id)) is not None}
+        text = f"{_plain(name)}, {len(members)} tracks" if len(members) > 1 else _plain(name)
+        if len(members) == 1 and followed and not followed <= {name}:
+            text = f"{text}: {_plain(*followed)}"
+        errors = [
+            _errors(one.time, getattr(one, quantity), truth_time, truth[body]) / width
+            for one in members
+            if (body := bodies.get(one.id)) in truth
+        ]
+        text += _error_text(np.concatenate([np.empty(0), *errors]))
+        for one in members:
+            values, seen = getattr(one, quantity), one.is_detected
+            ax.plot(one.time[seen], values[seen], marker, color=palette[name], label=text, markersize=size)
+            ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
+            text = ""  # one entry per group
     _finished(ax, recording, label)
 
     # Names of the true lines where they are, those of a thing once.
