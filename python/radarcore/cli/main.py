@@ -121,7 +121,8 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--method", choices=("ca", "os"), help="cell averaging or ordered statistic (default: ca)")
     process.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
     process.add_argument("--max-range", type=float, metavar="M", help="farthest range of detections [m]")
-    process.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
+    process.add_argument("--remove-static", action="store_true", help="leave out what stands still throughout")
+    process.add_argument("--range-only", action="store_true", help="track ranges and velocities, without angles")
     process.add_argument("--json", action="store_true", help="print the summary as JSON")
     process.set_defaults(run=_process)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from radarcore import check, plot
-from radarcore.cli.source import load_recording
+from radarcore.cli.source import load_recording, moving
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
 from radarcore.recording.frame import Frame
@@ -54,7 +54,7 @@ VIEWS = {
     "chirp": ("channel",),
     "range-profile": ("channel", "max_range"),
     "map": ("channel", "max_range", "max_velocity"),
-    "detections": ("max_range", "max_velocity", "remove_static"),
+    "detections": ("max_range", "max_velocity"),
     "range-angle": ("max_range",),
     "range-time": ("channel", "max_range", "remove_static"),
     "spectrogram": ("channel", "max_range", "max_velocity", "remove_static"),
@@ -163,15 +163,14 @@ def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _detections(
-    frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None, remove_static: bool = False
-) -> Axes:
+def _detections(frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None) -> Axes:
     """The range-velocity map with what is detected in it."""
-    found = detect(frame, max_range=max_range, remove_static=remove_static)
+    found = detect(frame, max_range=max_range)
     return plot.range_doppler_map(frame, detections=found, max_range=max_range, max_velocity=max_velocity)
 
 
 def _tracks(recording: Recording, *, max_range: float | None = None, remove_static: bool = False) -> Axes:
-    """Tracks over time, and the true ranges of all bodies where they are known."""
-    found = track(recording, detector=partial(detect, max_range=max_range, remove_static=remove_static))
+    """Tracks in range over time, and the true ranges of all bodies where they are known."""
+    frames = moving(recording) if remove_static else recording.frames()
+    found = track(frames, detector=partial(detect, max_range=max_range), num_dimensions=1)
     return plot.tracks(recording, found)
