@@ -52,7 +52,9 @@ def is_on_person(recording: rc.Recording) -> NDArray[np.bool_]:
     segments = recording.truth.select([name for name in recording.truth.names if name.startswith("person/")])
     found = np.zeros(len(recording), dtype=bool)
     for k, frame in enumerate(recording.frames()):
-        peak = rc.strongest_peak(frame.cube, recording.radar.waveform)
+        peak = rc.strongest_peak(frame)
+        if peak is None:
+            continue
         near = np.abs(segments.range[k] - peak.range) <= RANGE_MARGIN
         found[k] = (near & (np.abs(segments.velocity[k] - peak.velocity) <= VELOCITY_MARGIN)).any()
     return found

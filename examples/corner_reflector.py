@@ -36,5 +36,8 @@ if __name__ == "__main__":
     noise = np.median(profile)
     for name, distance in zip(frame.truth.names, frame.truth.range, strict=True):
         peak = rc.strongest_peak(frame, min_range=distance - 0.3, max_range=distance + 0.3)
+        if peak is None:
+            print(f"{name}: nothing above the noise, truth {distance:.3f} m")
+            continue
         level = profile[round(peak.range / waveform.range_resolution)]
         print(f"{name}: {peak.range:.3f} m, truth {distance:.3f} m; {20 * np.log10(level / noise):.0f} dB above noise")

@@ -7,7 +7,7 @@ import numpy as np
 import radarcore as rc
 
 waveform = rc.Waveform(
-    start_frequency=76.5e9, slope=30e12, sample_rate=4e6, num_samples=128, num_chirps=32, chirp_interval=60e-6
+    start_frequency=76.5e9, slope=30e12, sample_rate=4e6, num_samples=128, num_chirps=32, chirp_interval=120e-6
 )
 half = 0.5 * waveform.wavelength
 radar = rc.Radar(
@@ -17,6 +17,7 @@ radar = rc.Radar(
     pattern=rc.GaussianPattern(8.0, beamwidth_azimuth_deg=90.0, beamwidth_elevation_deg=30.0),
     tx_power_dbm=12.0,
     receiver=rc.Receiver(noise_figure_db=12.0),
+    schedule=rc.Schedule.tdm(),
 )
 
 # The beam of 12 channels is 8.5 degrees wide: the pair is closer, the single target is far from both.

@@ -31,4 +31,5 @@ if __name__ == "__main__":
     recording = simulator.record(0.0, 1.0, rate=20.0)
     for frame in recording.frames():
         peak = rc.strongest_peak(frame)
-        print(f"{frame.time:.2f} s: strongest echo at {peak.range:.2f} m, {peak.velocity:+.2f} m/s")
+        found = "nothing" if peak is None else f"at {peak.range:.2f} m, {peak.velocity:+.2f} m/s"
+        print(f"{frame.time:.2f} s: strongest echo {found}")

@@ -33,4 +33,5 @@ if __name__ == "__main__":
     truth = recording.truth.select(["cylinder"])
     for frame, distance in zip(recording.frames(), truth.range[:, 0], strict=True):
         peak = rc.strongest_peak(frame, min_range=distance - 0.2, max_range=distance + 0.2)
-        print(f"{frame.time:.2f} s: {peak.range:.3f} m, {peak.velocity:+.2f} m/s; truth {distance:.3f} m")
+        found = "nothing" if peak is None else f"{peak.range:.3f} m, {peak.velocity:+.2f} m/s"
+        print(f"{frame.time:.2f} s: {found}; truth {distance:.3f} m")

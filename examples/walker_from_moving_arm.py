@@ -39,6 +39,11 @@ def sensor_velocity(time: float) -> np.ndarray:
     return motion.at(time).rotation.T @ motion.rate_at(time)[:, 3]
 
 
+def text(peak: rc.Peak | None) -> str:
+    """Range and velocity of an echo."""
+    return "     nothing     " if peak is None else f"{peak.range:5.2f} m {peak.velocity:+.2f} m/s"
+
+
 if __name__ == "__main__":
     middle = 0.5 * radar.waveform.duration
     recording = simulator.record(0.0, 2.0, rate=10.0)
@@ -46,9 +51,8 @@ if __name__ == "__main__":
     truth = recording.truth.select(["person/trunk"])
     print("            strongest peak            without what stands still     trunk of the person")
     for k, time in enumerate(recording.time):
-        raw, walker = (rc.strongest_peak(cube[k], radar.waveform) for cube in (recording.cube, filtered.cube))
+        raw, walker = (text(rc.strongest_peak(one[k])) for one in (recording, filtered))
         print(
-            f"{time:.2f} s      {raw.range:5.2f} m {raw.velocity:+.2f} m/s         "
-            f"{walker.range:5.2f} m {walker.velocity:+.2f} m/s             "
+            f"{time:.2f} s      {raw}         {walker}             "
             f"{truth.range[k, 0]:5.2f} m {truth.velocity[k, 0]:+.2f} m/s"
         )

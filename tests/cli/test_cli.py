@@ -172,6 +172,21 @@ def test_every_picture_of_a_recording(recording: Path, tmp_path: Path, kind: str
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("kind", [kind for kind in plot.KINDS if kind not in ("depth", "reflectance", "above")])
+def test_every_picture_of_sub_sequences(tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    scene, picture = tmp_path / "scene.toml", tmp_path / "picture.png"
+    radar = 'preset = "bgt60tr24"\nnum_chirps = 8\nalternating = true\nschedule = { kind = "tdm" }\nslope = 20e12\n'
+    scene.write_text(SCENE.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar))
+    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind, "--sequence", "1"]) == 0
+    if kind != "experiment":
+        assert main(["simulate", str(scene), "-o", str(tmp_path / "recording")]) == 0
+        assert main(["plot", str(tmp_path / "recording"), "-o", str(picture), "--kind", kind]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind, "--sequence", "2"]) == 1
+    assert "sequence: expected an index below 2, got 2" in capsys.readouterr().err
+
+
 def test_help_names_every_picture() -> None:
     text = " ".join(run("plot", "--help").stdout.split())
     assert all(kind in text for kind in plot.KINDS)

@@ -44,8 +44,10 @@ def test_map_is_brightest_where_the_targets_are_with_left_on_the_left(frame: rc.
     corners = drawn.get_coordinates()
     centres = 0.25 * (corners[1:, 1:] + corners[:-1, 1:] + corners[1:, :-1] + corners[:-1, :-1])
     level = drawn.get_array().reshape(centres.shape[:2])
-    assert level.max() == pytest.approx(0.0)
-    assert level.min() >= -40.0
+    low, high = drawn.get_clim()
+    assert (low, high) == ((-40.0, 0.0) if method == "music" else (0.0, 30.0))  # echoes of 20 dB over the noise
+    assert low <= level.min()
+    assert 20.0 <= level.max() - low <= 40.0
     for target in TARGETS:
         x, y, _ = target.position
         near = np.hypot(centres[..., 0] - y, centres[..., 1] - x) < 1.0
@@ -62,8 +64,30 @@ def test_map_is_brightest_where_the_targets_are_with_left_on_the_left(frame: rc.
     np.testing.assert_allclose(crosses, [(2.5, 5.0), (-3.0, 7.0)], atol=1e-9)
     assert {text.get_text() for text in ax.texts} == {"left", "right"}
     words = "Pseudo-spectrum" if method == "music" else "Power"
-    assert ax.child_axes[0].get_ylabel() == f"{words} [dB re maximum, floor −40]"
+    scale = "re maximum, floor −40" if method == "music" else "over noise"
+    assert ax.child_axes[0].get_ylabel() == f"{words} [dB {scale}]"
+    assert ax.get_title() == f"{words} in front at 0.000 s"
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("y [m], to the left", "x [m], forward")
+
+
+@pytest.mark.parametrize("method", ["bartlett", "fft", "capon"])
+def test_map_of_noise_alone_is_dark(method: str) -> None:
+    noisy = rc.Radar(WAVEFORM, tx=RADAR.tx, rx=RADAR.rx, receiver=rc.Receiver(noise_figure_db=12.0))
+    rng = np.random.default_rng(3)
+    parts = rng.standard_normal((2, 12, 4, 64)) * np.sqrt(0.5 * noisy.receiver.noise_variance(4e6))  # type: ignore[union-attr]
+    ax: Any = plot.range_angle_map(rc.Frame(parts[0] + 1j * parts[1], 0.0, noisy), method=method)
+    drawn = ax.collections[0]
+    assert drawn.get_clim() == (0.0, 30.0)
+    # A mean over 4 chirps is above 9 dB, eight times its own mean, with a probability of e^-31.8 (31.8^3 / 6 + ...),
+    # 1e-10. Capon's beam of so few chirps has less.
+    assert drawn.get_array().max() < 9.0
+
+
+def test_map_ends_a_little_beyond_the_last_echo(frame: rc.Frame) -> None:
+    ax: Any = plot.range_angle_map(frame)
+    farthest = np.hypot(*TARGETS[1].position[:2])
+    assert farthest < ax.get_ylim()[1] < farthest + max(0.3 * farthest, 14.0 * WAVEFORM.range_resolution)
+    assert ax.get_ylim()[1] < 0.6 * 2.0 * WAVEFORM.max_range  # I/Q samples
 
 
 def test_map_of_silence_lies_on_the_floor_and_goes_without_truth() -> None:

@@ -193,6 +193,8 @@ def test_map_of_known_noise_is_in_decibels_over_it_and_noise_alone_is_dark() -> 
     assert lone.images[0].get_array().max() == pytest.approx(expected, abs=0.1)
     profile: Any = plot.range_profile(Frame(noise, 0.0, radar))
     assert profile.get_ylabel() == "Power [dB over noise]"
+    assert profile.get_ylim() == (-10.0, 33.0)
+    assert np.mean(profile.get_lines()[0].get_ydata() < 0.0) > 0.3  # noise goes above its mean and below
     assert np.mean(10.0 ** (profile.get_lines()[0].get_ydata() / 10.0)) == pytest.approx(1.0, abs=0.3)
 
 

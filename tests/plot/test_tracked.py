@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,15 +51,44 @@ def lines(ax: Any) -> dict[str, Any]:
 def test_tracks_are_named_for_their_bodies_with_errors_in_bins() -> None:
     ax: Any = plot.tracks(recording(), tracks())
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "wall",
+        "truth",
         "track 3: cart: median 0.50, max 0.50 bins",
     ]
+    assert {text.get_text() for text in ax.texts} == {"wall", "cart"}
     dots = lines(ax)["track 3: cart: median 0.50, max 0.50 bins"]
     assert len(dots.get_xdata()) == NUMBER - 3
     (predicted,) = (line for line in ax.lines if line.get_marker() == "o")
     np.testing.assert_allclose(predicted.get_xdata(), MIDDLES[5:8])
     assert predicted.get_fillstyle() == "none"
     assert predicted.get_color() == dots.get_color()
+
+
+def test_parts_of_a_thing_share_a_name_and_a_colour_and_tracks_of_one_colour_have_other_markers() -> None:
+    rec = recording()
+    assert rec.truth is not None
+    parts = replace(rec, truth=replace(rec.truth, names=("person/trunk", "person/head")))
+    ax: Any = plot.tracks(parts, {})
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["person"]
+    assert len(ax.lines) == 2
+    assert len({line.get_color() for line in ax.lines}) == 1
+    (one,) = tracks()
+    many = Tracks(MIDDLES, tuple(replace(one, id=number) for number in range(8)))
+    crowded: Any = plot.tracks(parts, many)
+    assert [text.get_text() for text in crowded.texts] == ["person"]
+    dots = [line for line in crowded.lines if line.get_linestyle() == "None" and line.get_marker() != "o"]
+    assert len({(line.get_color(), line.get_marker()) for line in dots}) == 8
+
+
+def test_many_tracks_of_one_thing_share_an_entry_of_the_legend() -> None:
+    rec = recording()
+    assert rec.truth is not None
+    parts = replace(rec, truth=replace(rec.truth, names=("person/trunk", "person/head")))
+    (one,) = tracks()
+    many = Tracks(MIDDLES, tuple(replace(one, id=number) for number in range(9)))
+    ax: Any = plot.tracks(parts, many)
+    truth, person = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert truth == "truth"
+    assert person.startswith("person, 9 tracks: median ")
 
 
 def test_tracks_without_truth_or_of_other_frames_have_numbers_alone() -> None:

@@ -24,14 +24,6 @@ GAIN = WAVEFORM.num_samples / 1.5
 """Power of a tone over that of noise, added by the range transform with a Hann window (mean square over mean)."""
 
 
-class Multiplexed(rc.Radar):
-    """A radar whose transmitters take turns, one chirp each."""
-
-    @property
-    def channel_offsets(self) -> NDArray[np.float64]:
-        return np.repeat(20e-6 * np.arange(len(self.tx)), len(self.rx))
-
-
 def row(number: int, spacing: float = 0.5, axis: int = 1) -> NDArray[np.float64]:
     """Positions along an axis; spacing in wavelengths."""
     return WAVELENGTH * spacing * np.arange(number)[:, None] * np.eye(3)[axis]
@@ -40,7 +32,7 @@ def row(number: int, spacing: float = 0.5, axis: int = 1) -> NDArray[np.float64]
 EIGHT = rc.Radar(WAVEFORM, rx=row(8))
 UNEVEN = rc.Radar(WAVEFORM, rx=row(8) * np.array([1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0])[:, None])
 PLANE = rc.Radar(WAVEFORM, tx=row(4, axis=2), rx=row(5))
-TURNS = Multiplexed(WAVEFORM, tx=row(3, 2.0), rx=row(4))
+TURNS = rc.Radar(WAVEFORM, tx=row(3, 2.0), rx=row(4), schedule=rc.Schedule.tdm())  # a turn every 20 us
 
 
 def unit(azimuth: Any, elevation: Any = 0.0) -> NDArray[np.float64]:
@@ -137,9 +129,15 @@ def test_uneven_arrays_part_sources_of_different_velocity() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_moving_target_of_a_multiplexed_array_is_within_a_degree_and_wrong_without_compensation(method: str) -> None:
-    samples = cube(TURNS, [20.0], velocity=8.0, snr_db=20.0)
+    ahead = unit(np.deg2rad(20.0))
+    target = rc.PointTarget(BIN * WAVEFORM.range_axis()[1] * ahead, rcs=1.0, velocity=8.0 * ahead)
+    radar = rc.Radar(
+        WAVEFORM, tx=TURNS.tx, rx=TURNS.rx, schedule=TURNS.schedule, receiver=rc.Receiver(noise_figure_db=12.0)
+    )
+    frame = rc.Simulator(rc.Scene([target]), radar, field_of_view_deg=(90.0, 20.0)).frame()
     without = rc.Radar(WAVEFORM, tx=TURNS.tx, rx=TURNS.rx)
-    right, wrong = (rc.range_angle(samples, radar, method=method, azimuth=FINE)[BIN] for radar in (TURNS, without))
+    right = rc.range_angle(frame, method=method, azimuth=FINE)[BIN]
+    wrong = rc.range_angle(frame.cube, without, method=method, azimuth=FINE)[BIN]
     assert abs(peaks(right, 1)[0] - 20.0) < 1.0
     # 2 pi 2 v dt / wavelength = 0.51 rad per two wavelengths: 0.51 / (4 pi) = 0.041 in the sine, 2.5 degrees.
     assert 1.5 < abs(peaks(wrong, 1)[0] - 20.0) < 4.0

@@ -22,14 +22,6 @@ EXACT = 1e-6
 of 4e7 turns are rounded to 1e-8."""
 
 
-class Multiplexed(rc.Radar):
-    """A radar whose transmitters take turns, one chirp each."""
-
-    @property
-    def channel_offsets(self) -> NDArray[np.float64]:
-        return np.repeat(20e-6 * np.arange(len(self.tx)), len(self.rx))
-
-
 def row(number: int, spacing: float, axis: int = 1) -> NDArray[np.float64]:
     """Positions along an axis; spacing in wavelengths."""
     return WAVELENGTH * spacing * np.arange(number)[:, None] * np.eye(3)[axis]
@@ -126,7 +118,7 @@ def test_target_beyond_the_horizon_of_a_dense_array_is_put_at_the_horizon() -> N
 
 
 def test_movement_between_the_turns_of_transmitters_is_taken_off() -> None:
-    radar = Multiplexed(WAVEFORM, tx=row(3, 2.0), rx=row(4, 0.5))
+    radar = rc.Radar(WAVEFORM, tx=row(3, 2.0), rx=row(4, 0.5), schedule=rc.Schedule.tdm(interval=20e-6))
     azimuth = np.deg2rad([-40.0, 0.0, 25.0])
     snapshots = echoes(radar, azimuth, 0.0, velocity=8.0)
     np.testing.assert_allclose(rc.directions(snapshots, radar, velocity=np.full(3, 8.0)).azimuth, azimuth, atol=EXACT)

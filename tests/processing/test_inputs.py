@@ -37,3 +37,40 @@ def test_missing_and_superfluous_radars_are_refused_by_name(transform: Callable[
         transform(FRAME, WAVEFORM)
     with pytest.raises(TypeError, match=r"waveform: expected Waveform or Radar .*, got dict"):
         transform(CUBE, {})
+
+
+def multiplexed() -> rc.Recording:
+    """Two transmitters at once with a Doppler code."""
+    tx = [[0.0, 0.0, 0.0], [0.0, 5e-3, 0.0]]
+    radar = rc.Radar(WAVEFORM, tx=tx, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]], schedule=rc.Schedule.ddm())
+    return rc.Recording(CUBE, np.arange(3.0), radar)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [rc.detect, rc.strongest_peak, rc.doppler_velocity, lambda frame, *_: rc.remove_static(frame, [0.0, 0.0, 0.0])],
+)
+def test_echoes_at_a_velocity_per_transmitter_are_refused(function: Callable[..., Any]) -> None:
+    recording = multiplexed()
+    with pytest.raises(ValueError, match=r"radar: expected transmitters apart, got a schedule of kind 'ddm'"):
+        function(recording[0])
+
+
+@pytest.mark.parametrize(("function", "name"), [(rc.detect, "frame"), (rc.strongest_peak, "cube")])
+def test_recordings_are_refused_in_words_where_one_frame_is_wanted(function: Callable[..., Any], name: str) -> None:
+    with pytest.raises(TypeError, match=rf"{name}: expected a Frame .*, got a Recording; take its frames one by one"):
+        function(RECORDING)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        *(rc.range_time, rc.spectrogram, rc.range_profile, rc.range_angle, rc.chirp_rate_velocity),
+        *(rc.range_migration_velocity, lambda recording: rc.remove_static(recording, [0.1, 0.0, 0.0])),
+        lambda recording: rc.track(recording),
+    ],
+)
+def test_recordings_of_several_waveforms_are_refused(function: Callable[..., Any]) -> None:
+    radar = rc.Radar(WAVEFORM.alternating(), rx=RADAR.rx)
+    with pytest.raises(ValueError, match="radar: expected one waveform, got 2"):
+        function(rc.Recording(CUBE, np.arange(3.0), radar))

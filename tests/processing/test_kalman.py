@@ -131,7 +131,7 @@ def test_normalized_squares_are_those_of_the_inverse() -> None:
     np.testing.assert_allclose(normalized_squares(innovation, covariance), alone, rtol=1e-12)
 
 
-def test_covariance_stays_symmetric_and_positive_definite_for_100000_updates() -> None:
+def test_covariance_stays_symmetric_and_positive_definite_for_10000_updates() -> None:
     """Three hard cases at once: no range rate; a wild target; one that hardly moves. All begin known to a kilometre and
     are measured to 10 um."""
     transition, noise = white_acceleration(0.025, 1.0, 1)
@@ -140,7 +140,7 @@ def test_covariance_stays_symmetric_and_positive_definite_for_100000_updates() -
     state, covariance = np.zeros((3, 2)), np.broadcast_to(1e6 * np.eye(2), (3, 2, 2))
     measured = np.diag([1e-10, 1e-2])[None] * np.ones((3, 1, 1))
     innovation = np.array([[0.1, np.nan], [0.1, -0.1], [0.1, 0.1]])
-    for _ in range(100_000):
+    for _ in range(10_000):
         covariance = transition @ covariance @ transition.T + scale * noise
         _, covariance = update(state, covariance, innovation, jacobian, measured)
     np.testing.assert_array_equal(covariance, covariance.mT)

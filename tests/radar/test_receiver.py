@@ -143,3 +143,11 @@ def test_what_is_no_receiver_is_refused_with_its_name(
 ) -> None:
     with pytest.raises(error, match=message):
         rc.Receiver(**changes)
+
+
+def test_high_pass_is_refused_beside_any_waveform_without_a_sweep() -> None:
+    sweep = rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=32, num_chirps=4)
+    still = sweep.replace(slope=0.0).delayed(1e-3)
+    for waveforms in (still, [sweep, still], [still.delayed(0.0), sweep]):
+        with pytest.raises(ValueError, match=r"receiver\.high_pass: expected None for a radar without a sweep"):
+            rc.Radar(waveforms, receiver=rc.Receiver(high_pass=80e3))

@@ -128,6 +128,26 @@ def test_bgt60tr24_has_two_transmitters_and_a_square_of_receivers() -> None:
         rc.bgt60tr24(num_chirp=3)
 
 
+@pytest.mark.parametrize(
+    ("schedule", "num_channels"),
+    [(None, 8), (rc.Schedule.tdm(), 8), (rc.Schedule.ddm(), 4), (rc.Schedule.steered(azimuth=0.2), 4)],
+)
+def test_bgt60tr24_has_the_measured_chain_with_any_schedule(schedule: rc.Schedule | None, num_channels: int) -> None:
+    radar = rc.bgt60tr24(receiver="measured", if_gain_db=33, schedule=schedule)
+    receiver, chain = radar.receiver, rc.bgt60tr13c(receiver="measured", if_gain_db=33).receiver
+    assert receiver is not None
+    assert chain is not None
+    assert (receiver.gain_db, receiver.noise_figure_db) == (chain.gain_db, chain.noise_figure_db)
+    assert not radar.channel_phases.any()
+    scene = rc.Scene([rc.PointTarget([0.5, 0.1, 0.0], rcs=0.05, velocity=[0.5, 0.0, 0.0])])
+    recording = rc.Simulator(scene, radar, resolution=8).record(0.0, 0.05, progress=False)
+    assert recording.raw is not None
+    assert recording.raw.shape == (2, num_channels, 16, 64)
+    np.testing.assert_array_equal(recording.cube[1], rc.Simulator(scene, radar, resolution=8).frame(0.025).cube)
+    with pytest.raises(ValueError, match="if_gain_db: expected None unless receiver is 'measured', got 33"):
+        rc.bgt60tr24(if_gain_db=33)
+
+
 SCENE_FILE = """\
 [radar]
 preset = "bgt60tr13c"
@@ -167,13 +187,20 @@ leakage = { level_db = [-30.0, -31.0, -32.0], delay = 1e-10 }
         SCENE_FILE.replace('preset = "bgt60tr13c"\nmeasured_receiver = true\nif_gain_db = 33', 'preset = "bgt60tr24"')
     )
     assert rc.load_scene(path).radar == rc.bgt60tr24()
+    path.write_text(SCENE_FILE.replace("bgt60tr13c", "bgt60tr24").replace("= 33", '= 33\nschedule = { kind = "tdm" }'))
+    expected = rc.bgt60tr24(receiver="measured", if_gain_db=33, schedule=rc.Schedule.tdm())
+    assert rc.load_scene(path).radar == expected
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("measured_receiver = true\n", "", "if_gain_db: expected none unless measured_receiver is true, got 33"),
-        ("bgt60tr13c", "bgt60tr24", "measured_receiver: expected false without the preset bgt60tr13c"),
+        (
+            'preset = "bgt60tr13c"',
+            "start_frequency = 60e9\nstop_frequency = 61e9\nsample_rate = 2e6\nnum_samples = 64",
+            "measured_receiver: expected false without a preset",
+        ),
         (
             "if_gain_db = 33",
             "receiver = { low_pass = 5e5 }",
@@ -211,3 +238,15 @@ def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_th
     again = source.frame(part, 1, part.waveform.frame_interval, if_gain_db=40.0)
     assert again.shape == found.shape
     assert (again != found).any()
+
+
+def test_virtual_sensor_leaves_out_what_is_switched_off() -> None:
+    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
+    radar = power_up(num_chirps=4)
+    full = measured(40).receiver
+    assert full is not None
+    off = {"leakage": None, "phase_noise": None, "kick_db": None, "rx_phase_deg": None}
+    own = replace(measured(), receiver=replace(measured().receiver, **off, adc_odd_width=0.26))
+    found = Simulated(rc.Simulator(scene, own, resolution=8)).frame(radar, 0, 0.0, if_gain_db=40.0)
+    expected = replace(radar, receiver=replace(full, **off, adc_odd_width=0.26))
+    np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import radarcore as rc
 from comlib_boards import Pipe, Ramp, radar
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import EndpointType
@@ -121,6 +122,9 @@ def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
             {},
             "waveform: expected chirps at equal intervals",
         ),
+        (lambda: radar(num_chirps=2, chirp_times=[1e-3, 2e-3]), {}, "chirp_times: expected the first chirp at 0 s"),
+        (lambda: replace(radar(), waveform=radar().waveform.alternating()), {}, "waveform: expected one, got 2 sub"),
+        (lambda: replace(radar(), schedule=rc.Schedule.ddm()), {}, "schedule: expected none with one antenna"),
     ],
 )  # fmt: skip
 def test_what_no_setting_comes_near_to_is_refused(wanted, options, message):

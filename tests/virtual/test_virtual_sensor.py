@@ -111,6 +111,25 @@ def test_what_the_client_sets_is_simulated(swing):
                 assert peak.range == pytest.approx(1.5, abs=0.2 * radar.waveform.range_resolution)
 
 
+def test_angles_of_a_board_are_right_with_the_phases_of_its_receivers():
+    wanted = rc.bgt60tr13c(receiver="measured", if_gain_db=33, num_chirps=16)
+    scene = rc.Scene([rc.PointTarget([1.5, 0.3, 0.2], rcs=1.0, velocity=[0.5, 0.0, 0.0])])
+    with (
+        virtual_board(rc.Simulator(scene, wanted), speed=None) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path) as sensor,
+    ):
+        radar = sensor.configure(wanted, if_gain_db=33)
+        (frame,) = sensor.frames(1)
+    assert radar.receiver.rx_phase_deg == wanted.receiver.rx_phase_deg
+    found = rc.detect(frame)
+    # 37 dB of SNR leave a fraction of a degree; 75 degrees between two receivers would be 25 degrees off.
+    np.testing.assert_allclose(np.rad2deg(found.azimuth), [np.rad2deg(np.arctan2(0.3, 1.5))], atol=2.0)
+    np.testing.assert_allclose(
+        np.rad2deg(found.elevation), [np.rad2deg(np.arcsin(0.2 / np.hypot(1.53, 0.2)))], atol=2.0
+    )
+
+
 def test_gain_of_the_client_scales_the_samples(swing):
     source = Simulated(rc.load_scene(swing).simulator())
     radar = achieved(Settings.from_radar(CLIENT)).to_radar()

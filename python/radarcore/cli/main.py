@@ -86,6 +86,9 @@ def _parser() -> argparse.ArgumentParser:
         help="%(choices)s (default: %(default)s); the last four need a scene file",
     )
     plot.add_argument("--frame", type=int, metavar="N", help="index of the frame (default: the middle one)")
+    plot.add_argument(
+        "--sequence", type=int, default=0, metavar="N", help="index of the sub-sequence, of several (default: 0)"
+    )
     plot.add_argument("--channel", type=int, metavar="N", help="one channel (default: the powers of all, added)")
     plot.add_argument("--max-range", type=float, metavar="M", help="end of the range axis, or of the range gate [m]")
     plot.add_argument("--max-velocity", type=float, metavar="V", help="end of the velocity axis to either side [m/s]")
@@ -110,12 +113,16 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--overwrite", action="store_true", help="replace the results that are there")
     source.add_config(process)
     process.add_argument(
+        "--sequence", type=int, default=0, metavar="N", help="sub-sequence of radars with several (default: the first)"
+    )
+    process.add_argument(
         "--false-alarm-rate", type=float, metavar="P", help="detections per cell of noise (default: 1e-6)"
     )
     process.add_argument("--method", choices=("ca", "os"), help="cell averaging or ordered statistic (default: ca)")
     process.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
     process.add_argument("--max-range", type=float, metavar="M", help="farthest range of detections [m]")
-    process.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
+    process.add_argument("--remove-static", action="store_true", help="leave out what stands still throughout")
+    process.add_argument("--range-only", action="store_true", help="track ranges and velocities, without angles")
     process.add_argument("--json", action="store_true", help="print the summary as JSON")
     process.set_defaults(run=_process)
 
@@ -167,7 +174,15 @@ def _plot(options: argparse.Namespace) -> int:
     from radarcore.cli import plot as draw
 
     view = {name: getattr(options, name) for name in ("channel", "max_range", "max_velocity", "remove_static")}
-    draw.draw(options.source, options.output, kind=options.kind, frame=options.frame, config=options.config, **view)
+    draw.draw(
+        options.source,
+        options.output,
+        kind=options.kind,
+        frame=options.frame,
+        sequence=options.sequence,
+        config=options.config,
+        **view,
+    )
     print(options.output)
     return 0
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from radarcore import check, plot
-from radarcore.cli.source import load_recording
+from radarcore.cli.source import load_recording, moving
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
 from radarcore.recording.frame import Frame
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from radarcore.plot import Image
+
+Part = TypeVar("Part", Frame, Recording)
 
 OF_FRAMES: dict[str, Callable[..., Axes]] = {
     "chirp": plot.chirp,
@@ -52,7 +54,7 @@ VIEWS = {
     "chirp": ("channel",),
     "range-profile": ("channel", "max_range"),
     "map": ("channel", "max_range", "max_velocity"),
-    "detections": ("max_range", "max_velocity", "remove_static"),
+    "detections": ("max_range", "max_velocity"),
     "range-angle": ("max_range",),
     "range-time": ("channel", "max_range", "remove_static"),
     "spectrogram": ("channel", "max_range", "max_velocity", "remove_static"),
@@ -68,6 +70,7 @@ def draw(
     *,
     kind: str = "overview",
     frame: int | None = None,
+    sequence: int = 0,
     config: Path | None = None,
     **view: Any,
 ) -> None:
@@ -83,6 +86,8 @@ def draw(
         One of `KINDS`.
     frame : int, optional
         Number of the frame, from the end when negative; default: the one in the middle.
+    sequence : int
+        Number of the sub-sequence, of radars with several.
     config : path, optional
         File with the radar of a bare ``.npy`` file.
     **view
@@ -98,9 +103,10 @@ def draw(
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong <= set(names))
         raise ValueError(f"{sorted(wrong)[0]}: expected a picture of kind {kinds}, got {kind!r}")
     if source.suffix == ".toml":
-        figure = _of_scene(load_scene(source), kind, frame, chosen)
+        figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
-        figure = _of_recording(load_recording(source, config), source, kind, frame, chosen)
+        recording = _sequence(load_recording(source, config), sequence)
+        figure = _of_recording(recording, source, kind, frame, chosen)
     picture.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(picture, dpi=150)
 
@@ -120,14 +126,24 @@ def _of_recording(recording: Recording, path: Path, kind: str, number: int | Non
     return ax.figure
 
 
-def _of_scene(simulation: Simulation, kind: str, number: int | None, view: dict[str, Any]) -> Any:
+def _sequence(whole: Part, number: int) -> Part:
+    """One of the sub-sequences of a frame or recording."""
+    parts: tuple[Part, ...] = whole.sequences()
+    return parts[check.index("sequence", number, len(parts))]
+
+
+def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: int, view: dict[str, Any]) -> Any:
     run, simulator = simulation.run, simulation.simulator()
     angles = simulator.view_deg
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](simulation.record(), **view).figure
+        return OF_RECORDINGS[kind](_sequence(simulation.record(), sequence), **view).figure
     if kind == "experiment":
         return plot.experiment(
-            simulation.record(), simulation.scene, simulation.radar_motion, field_of_view_deg=angles, **view
+            _sequence(simulation.record(), sequence),
+            simulation.scene,
+            simulation.radar_motion,
+            field_of_view_deg=angles,
+            **view,
         )
     times = frame_times(run.start, run.stop, run.rate)
     if kind == "above":
@@ -137,7 +153,7 @@ def _of_scene(simulation: Simulation, kind: str, number: int | None, view: dict[
     middle = time + 0.5 * simulation.radar.waveform.duration
     if kind in OF_IMAGES:
         return OF_IMAGES[kind](simulator.depth_image(middle)).figure
-    frame = simulator.frame(time)
+    frame = _sequence(simulator.frame(time), sequence)
     if kind == "overview":
         return plot.overview(frame, simulator.depth_image(middle), **view)
     return OF_FRAMES[kind](frame, **view).figure
@@ -147,15 +163,14 @@ def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _detections(
-    frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None, remove_static: bool = False
-) -> Axes:
+def _detections(frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None) -> Axes:
     """The range-velocity map with what is detected in it."""
-    found = detect(frame, max_range=max_range, remove_static=remove_static)
+    found = detect(frame, max_range=max_range)
     return plot.range_doppler_map(frame, detections=found, max_range=max_range, max_velocity=max_velocity)
 
 
 def _tracks(recording: Recording, *, max_range: float | None = None, remove_static: bool = False) -> Axes:
-    """Tracks over time, and the true ranges of all bodies where they are known."""
-    found = track(recording, detector=partial(detect, max_range=max_range, remove_static=remove_static))
+    """Tracks in range over time, and the true ranges of all bodies where they are known."""
+    frames = moving(recording) if remove_static else recording.frames()
+    found = track(frames, detector=partial(detect, max_range=max_range), num_dimensions=1)
     return plot.tracks(recording, found)

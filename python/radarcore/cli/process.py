@@ -7,7 +7,7 @@ import csv
 import errno
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from radarcore import notice
-from radarcore.cli.source import open_recording
+from radarcore import check, notice
+from radarcore.cli.source import moving, open_recording
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import Tracker
@@ -51,14 +51,14 @@ class _Summary:
 def run(options: argparse.Namespace) -> int:
     """Detect and track frame by frame, write results as they come, and print a summary."""
     reader = open_recording(options.source, options.config)
-    names = ("false_alarm_rate", "method", "min_range", "max_range", "remove_static")
+    names = ("false_alarm_rate", "method", "min_range", "max_range")
     chosen = {name: value for name in names if (value := getattr(options, name)) is not None}
     tracks: dict[int, _Summary] = {}
     num_detections = 0
     began = time.perf_counter()
     with ExitStack() as files:
         write = _writers(options.output, options.overwrite, files) if options.output is not None else None
-        for index, found, states in _processed(reader, chosen):
+        for index, found, states in _processed(reader, options, chosen):
             num_detections += len(found)
             believed = [state for state in states if state.is_confirmed]
             for state in believed:
@@ -94,14 +94,21 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _processed(reader: RecordingReader, options: dict[str, Any]) -> Iterator[tuple[int, Detections, list[TrackState]]]:
+def _processed(
+    reader: RecordingReader, options: argparse.Namespace, chosen: dict[str, Any]
+) -> Iterator[tuple[int, Detections, Sequence[TrackState]]]:
     """Index, detections and tracks of frame after frame, with a bar of the progress."""
-    wf = reader.radar.waveform
-    has_period = wf.num_chirps > 1 and wf.has_uniform_chirps
-    tracker = Tracker(max_velocity=reader.radar.max_velocity if has_period else None)
-    with notice.progress(reader, "processing", "frame", total=len(reader)) as frames:
-        for index, frame in enumerate(frames):
-            found = detect(frame, **options)
+    radars = reader.radar.sequences()
+    sequence = check.index("sequence", options.sequence, len(radars))
+    radar = radars[sequence]
+    has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
+    tracker = Tracker(
+        max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if options.range_only else None
+    )
+    frames = moving(reader) if options.remove_static else iter(reader)
+    with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
+        for index, frame in enumerate(counted):
+            found = detect(frame.sequences()[sequence] if len(radars) > 1 else frame, **chosen)
             yield index, found, tracker.update(found)
 
 

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_radar
@@ -29,6 +36,19 @@ def load_recording(path: Path, config: Path | None) -> Recording:
 def open_recording(path: Path, config: Path | None) -> RecordingReader:
     """The frames of the recording at a path, one by one."""
     return RecordingReader(path, radar=_radar(path, config))
+
+
+def moving(reader: RecordingReader | Recording) -> Iterator[Frame]:
+    """The frames without what stands still throughout: their mean over all chirps of the recording, taken off."""
+    mean: NDArray[Any] | float = 0.0
+    for frame in _frames(reader):
+        mean = mean + frame.cube.mean(axis=1, keepdims=True, dtype=np.result_type(frame.cube, np.float64)) / len(reader)
+    for frame in _frames(reader):
+        yield replace(frame, cube=(frame.cube - mean).astype(frame.cube.dtype), raw=None)
+
+
+def _frames(reader: RecordingReader | Recording) -> Iterator[Frame]:
+    return iter(reader) if isinstance(reader, RecordingReader) else reader.frames()
 
 
 def _radar(path: Path, config: Path | None) -> Radar | None:

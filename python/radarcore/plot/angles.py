@@ -11,6 +11,8 @@ from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.frame import mark
 from radarcore.processing.angle_maps import range_angle
+from radarcore.processing.noise import known_noise
+from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 
@@ -32,7 +34,10 @@ def range_angle_map(
     dynamic_range_db: float | None = 40.0,
     max_range: float | None = None,
 ) -> Axes:
-    """Power in front of the sensor [dB below the largest]: x (forward) up, y to the left [m]; truth as crosses.
+    """Power in front of the sensor: x (forward) up, y to the left [m]; truth as crosses.
+
+    In dB over the receiver's noise in a beam of all channels where that is known (frames of a `Simulator` whose radar
+    has a noise figure), else, and for "music", which is no power, in dB below the largest.
 
     Parameters
     ----------
@@ -46,14 +51,14 @@ def range_angle_map(
     dynamic_range_db : float or None
         Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional
-        Radius of the sector [m]; default: the largest unambiguous range.
+        Radius of the sector [m]; default: a little beyond all that stands out, and beyond the truth.
     """
     if not isinstance(frame, Frame):
         raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")
     width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
     if width > 180.0:
         raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
-    last = canvas.last_range(frame, max_range)
+    canvas.last_range(frame, max_range)  # refuses what is no range
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
     half = np.deg2rad(0.5 * width)
@@ -68,8 +73,10 @@ def range_angle_map(
         channel_phase=channel_phase,
     )
     ranges = wf.range_axis(n)[: len(power)]
+    last = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1))
     shown = ranges <= last
-    scale = canvas.scale(power[shown], None, dynamic_range_db)
+    noise = None if method == "music" else known_noise(frame, window_weights("window", "hann", wf.num_samples))
+    scale = canvas.scale(power[shown], noise and noise / frame.radar.num_channels, dynamic_range_db)
 
     # Cells about the range bins, from one side of the sector to the other.
     ax = canvas.new_axes() if ax is None else ax
@@ -90,7 +97,9 @@ def range_angle_map(
     ax.set_aspect("equal")
     ax.set_xlabel("y [m], to the left")
     ax.set_ylabel("x [m], forward")
-    canvas.color_bar(ax, picture, scale.label.replace("Power", "Pseudo-spectrum" if method == "music" else "Power"))
+    what = "Pseudo-spectrum" if method == "music" else "Power"
+    canvas.color_bar(ax, picture, scale.label.replace("Power", what))
+    ax.set_title(f"{what} in front at {frame.time:.3f} s")
     if frame.truth is not None:
         across = frame.truth.range * np.cos(frame.truth.elevation)
         left, forward = across * np.sin(frame.truth.azimuth), across * np.cos(frame.truth.azimuth)

@@ -11,14 +11,18 @@ from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing import spectra
-from radarcore.processing.cell_noise import known_noise
 from radarcore.processing.inputs import require_one_waveform
+from radarcore.processing.noise import known_noise
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.windows import window_weights
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+_BELOW_NOISE = 10.0
+"""What a line of powers shows below the mean of the noise [dB]: it would lie on the axis else."""
 
 
 class Image(Protocol):
@@ -94,7 +98,8 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ax.margins(x=0.0)
     ax.grid(alpha=0.3)
     ax.set_xlabel("Time since start of ramp [µs]")
-    unit = r"\sqrt{\mathrm{W}}" if frame.raw is None else r"\mathrm{full\ scale}"
+    given = unit_of(frame)
+    unit = r"\sqrt{\mathrm{W}}" if given is None else rf"\mathrm{{{given.replace(' ', chr(92) + ' ')}}}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
     ax.set_title(f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
     return ax
@@ -108,7 +113,7 @@ def range_profile(
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
-    """Power over range, averaged over chirps.
+    """Power over range, averaged over chirps, in decibels as those of `range_doppler_map`.
 
     Parameters as `range_doppler_map`.
     """
@@ -119,6 +124,8 @@ def range_profile(
     power = (np.abs(profile) ** 2).mean(axis=1).sum(axis=0)
     noise = known_noise(frame, window_weights("window", "hann", wf.num_samples))
     scale = canvas.scale(power, noise and noise * len(samples), dynamic_range_db)
+    if noise is not None:
+        scale = scale._replace(low=scale.low - _BELOW_NOISE)
     ranges = wf.range_axis(n)[: len(power)]
     ax = canvas.new_axes() if ax is None else ax
     ax.plot(ranges, scale.level_db(power), color="tab:blue", linewidth=1.4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +14,21 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.time_frequency import range_time as power_of_ranges
 from radarcore.processing.time_frequency import spectrogram as power_of_velocities
-from radarcore.processing.tracks import Tracks, assign_to_truth
+from radarcore.processing.tracks import Track, Tracks, assign_to_truth
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_MOST_APART = 8
+"""Tracks that are told apart by their colours."""
+
 QUANTITIES = {"range": ("Range [m]", "range_resolution"), "velocity": ("Velocity [m/s]", "velocity_resolution")}
 """Quantities that `tracks` draws: label, and the attribute of `Waveform` that is one bin."""
+
+
+_MARKERS = (".", "^", "s", "D")
+"""Markers of tracks, the next when the colours begin again."""
 
 
 def range_time(
@@ -140,7 +148,8 @@ def tracks(
         By the name of a body (or any other: dots without truth), a dict or an object with arrays `time` [s],
         `range` [m] and `velocity` [m/s, receding positive], (estimate,); NaN where there is none. Without any
         estimates the truth of all bodies is drawn. `Tracks` are drawn in a colour each over the truth of all bodies in
-        grey, with open circles where a frame had no detection; each is named for the body that it follows, if any.
+        grey, whose names are at the lines, with open circles where a frame had no detection; each is named for the
+        body that it follows, if any. The parts of a person or arm share a name.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     quantity : "range" or "velocity"
@@ -163,23 +172,34 @@ def tracks(
     truth_time = _middles(recording)
     points = {name: _track(name, track, quantity) for name, track in estimates.items()}
     truth = _truth(recording, quantity, None)
-    names = list(points) or list(truth)
-
     ax = canvas.new_axes() if ax is None else ax
-    palette = canvas.color_cycle(names, colors)
-    for name in names:
-        is_estimated, is_known = name in points, name in truth
-        if is_known:
-            style: dict[str, Any] = {"linewidth": 4.0, "alpha": 0.35} if is_estimated else {"linewidth": 1.8}
-            text = "" if is_estimated else _plain(name)
-            ax.plot(truth_time, truth[name], color=palette[name], label=text, solid_capstyle="round", **style)
-        if is_estimated:
-            time, values = points[name]
-            text = _plain(name)
-            if is_known:
-                text += _error_text(_errors(time, values, truth_time, truth[name]) / getattr(wf, bin_name))
-            ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
+    if not points:
+        return _finished(_draw_all_truth(ax, truth_time, truth, colors), recording, label)
+    palette = canvas.color_cycle(points, colors)
+    for name in points:
+        time, values = points[name]
+        text = _plain(name)
+        if name in truth:
+            ax.plot(truth_time, truth[name], color=palette[name], linewidth=4.0, alpha=0.35, solid_capstyle="round")
+            text += _error_text(_errors(time, values, truth_time, truth[name]) / getattr(wf, bin_name))
+        ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
     return _finished(ax, recording, label)
+
+
+def _draw_all_truth(
+    ax: Axes, time: NDArray[np.float64], truth: Mapping[str, NDArray[np.float64]], colors: Mapping[str, str] | None
+) -> Axes:
+    """Lines of all bodies; the parts of one thing share a colour and an entry of the legend."""
+    parts = Counter(map(canvas.thing, truth))
+    palette = canvas.color_cycle(parts, colors)
+    named: set[str] = set()
+    for name, values in truth.items():
+        thing = canvas.thing(name)
+        text = "" if thing in named else _plain(name if parts[thing] == 1 else thing)
+        named.add(thing)
+        color = (colors or {}).get(name, palette[thing])
+        ax.plot(time, values, color=color, label=text, linewidth=1.8, solid_capstyle="round")
+    return ax
 
 
 def _draw_tracks(
@@ -194,21 +214,47 @@ def _draw_tracks(
         bodies = assign_to_truth(found, recording.truth)
 
     ax = canvas.new_axes() if ax is None else ax
-    named = {canvas.thing(body) for body in bodies.values() if body is not None}
-    for name, values in truth.items():
-        text = "" if (thing := canvas.thing(name)) in named else _plain(thing)
-        named.add(thing)
-        ax.plot(truth_time, values, color=canvas.GREY, label=text, linewidth=3.0, alpha=0.3, solid_capstyle="round")
-    palette = canvas.color_cycle([f"track {one.id}" for one in found], colors)
+    lines = [
+        ax.plot(truth_time, values, color=canvas.GREY, linewidth=3.0, alpha=0.3, solid_capstyle="round")[0]
+        for values in truth.values()
+    ]
+    if lines:
+        lines[0].set_label("truth")
+    # A few tracks have a colour and an entry of the legend each; of many, all that follow one thing share them.
+    groups: dict[str, list[Track]] = {}
     for one in found:
-        name, body, values = f"track {one.id}", bodies.get(one.id), getattr(one, quantity)
-        text = name if body is None else f"{name}: {_plain(body)}"
-        if body in truth:
-            text += _error_text(_errors(one.time, values, truth_time, truth[body]) / width)
-        seen = one.is_detected
-        ax.plot(one.time[seen], values[seen], ".", color=palette[name], label=text, markersize=4.5)
-        ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
-    return _finished(ax, recording, label)
+        body = bodies.get(one.id)
+        shares = len(found) > _MOST_APART and body is not None
+        groups.setdefault(canvas.thing(body) if shares and body is not None else f"track {one.id}", []).append(one)
+    palette = canvas.color_cycle(groups, colors)
+    for count, (name, members) in enumerate(groups.items()):
+        marker = _MARKERS[count // len(canvas.COLORS) % len(_MARKERS)]
+        size = 4.5 if marker == "." else 3.0
+        followed = {body for one in members if (body := bodies.get(one.id)) is not None}
+        text = f"{_plain(name)}, {len(members)} tracks" if len(members) > 1 else _plain(name)
+        if len(members) == 1 and followed and not followed <= {name}:
+            text = f"{text}: {_plain(*followed)}"
+        errors = [
+            _errors(one.time, getattr(one, quantity), truth_time, truth[body]) / width
+            for one in members
+            if (body := bodies.get(one.id)) in truth
+        ]
+        text += _error_text(np.concatenate([np.empty(0), *errors]))
+        for one in members:
+            values, seen = getattr(one, quantity), one.is_detected
+            ax.plot(one.time[seen], values[seen], marker, color=palette[name], label=text, markersize=size)
+            ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
+            text = ""  # one entry per group
+    _finished(ax, recording, label)
+
+    # Names of the true lines where they are, those of a thing once.
+    names = []
+    for name, values in truth.items():
+        (known,) = np.nonzero(np.isfinite(values))
+        last = known[-1 - len(known) // 20]
+        names.append(Name(float(truth_time[last]), float(values[last]), name, canvas.GREY))
+    canvas.place_names(ax, names, outline="white", above_first=True)
+    return ax
 
 
 def _error_text(errors: NDArray[np.float64]) -> str:

@@ -146,7 +146,8 @@ def up_down_bound(
     snr_db : array_like
         Power of the echo over that of the noise, per sample [dB].
     down_delay : float, optional
-        From the start of the frame `up` to that of `down` [s]; default: ``up.frame_interval``.
+        From the start of the frame `up` to that of `down` [s]; default: ``up.frame_interval``, or 0 where their first
+        chirps come at different times after it, as those of sub-sequences of one frame do.
     is_real, num_channels, window
         As in `frequency_bound`.
 
@@ -284,7 +285,10 @@ def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) ->
             raise ValueError(f"{name}: expected at least 2 samples per chirp, got {wf.num_samples}")
     if np.sign(up.slope) == np.sign(down.slope):
         raise ValueError(f"down: expected a slope of the other sign than up's {up.slope:g} Hz/s, got {down.slope:g}")
-    delay = up.frame_interval if down_delay is None else check.number("down_delay", down_delay, "s")
+    if down_delay is not None:
+        delay = check.number("down_delay", down_delay, "s")
+    else:
+        delay = up.frame_interval if up.chirp_times[0] == down.chirp_times[0] else 0.0
     half = 0.5 * (delay + 0.5 * down.duration - 0.5 * up.duration)  # between the middles
     rows = [
         [wf.slope, beat_carrier(wf) + wf.slope * time]  # the range has moved by velocity * time

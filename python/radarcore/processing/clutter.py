@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.processing.inputs import checked_samples
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    require_one_waveform,
+    require_uniform_chirps,
+    with_samples,
+)
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
 """Weights of the cancellers by the number of their pulses, oldest first."""
 
 
-def remove_mean(cube: ArrayLike, *, axis: int = -2) -> NDArray[Any]:
+@overload
+def remove_mean(cube: Frame, *, axis: int = ...) -> Frame: ...
+@overload
+def remove_mean(cube: Recording, *, axis: int = ...) -> Recording: ...
+@overload
+def remove_mean(cube: ArrayLike, *, axis: int = ...) -> NDArray[Any]: ...
+def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Recording:
     """Take off the mean along an axis: of the chirps of a frame by default, which is what stands still within it.
 
     A target loses what it has at zero velocity: with the mean of M chirps, one that moves less than a velocity bin
@@ -22,16 +37,26 @@ def remove_mean(cube: ArrayLike, *, axis: int = -2) -> NDArray[Any]:
 
     Parameters
     ----------
-    cube : (..., chirp, sample) float32, float64, complex64 or complex128
+    cube : (..., chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
         Beat signal.
     axis : int
-        -2: chirps, whose mean is the static echoes; -1: samples, whose mean is the offset of an ADC; -4: frames of a
-        recording, whose mean is what stands still throughout.
+        -2: chirps, of one waveform, whose mean is the static echoes; -1: samples, whose mean is the offset of an ADC;
+        -4: frames of a recording, whose mean is what stands still throughout.
 
     Returns
     -------
-    moving : array of the shape and dtype of `cube`
+    moving : array of the shape and dtype of `cube`, or Frame or Recording
+        Of a frame or recording one without codes.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an axis that is not there, chirps of several waveforms, integers and other dtypes.
     """
+    if isinstance(cube, Frame | Recording):
+        if check.index("axis", axis, cube.cube.ndim) == cube.cube.ndim - 2:
+            require_one_waveform(cube.radar)
+        return with_samples(cube, remove_mean(cube.cube, axis=axis), cube.radar)
     samples = checked_samples(cube, "(...)")
     where = check.index("axis", axis, samples.ndim)
     if samples.shape[where] == 0:
@@ -41,7 +66,13 @@ def remove_mean(cube: ArrayLike, *, axis: int = -2) -> NDArray[Any]:
     return np.asarray(samples - mean.astype(samples.dtype))
 
 
-def cancel_pulses(cube: ArrayLike, *, num_pulses: int = 2) -> NDArray[Any]:
+@overload
+def cancel_pulses(cube: Frame, *, num_pulses: int = ...) -> Frame: ...
+@overload
+def cancel_pulses(cube: Recording, *, num_pulses: int = ...) -> Recording: ...
+@overload
+def cancel_pulses(cube: ArrayLike, *, num_pulses: int = ...) -> NDArray[Any]: ...
+def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame | Recording:
     """Canceller over chirps: differences of neighbours (two pulses), or differences of these (three).
 
     The classic moving-target indication: a target of Doppler frequency f keeps ``abs(2 sin(pi f T))`` of its
@@ -50,28 +81,50 @@ def cancel_pulses(cube: ArrayLike, *, num_pulses: int = 2) -> NDArray[Any]:
 
     Parameters
     ----------
-    cube : (..., chirp, sample) float32, float64, complex64 or complex128
-        Beat signal.
+    cube : (..., chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
+        Beat signal; a frame or recording of one waveform with chirps at equal intervals.
     num_pulses : 2 or 3
 
     Returns
     -------
     moving : (..., chirp, sample), with ``num_pulses - 1`` chirps fewer, in the dtype of `cube`
-        A waveform with as many chirps less describes it: ``waveform.replace(num_chirps=...)``.
+        A waveform with as many chirps less describes it: ``waveform.replace(num_chirps=...)``. A frame or recording
+        has one, without codes, and begins later by the middle of the pulses: its middle, and its truth, stay.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For fewer chirps than pulses, several waveforms, integers and other dtypes.
     """
+    if isinstance(cube, Frame | Recording):
+        radar = cube.radar
+        require_one_waveform(radar)
+        require_uniform_chirps(radar.waveform)
+        moving = cancel_pulses(cube.cube, num_pulses=num_pulses)
+        left = moving.shape[-2]
+        wf = radar.waveform.replace(
+            num_chirps=left, chirp_times=radar.waveform.chirp_times[:left], frame_interval=radar.waveform.frame_interval
+        )
+        return with_samples(cube, moving, replace(radar, waveform=wf), 0.5 * (num_pulses - 1) * wf.chirp_interval)
     samples = checked_samples(cube, "(..., chirp, sample)")
     if check.count("num_pulses", num_pulses) not in _BINOMIAL:
         raise ValueError(f"num_pulses: expected 2 or 3, got {num_pulses}")
     if samples.ndim < 2 or samples.shape[-2] < num_pulses:
         raise ValueError(f"cube: expected at least {num_pulses} chirps (num_pulses), got shape {samples.shape}")
     num_left = samples.shape[-2] - num_pulses + 1
-    moving = np.zeros((*samples.shape[:-2], num_left, samples.shape[-1]), dtype=samples.dtype)
+    difference = np.zeros((*samples.shape[:-2], num_left, samples.shape[-1]), dtype=samples.dtype)
     for first, weight in enumerate(_BINOMIAL[num_pulses]):
-        moving += samples.real.dtype.type(weight) * samples[..., first : first + num_left, :]
-    return moving
+        difference += samples.real.dtype.type(weight) * samples[..., first : first + num_left, :]
+    return difference
 
 
-def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: float) -> NDArray[Any]:
+@overload
+def remove_running_mean(cube: Recording, time: None = ..., *, time_constant: float) -> Recording: ...
+@overload
+def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: float) -> NDArray[Any]: ...
+def remove_running_mean(
+    cube: ArrayLike | Recording, time: ArrayLike | None = None, *, time_constant: float
+) -> NDArray[Any] | Recording:
     """Take off the running mean of the frames so far: what has stood still for longer than `time_constant`.
 
     The mean of all frames at first, of those of the last `time_constant` later (an exponential decay, by the frames'
@@ -79,17 +132,33 @@ def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: floa
 
     Parameters
     ----------
-    cube : (frame, ..., chirp, sample) float32, float64, complex64 or complex128
-        Beat signal.
-    time : (frame,) array_like
-        Of every frame [s], increasing.
+    cube : (frame, ..., chirp, sample) float32, float64, complex64 or complex128, or Recording
+        Beat signal; a recording of one waveform.
+    time : (frame,) array_like, optional
+        Of every frame of a cube [s], increasing; a recording has its own.
     time_constant : float
         [s].
 
     Returns
     -------
-    moving : array of the shape and dtype of `cube`
+    moving : array of the shape and dtype of `cube`, or Recording
+        Of a recording one without codes.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a single frame, times that do not fit, several waveforms, integers and other dtypes.
     """
+    if isinstance(cube, Recording):
+        if time is not None:
+            raise TypeError("time: expected none with a Recording, which has its times")
+        require_one_waveform(cube.radar)
+        moved = remove_running_mean(cube.cube, cube.time, time_constant=time_constant)
+        return with_samples(cube, moved, cube.radar)
+    if isinstance(cube, Frame):
+        raise TypeError("cube: expected a Recording or a cube of several frames, got one Frame")
+    if time is None:
+        raise TypeError("time: expected the times of the frames [s] with a cube that is no Recording, got none")
     samples = checked_samples(cube, "(frame, ..., chirp, sample)")
     if samples.ndim < 3:
         raise ValueError(f"cube: expected shape (frame, ..., chirp, sample), got {samples.shape}")

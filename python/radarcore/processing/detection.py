@@ -16,9 +16,9 @@ from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import plane_waves
-from radarcore.processing.inputs import checked_samples, cube_and_radar
+from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
 from radarcore.processing.map_test import MapTest, map_test
-from radarcore.processing.noise import LEAST_NOISE, median_of_unit_mean, rounding_per_energy
+from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean, rounding_per_energy
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import both_windows, fast_spectrum, transformed
@@ -55,6 +55,10 @@ _BLOCK = 64
 """Maxima whose sidelobes are worked out at a time."""
 
 
+_LARGEST_NOISE = 20.0
+"""What is above that many medians is an echo rather than noise."""
+
+
 def detect(
     frame: Frame | ArrayLike,
     radar: Radar | None = None,
@@ -82,6 +86,9 @@ def detect(
     therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
     `false_alarm_rate` is that of detections, per cell.
 
+    Targets that share a cell of range and velocity are one detection, in a direction between theirs. Velocities whose
+    noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
+
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
     ``waveform.duration / 2`` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
@@ -103,8 +110,9 @@ def detect(
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
         in a profile without velocities 16.
     remove_static : bool
-        Take off the mean of the chirps. What the noise then lacks at low velocities is reckoned with; targets that
-        move less than about one velocity bin are lost.
+        Take off the mean of the chirps, for a radar that stands still; the function `remove_static` is for one that
+        moves. What the noise then lacks at low velocities is reckoned with; targets that move less than about one
+        velocity bin are lost.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     min_range, max_range : float, optional
@@ -123,7 +131,8 @@ def detect(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the radar, NaN or infinite samples, and numbers out of range.
+        For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
+        NaN or infinite samples, and numbers out of range.
 
     Examples
     --------
@@ -135,7 +144,9 @@ def detect(
     [1.5]
     """
     # Check all arguments before any work.
+    require_one_frame("frame", frame)
     cube, radar = cube_and_radar(frame, radar)
+    require_transmitters_apart(frame, radar)
     wf = radar.waveform
     samples = checked_samples(
         cube,
@@ -175,7 +186,8 @@ def detect(
     searched = power[:, first:last]
     noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
     around = _surrounded(power, layout.is_iq)
-    rows, columns, least = test.passed(searched, lambda row, column: _local_maxima(around, row, column + first, layout))
+    trained = _with_noise(searched)
+    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(around, row, column + first, layout))
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
         return _none(time)
@@ -190,7 +202,7 @@ def detect(
 
     # The tones, and how far they are above the noise.
     rows, columns = rows[kept], columns[kept]
-    noise = test.medians(searched, rows, columns) / median_of_unit_mean(layout.num_looks)
+    noise = test.medians(trained, rows, columns) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     columns = columns + first
     tones = _fitted(cells, rows, columns, offset.T[kept], layout)
@@ -202,13 +214,16 @@ def detect(
     beat = layout.signed_beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
     doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
     range_, velocity = layout.coordinates.at(beat, doppler)
-    covariance = np.full((len(rows), 4, 4), np.nan)
+    covariance = np.zeros((len(rows), 4, 4))  # one tone's amplitudes and frequencies err independently
     covariance[:, :2, :2] = _covariance(layout, tones, snr)
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     seen = plane_waves(snapshots, radar, velocity, snr / radar.num_channels)
     covariance[:, 2:, 2:] = seen.covariance
+    is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+    if is_unknown.any():
+        covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     # By range, within the limits.
     distance = range_ if layout.has_range else np.full(len(rows), np.nan)
@@ -467,6 +482,21 @@ def _map(
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
     return cells, power
+
+
+def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
+    """The map with noise in rows that a filter took it from, such as `remove_static`: these do not train.
+
+    They have the power of rows far away, without the echoes there, where that is larger.
+    """
+    is_empty, level = filtered_rows(power)
+    if not is_empty.any():
+        return power
+    (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
+    far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]
+    filled = power.copy()
+    filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * level))
+    return filled
 
 
 def _local_maxima(

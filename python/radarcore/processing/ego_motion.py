@@ -13,7 +13,6 @@ goes.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple, overload
 
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.processing.inputs import require_one_waveform, require_transmitters_apart, with_samples
 from radarcore.radar.beam import is_in_beam
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
@@ -108,13 +108,15 @@ def remove_static(
     Raises
     ------
     ValueError, TypeError
-        For other shapes, real samples of a CW radar, which do not tell the sign of a velocity, and where the band takes
-        all that the chirps tell.
+        For other shapes, several waveforms, transmitters in Doppler-division multiplex, real samples of a CW radar,
+        which do not tell the sign of a velocity, and where the band takes all that the chirps tell.
     """
     if not isinstance(frame, Frame | Recording):
         raise TypeError(f"frame: expected Frame or Recording, got {type(frame).__name__}")
     is_one = isinstance(frame, Frame)
     radar = frame.radar
+    require_one_waveform(radar)
+    require_transmitters_apart(frame, radar)
     single = is_one or np.ndim(sensor_velocity) == 1
     given = check.array("sensor_velocity", sensor_velocity, (3,) if single else (len(frame.cube), 3))
     if (fastest := float(np.abs(given).max(initial=0.0))) > 1e-3 * SPEED_OF_LIGHT:
@@ -126,12 +128,12 @@ def remove_static(
         raise ValueError("frame: expected I/Q samples of a CW radar (slope = 0 Hz/s), got real ones")
 
     if isinstance(frame, Frame):
-        return replace(frame, cube=_filtered(frame.cube, radar, given, view, residual, is_joint), raw=None)
+        return with_samples(frame, _filtered(frame.cube, radar, given, view, residual, is_joint), radar)
     velocities = np.broadcast_to(given, (len(frame), 3))
     cube = np.empty_like(frame.cube)
     for samples, velocity, out in zip(frame.cube, velocities, cube, strict=True):
         out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
-    return replace(frame, cube=cube)
+    return with_samples(frame, cube, radar)
 
 
 def _filtered(
@@ -205,6 +207,7 @@ def _from_clutter(
     # Where every channel is at the middle of its chirps.
     positions = radar.virtual_array + 2.0 * radar.channel_offsets[:, None] * velocity
     along = positions @ directions.T  # (channel, direction)
+    phases = np.exp(1j * radar.channel_phases)[:, None, None]
     rates = -(directions @ velocity) - band.centre
     frequency = _frequencies(radar.waveform)
     kept = np.empty_like(projected)
@@ -213,7 +216,8 @@ def _from_clutter(
         part = slice(first, min(first + step, num_samples))
         wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
         over_time = band.polynomials.T @ np.exp(2j * wavenumber * np.outer(band.time, rates))  # (degree, direction)
-        steering = (np.exp(-1j * wavenumber * along)[:, None] * over_time).reshape(num_channels * num_degrees, -1)
+        of_channels = phases * np.exp(-1j * wavenumber * along)[:, None]
+        steering = (of_channels * over_time).reshape(num_channels * num_degrees, -1)
         power, vectors = np.linalg.eigh(steering @ steering.conj().T)  # increasing
         left = np.cumsum(power.clip(0.0))
         basis = vectors[:, int(np.count_nonzero(left <= residual * left[-1])) :]

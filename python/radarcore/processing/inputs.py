@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
 from radarcore.recording.recording import Recording
 
 Samples = ArrayLike | Frame | Recording
@@ -39,6 +40,38 @@ def cube_and_radar(
         raise TypeError(f"{name}: expected {kinds} with a cube that is no Frame or Recording, got {got}")
     require_one_waveform(radar)
     return cube, radar
+
+
+def require_one_frame(name: str, cube: object) -> None:
+    """Refuse recordings with a TypeError."""
+    if isinstance(cube, Recording):
+        raise TypeError(
+            f"{name}: expected a Frame or the cube of one, got a Recording; take its frames one by one: "
+            "`recording.frames()`"
+        )
+
+
+def require_transmitters_apart(cube: Samples, radar: Waveform | Radar | None) -> None:
+    """Refuse Doppler-division multiplex with a ValueError: what `radar`, or that of a frame, tells of it."""
+    of = cube.radar if isinstance(cube, Frame | Recording) else radar
+    if isinstance(of, Radar) and of.schedule is not None and of.schedule.kind == "ddm" and len(of.tx) > 1:
+        raise ValueError(
+            "radar: expected transmitters apart, got a schedule of kind 'ddm', in which every echo appears at one "
+            "velocity per transmitter; `demultiplex` takes the maps of `range_doppler` apart"
+        )
+
+
+@overload
+def with_samples(frame: Frame, cube: NDArray[Any], radar: Radar, delay: float = ...) -> Frame: ...
+@overload
+def with_samples(frame: Recording, cube: NDArray[Any], radar: Radar, delay: float = ...) -> Recording: ...
+def with_samples(frame: Frame | Recording, cube: NDArray[Any], radar: Radar, delay: float = 0.0) -> Frame | Recording:
+    """A frame or recording with filtered samples in the same unit, no codes any more, and times later by a delay."""
+    unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
+    told = {} if unit is None else {"cube_unit": PARTS_OF_FULL_SCALE if unit == FULL_SCALE else unit}
+    if isinstance(frame, Frame):
+        return replace(frame, cube=cube, radar=radar, time=frame.time + delay, raw=None, stats=frame.stats | told)
+    return replace(frame, cube=cube, radar=radar, time=frame.time + delay, source=frame.source | told)
 
 
 def require_one_waveform(radar: Radar) -> None:

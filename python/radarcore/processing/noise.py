@@ -10,8 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.constant_false_alarm import checked_power
-from radarcore.processing.windows import Window, window_weights
-from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame, unit_of
+from radarcore.recording.recording import Recording
+
+_LEAST_ROWS, _LEAST_COLUMNS = 8, 16
+"""Smallest map whose rows have levels to compare."""
+
+_EMPTY = 0.25
+"""Level of a row, over that which a fifth of the rows exceed, below which its noise was filtered out: of noise alone
+the median of a row is as low in one of a thousand rows with few cells."""
 
 ROUNDING = 1e-12
 """Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
@@ -44,6 +51,19 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
 
 
+def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_], float]:
+    """Rows (velocities) whose noise a filter took, such as `remove_static`, (row,), and the median of the others.
+
+    Rows whose median is far below that which a fifth of all exceed. None in maps too small to tell.
+    """
+    number = len(power)
+    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
+        return np.zeros(number, dtype=bool), float(np.median(power)) if power.size else 0.0
+    medians = np.median(power, axis=1)
+    level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
+    return np.asarray(medians < _EMPTY * level), level
+
+
 @lru_cache(maxsize=64)
 def median_of_unit_mean(num_looks: int) -> float:
     """Median of a gamma-distributed power of mean 1 (one look: ln 2)."""
@@ -52,20 +72,25 @@ def median_of_unit_mean(num_looks: int) -> float:
     return float(gammaincinv(num_looks, 0.5)) / num_looks
 
 
-def receiver_noise(radar: Radar, *, window: Window = "hann", doppler_window: Window = "hann") -> float | None:
-    """Mean noise power of a cell of ``abs(range_doppler(...))**2`` of one channel by the radar's own receiver.
+def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | None:
+    """Mean power of the receiver's noise in a cell of one channel; None where it is not known.
 
-    None without a receiver, or without a noise figure. Only for samples in the unit of the simulation, square roots of
-    watts: those of a real board are in parts of its full scale.
+    White noise of variance s^2 has the power ``s^2 sum(w^2)`` in every cell of a transform with weights w, and a factor
+    ``sum(w^2)`` more for every further axis. It is known of samples in sqrt(W), simulated ones, of a receiver with a
+    noise figure and no other effects.
+
+    Parameters
+    ----------
+    frame : Frame or Recording
+    weights : (length,) arrays
+        Window over each axis that is transformed.
     """
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
-    if radar.receiver is None or radar.receiver.noise_figure_db is None:
+    receiver = frame.radar.receiver
+    unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
+    if receiver is None or not receiver.is_plain or unit is not None:
         return None
-    wf = radar.waveform
-    fast = window_weights("window", window, wf.num_samples)
-    slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
-    return radar.receiver.noise_variance(wf.sample_rate) * float(np.sum(fast**2) * np.sum(slow**2))
+    variance = receiver.noise_variance(frame.radar.waveform.sample_rate)
+    return variance * float(np.prod([np.square(w).sum() for w in weights])) or None
 
 
 def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:

@@ -12,8 +12,15 @@ from radarcore import check
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.correlated_noise import independent_cells
 from radarcore.processing.false_alarms import ordered_factor
-from radarcore.processing.inputs import Samples, checked_samples, cube_and_waveform, require_uniform_chirps
-from radarcore.processing.noise import median_of_unit_mean, rounding_noise
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    cube_and_waveform,
+    require_one_frame,
+    require_transmitters_apart,
+    require_uniform_chirps,
+)
+from radarcore.processing.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
@@ -71,7 +78,8 @@ def strongest_peak(
     estimate, good to 0.02 bins in both axes for one target (Hann windows, no noise, velocity constant). Velocity
     is taken as unambiguous: within ``waveform.max_velocity``.
 
-    The noise is the median of the map, which an echo or two hardly move. Where echoes fill more than half of the map,
+    The noise is the median of the map, which an echo or two hardly move, without velocities whose noise a filter such
+    as `remove_static` took. Where echoes fill more than half of the map,
     they count as noise, and a weak one within limits may then need a `min_snr_db` of its own. `detect` finds several
     targets, and compares each with what is around it.
 
@@ -103,10 +111,12 @@ def strongest_peak(
     Raises
     ------
     ValueError, TypeError
-        As `range_doppler`, but for a CW radar, unless with limits of range; for NaN or infinite samples; for limits in
-        the wrong order.
+        As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
+        Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
     """
     # Check all arguments before any work.
+    require_one_frame("cube", cube)
+    require_transmitters_apart(cube, waveform)
     cube, waveform = cube_and_waveform(cube, waveform)
     samples = checked_samples(
         cube,
@@ -189,7 +199,8 @@ def strongest_peak(
     height = float(power[row, column] * np.exp(row_gain + column_gain))
 
     # Over the noise.
-    noise = float(np.median(power)) / median_of_unit_mean(len(samples))
+    is_filtered, level = filtered_rows(power)  # rows without noise do not tell its level
+    noise = (level if is_filtered.any() else float(np.median(power))) / median_of_unit_mean(len(samples))
     noise = max(noise, len(samples) * rounding_noise(samples, fast_weights, slow_weights))
     snr_db = float(10.0 * np.log10(height / noise))
     if least_snr_db is None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.cell_noise import known_noise
-from radarcore.processing.inputs import require_uniform_chirps
+from radarcore.processing.inputs import require_one_waveform, require_uniform_chirps
+from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import Waveform
@@ -99,7 +99,8 @@ def spectrogram(
     min_range, max_range : float, optional
         Range gate [m]: the bins of the range profile whose centres lie within; none for a CW radar. Default: all.
     remove_static : bool
-        Subtract from every range bin and channel its mean over the recording. What stands still throughout goes,
+        Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
+        function `remove_static` is for one that moves. What stands still throughout goes,
         however strong; what moves slowly, or rests for a while, stays.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
@@ -114,7 +115,7 @@ def spectrogram(
     ------
     ValueError, TypeError
         For numbers out of range, a gate without a bin, a window longer than the chirps without a gap, and chirps
-        at unequal intervals.
+        at unequal intervals, and frames of several waveforms.
     """
     # Check all arguments before any work.
     wf = _waveform(recording)
@@ -181,6 +182,11 @@ def range_time(
     Returns
     -------
     range_time : RangeTime
+
+    Raises
+    ------
+    ValueError, TypeError
+        For numbers out of range, a CW radar, and frames of several waveforms.
     """
     wf = _waveform(recording)
     wf.require_range()
@@ -197,6 +203,7 @@ def range_time(
 def _waveform(recording: object) -> Waveform:
     if not isinstance(recording, Recording):
         raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
+    require_one_waveform(recording.radar)
     return recording.radar.waveform
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.processing import bounds
 from radarcore.processing.beat_search import search_beat, search_doppler
-from radarcore.processing.inputs import Samples, require_uniform_chirps
+from radarcore.processing.inputs import Samples, require_transmitters_apart, require_uniform_chirps
 from radarcore.processing.peaks import limits
 from radarcore.processing.phase_fit import PhaseFit, fit_phase
 from radarcore.processing.single_echo import (
@@ -77,8 +77,9 @@ def doppler_velocity(
     ------
     ValueError, TypeError
         For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
-        and limits in the wrong order.
+        transmitters in Doppler-division multiplex, and limits in the wrong order.
     """
+    require_transmitters_apart(cube, waveform)
     given = checked_input(cube, waveform)
     wf = given.waveform
     require_uniform_chirps(wf)
@@ -133,7 +134,8 @@ def up_down_velocity(
 
     Range and Doppler shift the beat frequencies of opposite slopes in opposite and in equal directions:
     ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. What the target moves in between is taken into
-    account. No Doppler ambiguity. With several targets their beat frequencies may be paired wrongly: limit the range.
+    account. No Doppler ambiguity. A frame of two sub-sequences is a pair: ``up_down_velocity(*frame.sequences())``, see
+    `Waveform.alternating`. With several targets their beat frequencies may be paired wrongly: limit the range.
 
     Parameters
     ----------
@@ -143,8 +145,8 @@ def up_down_velocity(
     up_waveform, down_waveform : Waveform or Radar, optional
         Of cubes; frames and recordings have their own.
     down_delay : float, optional
-        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times, or
-        ``up_waveform.frame_interval`` for cubes.
+        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times; for cubes
+        ``up_waveform.frame_interval``, or 0 where the first chirps come at different times, as those of sub-sequences.
     min_range, max_range : float, optional
         Limits of the search [m], each for the range that a chirp alone tells: ``velocity * f / abs(slope)`` too far for
         an up-chirp and too near for a down-chirp.
@@ -174,6 +176,8 @@ def up_down_velocity(
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = checked_noise(noise)
     searches = [_beat_fit(given, ranges, fastest, window) for given in both]
+    for equation, given in zip(equations, both, strict=True):
+        equation[1] += 2.0 / SPEED_OF_LIGHT * given.waveform.slope * _later(given)
 
     rows: list[Echo] = []
     for frames in zip(both[0].samples, both[1].samples, strict=True):
@@ -306,7 +310,7 @@ def _from_frequency_change(
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = checked_noise(noise)
-    search = _beat_fit(given, ranges, fastest, window)
+    search, later = _beat_fit(given, ranges, fastest, window), _later(given)
     weights = _weights(wf, window)
 
     def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
@@ -319,7 +323,7 @@ def _from_frequency_change(
         velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
         # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
         shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
-        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
+        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift) - velocity * later
         return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
 
     return measured(given, measure)
@@ -351,6 +355,14 @@ def _beat_fit(
         return fit_phase(frame, phase, gradients, np.array(start)[told], weights, per_chirp=True)
 
     return search
+
+
+def _later(given: EchoInput) -> float:
+    """From the mean of the waveform's chirps to the time of the mean beat frequency of `_beat_fit` [s].
+
+    Of single chirps the change is not fitted, and the frequency is that at the mean of the channels' times.
+    """
+    return float(given.offsets.mean()) if given.waveform.num_chirps == 1 else 0.0
 
 
 def _in_place(parameters: Array, told: list[int]) -> Array:

@@ -65,6 +65,20 @@ def highpass_index(cutoff: float) -> int:
     return sum(cutoff >= middle for middle in (32_500, 57_500, 75_000))
 
 
+def receiver_of(kind: object, if_gain_db: int | None, high_pass: float | None, *, bandwidth: float) -> Receiver:
+    """Receiver of a preset: "thermal", "measured" with its gain [dB] and high-pass [Hz], or one that was given."""
+    if kind == "measured":
+        gain = 23 if if_gain_db is None else if_gain_db
+        return measured_receiver(gain, HIGHPASS_CUTOFFS[-1] if high_pass is None else high_pass, bandwidth=bandwidth)
+    for name, value in (("if_gain_db", if_gain_db), ("high_pass", high_pass)):
+        if value is not None:
+            raise ValueError(f"{name}: expected None unless receiver is 'measured', got {value!r}")
+    if isinstance(kind, Receiver):
+        return kind
+    check.choice("receiver", kind, ("thermal", "measured"))
+    return Receiver(output="real", noise_figure_db=12.0)
+
+
 def measured_receiver(if_gain_db: int = 23, high_pass: float = 80e3, *, bandwidth: float) -> Receiver:
     """The three receivers of a BGT60TR13C with their ADCs, as measured.
 

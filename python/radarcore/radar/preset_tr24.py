@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from radarcore import check
+from radarcore.radar.bgt60_receiver import receiver_of
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 
 _PITCH = 3.5e-3
 """Side of the square of receivers [m]."""
 
 
-def bgt60tr24(*, tx_power_dbm: float = 4.0, receiver: Receiver | None = None, **waveform: Any) -> Radar:
+def bgt60tr24(
+    *,
+    tx_power_dbm: float = 4.0,
+    receiver: str | Receiver = "thermal",
+    if_gain_db: int | None = None,
+    high_pass: float | None = None,
+    schedule: Schedule | None = None,
+    **waveform: Any,
+) -> Radar:
     """Infineon BGT60TR24: two TX, four RX in a square of 3.5 mm, real samples.
 
     There is no public data sheet. Receivers are at the places that published code has: RX1 upper right, RX2 upper
     left, RX3 lower right, RX4 lower left, seen along the beam. The transmitters are put 7 mm apart, above the square,
     so that the channels make a row of four by two without gaps: **an assumption**. Power, gain, beam widths and noise
-    figure are those of the BGT60TR13C. Both transmitters send at once and are told apart without error.
+    figure are those of the BGT60TR13C. Without a schedule both transmitters are told apart without error.
 
     Defaults: 58 to 63.5 GHz sampled, 64 samples at 2 MHz, 16 chirps every 591 us, 25 ms from frame to frame.
 
@@ -29,8 +39,13 @@ def bgt60tr24(*, tx_power_dbm: float = 4.0, receiver: Receiver | None = None, **
     ----------
     tx_power_dbm : float
         Power of one transmitter [dBm].
-    receiver : Receiver, optional
-        Default: real samples with thermal noise of 12 dB.
+    receiver : "thermal", "measured" or Receiver
+        Thermal: real samples with thermal noise of 12 dB. Measured: the chain of a BGT60TR13C as measured, with RX4
+        like RX3 and all receivers in phase, **an assumption** too.
+    if_gain_db, high_pass : optional
+        Of the measured chain, as in `bgt60tr13c`.
+    schedule : Schedule, optional
+        How the transmitters share the time, as in `Radar`.
     **waveform
         Keywords of `Waveform` in place of the defaults.
     """
@@ -41,17 +56,23 @@ def bgt60tr24(*, tx_power_dbm: float = 4.0, receiver: Receiver | None = None, **
         "num_samples": 64,
         "num_chirps": 16,
     } | waveform
-    check.keywords("bgt60tr24", waveform, ["tx_power_dbm", "receiver", *(field.name for field in fields(Waveform))])
+    names = [field.name for field in fields(Waveform)]
+    check.keywords("bgt60tr24", waveform, ["tx_power_dbm", "receiver", "if_gain_db", "high_pass", "schedule", *names])
     if "chirp_times" not in settings:
         settings.setdefault("chirp_interval", 591.125e-6)
     if "frame_interval" not in settings:
         settings["frame_interval"] = max(25e-3, Waveform(**settings).frame_interval)
+    shape = Waveform(**settings)
+    chain = receiver_of(receiver, if_gain_db, high_pass, bandwidth=shape.bandwidth)
+    if receiver == "measured":
+        chain = replace(chain.of_receivers([0, 1, 2, 2]), rx_phase_deg=None)
     half = 0.5 * _PITCH
     return Radar(
-        Waveform(**settings),
+        shape,
         tx=[[0.0, -_PITCH, 3.0 * _PITCH], [0.0, _PITCH, 3.0 * _PITCH]],
         rx=[[0.0, -half, half], [0.0, half, half], [0.0, -half, -half], [0.0, half, -half]],
         pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
         tx_power_dbm=tx_power_dbm,
-        receiver=Receiver(output="real", noise_figure_db=12.0) if receiver is None else receiver,
+        receiver=chain,
+        schedule=schedule,
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.radar import bgt60, design
-from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
+from radarcore.radar.bgt60_receiver import receiver_of
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
@@ -133,22 +133,8 @@ def _radar(
         rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
         pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
         tx_power_dbm=tx_power_dbm,
-        receiver=_receiver(receiver, if_gain_db, high_pass, waveform.bandwidth),
+        receiver=receiver_of(receiver, if_gain_db, high_pass, bandwidth=waveform.bandwidth),
     )
-
-
-def _receiver(kind: object, if_gain_db: int | None, high_pass: float | None, bandwidth: float) -> Receiver:
-    """Receiver of a word, or one that was given."""
-    if kind == "measured":
-        gain = 23 if if_gain_db is None else if_gain_db
-        return measured_receiver(gain, HIGHPASS_CUTOFFS[-1] if high_pass is None else high_pass, bandwidth=bandwidth)
-    for name, value in (("if_gain_db", if_gain_db), ("high_pass", high_pass)):
-        if value is not None:
-            raise ValueError(f"{name}: expected None unless receiver is 'measured', got {value!r}")
-    if isinstance(kind, Receiver):
-        return kind
-    check.choice("receiver", kind, ("thermal", "measured"))
-    return Receiver(output="real", noise_figure_db=12.0)
 
 
 def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:

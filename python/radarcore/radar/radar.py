@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,7 +113,8 @@ class Radar(Twinned):
             ("schedule", schedule, Schedule | None),
         ):
             if not isinstance(value, kind):
-                raise TypeError(f"{name}: expected {getattr(kind, '__name__', kind)}, got {type(value).__name__}")
+                expected = " or ".join(each.__name__ for each in get_args(kind))
+                raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
         put = object.__setattr__
         put(self, "waveform", waveform)
         put(self, "tx", _positions("tx", tx))
@@ -126,7 +127,7 @@ class Radar(Twinned):
         put(self, "polarization", _polarization(polarization))
         if receiver is not None:
             receiver.check_receivers(len(self.rx))
-            if waveform.slope == 0.0 and receiver.high_pass is not None:
+            if receiver.high_pass is not None and any(each.slope == 0.0 for each in (waveform, *more_waveforms)):
                 raise ValueError(
                     "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
                 )

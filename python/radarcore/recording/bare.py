@@ -17,6 +17,9 @@ from radarcore.recording.npy import Converted, naming
 COUNTS = "counts"
 """``source["cube_unit"]`` of samples that were integers."""
 
+UNKNOWN = "unknown"
+"""The same of other samples: nothing says that they are in sqrt(W)."""
+
 
 def opened(path: Path, radar: Radar) -> Stored:
     """Frames of an NPY file, mapped into memory, a frame interval apart.
@@ -43,6 +46,8 @@ def opened(path: Path, radar: Radar) -> Stored:
         source["cube_unit"] = COUNTS
     elif values.dtype.name not in CUBE_TYPES:
         raise ValueError(f"{path}: expected integers or {', '.join(CUBE_TYPES)}, got {values.dtype}")
+    else:
+        source["cube_unit"] = UNKNOWN
     time = radar.waveform.frame_interval * np.arange(len(values), dtype=np.float64)
     return Stored(cube, time, radar, None, source)
 

@@ -18,6 +18,9 @@ _CUBE_DTYPES = frozenset(map(np.dtype, CUBE_TYPES))
 FULL_SCALE = "full scale"
 """``source["cube_unit"]`` of a recording whose samples are those of an ADC: from -1, code 0, to 1, the largest."""
 
+PARTS_OF_FULL_SCALE = "parts of full scale"
+"""The same of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
+
 _MAX_LOST = np.iinfo(np.int32).max
 
 Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
@@ -99,8 +102,8 @@ class Frame:
     truth : Truth, optional
         Truth of this frame: arrays (body,).
     stats : dict
-        Counts of the simulation or the sensor. Only ``lost_before`` is written to files: the number of frames lost
-        just before this one.
+        Counts of the simulation or the sensor. Only ``lost_before`` is written to files, the number of frames lost
+        just before this one, and ``cube_unit``, where samples are neither in sqrt(W) nor codes.
     raw : (channel, chirp, sample) uint16, optional
         Codes of the ADC; the cube is then in full scale, see `radarcore.recording.codes.to_samples`.
     """
@@ -149,6 +152,15 @@ class Frame:
         if (count := check.count('stats["lost_before"]', num_lost, 0)) > _MAX_LOST:
             raise ValueError(f'stats["lost_before"]: expected at most {_MAX_LOST}, got {count}')
         return count
+
+
+def unit_of(frame: Frame) -> str | None:
+    """``source["cube_unit"]`` of a recording of such frames; None for samples in sqrt(W)."""
+    if frame.raw is not None:
+        return FULL_SCALE
+    receiver = frame.radar.receiver
+    unit: str | None = frame.stats.get("cube_unit", None if receiver is None else receiver.unit)
+    return unit
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int]:

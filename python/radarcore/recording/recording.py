@@ -30,6 +30,7 @@ from radarcore.recording.frame import (
     chirps_of,
     frame_shape,
     kind_of,
+    unit_of,
 )
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
@@ -92,12 +93,15 @@ class Recording(Stored):
         if not -len(self) <= (index := check.count("frame_index", frame_index, -(2**63))) < len(self):
             raise IndexError(f"frame_index: expected an index into {len(self)} frames, got {frame_index}")
         cube = self.cube[index]
+        stats: dict[str, Any] = {} if self.lost is None else {"lost_before": int(self.lost[index])}
+        if not self._has_codes and (unit := self.source.get("cube_unit")) is not None:
+            stats["cube_unit"] = unit
         return Frame(
             cube,
             float(self.time[index]),
             self.radar,
             truth=None if self.truth is None else self.truth[index],
-            stats={} if self.lost is None else {"lost_before": int(self.lost[index])},
+            stats=stats,
             raw=to_codes(cube) if self._has_codes else None,
         )
 
@@ -160,7 +164,7 @@ class Recording(Stored):
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
-        If `source` has no ``cube_unit``, frames with the codes of an ADC make it full scale.
+        If `source` has no ``cube_unit``, it is that of the first frame: full scale for the codes of an ADC.
         """
         kept = list(frames)
         if not kept:
@@ -175,8 +179,8 @@ class Recording(Stored):
         if any(frame.lost_before is not None for frame in kept):
             lost = np.array([frame.lost_before or 0 for frame in kept], np.int32)
         source = dict(source or {})
-        if first.raw is not None:
-            source.setdefault("cube_unit", FULL_SCALE)
+        if (unit := unit_of(first)) is not None:
+            source.setdefault("cube_unit", unit)
         times = np.array([frame.time for frame in kept])
         return cls(np.stack([frame.cube for frame in kept]), times, first.radar, truth, source, lost)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from radarcore import check
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import FULL_SCALE, Frame, Kind, check_alike, check_radar, frame_shape, kind_of
+from radarcore.recording.frame import Frame, Kind, check_alike, check_radar, frame_shape, kind_of, unit_of
 from radarcore.recording.native import FORMAT, TRUTH_FILES, exists, format_of, meta_text, truth_arrays
 from radarcore.recording.npy import GrowingFile, write_whole
 
@@ -88,8 +88,8 @@ class RecordingWriter:
         num_lost = frame.lost_before
         try:
             if self._kind is None:
-                if frame.raw is not None:
-                    self.source.setdefault("cube_unit", FULL_SCALE)
+                if (unit := unit_of(frame)) is not None:
+                    self.source.setdefault("cube_unit", unit)
                 self.open_as(kind_of(frame.cube, frame.truth))
             if num_lost is not None and "lost" not in self._files:
                 none_yet = np.zeros(self._written, np.int32)

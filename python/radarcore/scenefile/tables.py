@@ -393,7 +393,7 @@ class RadarTable(Table):
     tx_patterns: list[PatternTable] | None = _key(None, "", "of every transmit antenna by itself; default: pattern")
     rx_patterns: list[PatternTable] | None = _key(None, "", "of every receive antenna by itself; default: pattern")
     receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
-    measured_receiver: bool = _key(False, "", "the receiver of the preset bgt60tr13c as it was measured")
+    measured_receiver: bool = _key(False, "", "the receiver of the preset as it was measured, of a BGT60TR13C")
     if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
         None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"

@@ -7,13 +7,14 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from types import TracebackType
 from typing import Any
 
 from radarcore import check, notice
 from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
 from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import FULL_SCALE, Frame
 from radarcore.recording.recording import Recording
@@ -232,7 +233,8 @@ class Sensor:
         Parameters
         ----------
         radar : Radar
-            Wanted waveform and receivers; a board sets power and gains by `options`.
+            Wanted waveform and receivers; a board sets power and gains by `options`. Phases of the receivers
+            (`Receiver.rx_phase_deg`) are kept, so that angles are right.
         **options
             Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
 
@@ -250,7 +252,7 @@ class Sensor:
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.stop()
-        self.radar = self._board.configure(radar, **options)
+        self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
         return self.radar
 
     def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Generator[Frame, None, None]:
@@ -514,3 +516,10 @@ class _Losses:
 
     def __str__(self) -> str:
         return f"{self.num_frames} lost: {', '.join(self.reasons)}"
+
+
+def _with_phases(radar: Radar, known: Receiver | None) -> Radar:
+    """The radar of a board with phases of receivers that are known."""
+    if known is None or known.rx_phase_deg is None or radar.receiver is None:
+        return radar
+    return replace(radar, receiver=replace(radar.receiver, rx_phase_deg=known.rx_phase_deg))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.radar.bgt60_receiver import measured_receiver
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
@@ -34,7 +35,8 @@ class Simulated:
     The echo's power at the receiver's input goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain
     behind it and an ADC of 12 bits that spans 1.21 V to either side. Filters, leakage and the offsets of a real
     receiver are left out, unless the simulator's radar has the chip's receiver as measured
-    (``bgt60tr13c(receiver="measured")``): that is then the sensor's, at the gain that its registers have.
+    (``bgt60tr13c(receiver="measured")``): that is then the sensor's, at the gain that its registers have, without the
+    effects that are None in the simulator's.
 
     Parameters
     ----------
@@ -48,16 +50,18 @@ class Simulated:
         self.start = check.number("start", start, "s")
         self._simulator = simulator
         receiver = simulator.radar.receiver
-        self._is_measured = receiver is not None and receiver.has_codes
+        self._chain = receiver if receiver is not None and receiver.has_codes else None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="radarcore-simulate")
         self._ahead: tuple[Radar, int, Future[NDArray[np.float64]]] | None = None
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        places = _places(radar) if self._is_measured else []
-        if places:
-            chain = measured_receiver(if_gain_db=round(if_gain_db), bandwidth=radar.waveform.bandwidth)
-            radar = _with_receiver(radar, chain.of_receivers(places))
+        places: list[int] = []
+        if self._chain is not None and (places := _places(radar)):
+            chain = measured_receiver(
+                round(if_gain_db), self._chain.high_pass or HIGHPASS_CUTOFFS[-1], bandwidth=radar.waveform.bandwidth
+            )
+            radar = _with_receiver(radar, _switched(chain, self._chain).of_receivers(places))
         ahead, self._ahead = self._ahead, None
         if ahead is not None and ahead[:2] == (radar, index):
             samples = ahead[2].result()
@@ -78,6 +82,13 @@ class Simulated:
             self._simulator = self._simulator.with_radar(radar)
         samples: NDArray[np.float64] = self._simulator.frame(self.start + time).cube
         return samples
+
+
+def _switched(chain: Receiver, own: Receiver) -> Receiver:
+    """The chain without the effects that another receiver has switched off, and with its widths of codes."""
+    names = [field.name for field in fields(own) if field.name != "gain_db"]  # that of the registers
+    off = {name: None for name in names if getattr(own, name) is None}
+    return replace(chain, **{"adc_odd_width": own.adc_odd_width} | off)  # type: ignore[arg-type]  # None is legal there
 
 
 def _places(radar: Radar) -> list[int]:

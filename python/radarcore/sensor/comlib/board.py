@@ -173,8 +173,14 @@ class ComLibBoard:
         rx_mask = self._rx_mask(radar, rx_mask)
         if tx_power is not None and check.count("tx_power", tx_power, 0) > self._limits.max_tx_power:
             raise ValueError(f"tx_power: expected 0 to {self._limits.max_tx_power}, got {tx_power}")
+        if radar.more_waveforms:
+            raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
+        if radar.schedule is not None:
+            raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
         if not wave.has_uniform_chirps:
             raise ValueError("waveform: expected chirps at equal intervals, got a list of chirp_times")
+        if wave.chirp_times[0] > 1e-9 * wave.chirp_interval:
+            raise ValueError(f"chirp_times: expected the first chirp at 0 s, got {wave.chirp_times[0]:g}")
         lowest, highest = self._limits.min_frequency_khz * 1e3, self._limits.max_frequency_khz * 1e3
         if not lowest <= wave.start_frequency <= highest:
             raise ValueError(
