@@ -59,7 +59,8 @@ def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_], float]:
     number = len(power)
     if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
         return np.zeros(number, dtype=bool), float(np.median(power)) if power.size else 0.0
-    medians = np.median(power, axis=1)
+    middle = power.shape[1] // 2
+    medians = np.partition(power, middle, axis=1)[:, middle]  # several times quicker than np.median
     level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
     return np.asarray(medians < _EMPTY * level), level
 
