@@ -94,7 +94,7 @@ def strongest_peak_db(mesh: rc.Mesh, aspect_deg: float, **options: Any) -> float
     rotation = Rotation.from_euler("zy", [5.0, aspect_deg], degrees=True).as_matrix()
     target = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))
     sim = rc.Simulator(rc.Scene([target]), rc.Radar(WAVEFORM), field_of_view_deg=(16.0, 16.0), **options)
-    return float(db(rc.range_profile(sim.frame().cube, WAVEFORM, num_bins=4096)).max())
+    return float(db(np.abs(rc.range_profile(sim.frame().cube, WAVEFORM, num_bins=4096)).max()))
 
 
 def peaks_db(mesh: rc.Mesh, **options: Any) -> NDArray[np.float64]:
