@@ -196,6 +196,7 @@ def test_silent_board_is_a_timeout():
             next(frames)
 
 
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # on a busy machine: the board never waits
 def test_board_left_measuring_is_taken_over():
     """A program that was killed leaves the board sending; the next one begins in the middle of a packet."""
     with plugged(Controller(Numbered(), speed=None), "cdc") as (where, _):
@@ -207,7 +208,9 @@ def test_board_left_measuring_is_taken_over():
         first._board._link._stream.close()
         with open_sensor(**where) as second:
             second.configure(SMALL)
-            assert [number_of(frame.raw) for frame in second.frames(4)] == [0, 1, 2, 3]
+            frames = list(second.frames(4))
+            lost = np.cumsum([frame.lost_before for frame in frames])
+            assert [number_of(frame.raw) for frame in frames] == list(range(4) + lost)
 
 
 @pytest.mark.parametrize(
