@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import isfinite, sqrt
+from math import isfinite, isnan, sqrt
 from typing import Any
 
 import numpy as np
@@ -221,8 +221,8 @@ def detect(
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     seen = plane_waves(snapshots, radar, velocity, snr / radar.num_channels)
     covariance[:, 2:, 2:] = seen.covariance
-    is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
-    if is_unknown.any():
+    if isnan(covariance.sum()):
+        is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
         covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     # By range, within the limits.
@@ -490,7 +490,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     They have the power of rows far away, without the echoes there, where that is larger.
     """
     is_empty, level = filtered_rows(power)
-    if not is_empty.any():
+    if is_empty is None:
         return power
     (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
     far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]

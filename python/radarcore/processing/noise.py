@@ -51,18 +51,19 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
 
 
-def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_], float]:
+def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, float]:
     """Rows (velocities) whose noise a filter took, such as `remove_static`, (row,), and the median of the others.
 
-    Rows whose median is far below that which a fifth of all exceed. None in maps too small to tell.
+    Rows whose median is far below that which a fifth of all exceed. None where there are none, as in maps too small to
+    tell.
     """
     number = len(power)
     if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
-        return np.zeros(number, dtype=bool), float(np.median(power)) if power.size else 0.0
+        return None, float(np.median(power)) if power.size else 0.0
     middle = power.shape[1] // 2
     medians = np.partition(power, middle, axis=1)[:, middle]  # several times quicker than np.median
     level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
-    return np.asarray(medians < _EMPTY * level), level
+    return None if medians.min() >= _EMPTY * level else medians < _EMPTY * level, level
 
 
 @lru_cache(maxsize=64)

@@ -200,7 +200,7 @@ def strongest_peak(
 
     # Over the noise.
     is_filtered, level = filtered_rows(power)  # rows without noise do not tell its level
-    noise = (level if is_filtered.any() else float(np.median(power))) / median_of_unit_mean(len(samples))
+    noise = (float(np.median(power)) if is_filtered is None else level) / median_of_unit_mean(len(samples))
     noise = max(noise, len(samples) * rounding_noise(samples, fast_weights, slow_weights))
     snr_db = float(10.0 * np.log10(height / noise))
     if least_snr_db is None:
