@@ -3,7 +3,9 @@
 PYTHON ?= python3
 VENV = .venv
 BIN = $(VENV)/bin
+# Modules are compiled when they are first imported: most never are.
 PIP = $(BIN)/pip --quiet --disable-pip-version-check
+PIP_INSTALL = $(PIP) install --no-compile
 
 # cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
@@ -86,7 +88,7 @@ wheel-check: wheel
 	@echo "-- wheel in an empty environment"
 	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; \
 	$(PYTHON) -m venv "$$directory"; \
-	"$$directory/bin/pip" install --quiet --disable-pip-version-check --constraint requirements/demo.txt dist/*.whl; \
+	"$$directory/bin/pip" install --quiet --disable-pip-version-check --no-compile --constraint requirements/demo.txt dist/*.whl; \
 	"$$directory/bin/python" tests/wheel_smoke.py
 
 bench: $(VENV)/bench $(VENV)/built
@@ -115,22 +117,22 @@ $(VENV)/created: | tools
 
 $(VENV)/demo: requirements/demo.txt $(VENV)/created | tools
 	@echo "-- packages: requirements/demo.txt"
-	@$(PIP) install -r requirements/demo.txt
+	@$(PIP_INSTALL) -r requirements/demo.txt
 	@touch $@
 
 $(VENV)/dev: requirements/dev.txt $(VENV)/demo
 	@echo "-- packages: requirements/dev.txt"
-	@$(PIP) install -r requirements/dev.txt
+	@$(PIP_INSTALL) -r requirements/dev.txt
 	@touch $@
 
 $(VENV)/bench: requirements/bench.txt $(VENV)/dev
 	@echo "-- packages: requirements/bench.txt"
-	@$(PIP) install -r requirements/bench.txt
+	@$(PIP_INSTALL) -r requirements/bench.txt
 	@touch $@
 
 $(VENV)/robots: requirements/robots.txt $(VENV)/dev
 	@echo "-- packages: requirements/robots.txt (131 MB)"
-	@$(PIP) install --no-deps -r requirements/robots.txt
+	@$(PIP_INSTALL) --no-deps -r requirements/robots.txt
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo

@@ -164,7 +164,7 @@ def test_chirps_may_come_at_any_times_for_migration() -> None:
 
 # With noise
 
-TRIALS = 300
+TRIALS = 160
 ACCURACY = 4.0 / np.sqrt(2.0 * TRIALS)
 """Four standard deviations of a standard deviation that is measured over the trials."""
 
@@ -187,7 +187,7 @@ def test_deviations_from_15_db_up_are_those_of_the_bound_and_as_predicted(
             assert abs(np.mean(estimate) - truth) <= 4.0 * deviation / np.sqrt(TRIALS)
             # Within 1.5 of the bound is what is promised; least squares are at the bound.
             assert np.std(estimate) == pytest.approx(float(deviation), rel=ACCURACY)
-            # The noise of one frame is known from 66 cells or more, its power to 18 % then.
+            # The noise of one frame is known from 66 cells or more, its deviation to 9 % then.
             assert np.mean(predicted) == pytest.approx(float(deviation), rel=0.03)
 
 
