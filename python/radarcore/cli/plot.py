@@ -61,7 +61,7 @@ VIEWS = {
     "tracks": ("max_range", "remove_static"),
     "experiment": ("max_range",),
 }
-"""What can be chosen of the pictures."""
+"""Options of the pictures."""
 
 
 def draw(

@@ -35,8 +35,8 @@ def search_doppler(
         num_velocity_bins=num_velocity,
     )
     power = _power(transformed).sum(axis=0)  # (doppler, range)
-    mode = "wrap" if np.iscomplexobj(frame) else "reflect"
-    around = np.pad(np.pad(power, ((1, 1), (0, 0)), mode="wrap"), ((0, 0), (1, 1)), mode=mode)  # type: ignore[call-overload]
+    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
+    around = np.pad(around, ((0, 0), (1, 1)), mode="wrap" if np.iscomplexobj(frame) else "reflect")
     neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
     is_peak = (power > 0.0) & np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
 

@@ -214,7 +214,7 @@ def pairs_within(
 
 
 def may_be_near(values: Array, distance: float | None, velocity: float | None, periods: Array) -> bool:
-    """Whether any pair may be among those of `pairs_within`; of few detections.
+    """True if any pair may be among those of `pairs_within`; of few detections.
 
     Arrays would take longer to make than the numbers of a few detections take one by one.
     """
@@ -239,7 +239,7 @@ def may_be_near(values: Array, distance: float | None, velocity: float | None, p
 
 
 def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:
-    """Whether differences of velocities are within a limit; what is not told keeps nobody apart."""
+    """True where differences of velocities are within a limit; what is not told keeps nobody apart."""
     return ~(np.abs(wrapped(difference, period)) > limit)
 
 

@@ -12,25 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.processing.cells import Coordinates
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import plane_waves
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
+from radarcore.processing.map_layout import LEAST_GAIN, MAIN_LOBE, Layout, layout_of
 from radarcore.processing.map_test import MapTest, map_test
-from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean, rounding_per_energy
+from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope, envelope_at
-from radarcore.processing.spectra import both_windows, fast_spectrum, transformed
-from radarcore.processing.tone_fit import REACH, Axes, Fit, axes_of, fit
-from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.processing.spectra import fast_spectrum, transformed
+from radarcore.processing.tone_fit import REACH, Fit, fit
+from radarcore.processing.windows import Window
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame
-
-_MAIN_LOBE = 2
-"""Cells from the middle of an echo to the first zero of the Hann window's main lobe: where leakage from the transmitter
-is, and what a cell must be guarded from."""
 
 _TRAINING_2D, _TRAINING_1D = 8, 16
 """Training cells on each side: some hundred of a map, so that the threshold hardly scatters, and as many of a profile
@@ -40,10 +36,7 @@ _HIGHEST_RATE = 0.01
 """Local maxima are about one in ten cells of noise: higher rates than a tenth of that are no detections."""
 
 _OFF_PEAK = 0.1
-"""What the parabola through three cells may err by, in noise [cells]."""
-
-_LEAST_GAIN = 0.05
-"""Part of the noise that must be left in a velocity row without static echoes for its cells to be tested."""
+"""Error of the parabola through three cells, in noise [cells]."""
 
 _FLAT = 1e-30
 """Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
@@ -54,9 +47,8 @@ _FEW = 16
 _BLOCK = 64
 """Maxima whose sidelobes are worked out at a time."""
 
-
 _LARGEST_NOISE = 20.0
-"""What is above that many medians is an echo rather than noise."""
+"""Powers above that many medians are echoes rather than noise."""
 
 
 def detect(
@@ -65,7 +57,7 @@ def detect(
     *,
     false_alarm_rate: float = 1e-6,
     method: str = "ca",
-    guard: int | Sequence[int] = _MAIN_LOBE,
+    guard: int | Sequence[int] = MAIN_LOBE,
     training: int | Sequence[int] | None = None,
     remove_static: bool = False,
     window: Window = "hann",
@@ -235,106 +227,10 @@ def detect(
 
 
 @dataclass(frozen=True, eq=False)
-class _Layout:
-    """What the cells of a map are: (look, row, column)."""
-
-    slow: NDArray[np.float64]
-    """Window over what the rows are the transform of; a single 1 where there is one row."""
-    fast: NDArray[np.float64]
-    has_velocity: bool
-    has_range: bool
-    is_iq: bool
-    is_down: bool
-    num_looks: int
-    num_columns: int
-    row_gain: NDArray[np.float64]
-    """Noise of every row, relative to that without removal of static echoes, (row,)."""
-    beat_step: float
-    doppler_step: float
-    smear: float
-    """Cells that a target crosses in a frame per row of its velocity."""
-    coordinates: Coordinates
-
-    @cached_property
-    def is_tested(self) -> NDArray[np.bool_]:
-        return self.row_gain > _LEAST_GAIN
-
-    @cached_property
-    def gain(self) -> float:
-        """Amplitude of a tone of amplitude 1 in the middle of a cell."""
-        return float(self.slow.sum() * (self.fast.sum()))
-
-    def both_windows(self, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """As `transformed` takes them, in the precision of the samples."""
-        if dtype not in self._both_windows:
-            self._both_windows[dtype] = both_windows(self.fast, self.slow, len(self.slow), dtype)
-        return self._both_windows[dtype]
-
-    @cached_property
-    def _both_windows(self) -> dict[np.dtype[Any], NDArray[Any]]:
-        return {}
-
-    @cached_property
-    def rounding(self) -> float:
-        """Noise by rounding of the samples over the sum of their squares."""
-        return rounding_per_energy(self.fast, self.slow)
-
-    @cached_property
-    def windows(self) -> tuple[bytes, bytes]:
-        """Windows over what the rows and the columns are the transforms of, float64."""
-        return self.slow.tobytes(), (self.fast if self.has_range else np.ones(1)).tobytes()
-
-    @cached_property
-    def axes(self) -> Axes:
-        """What a tone looks like in the cells about its peak."""
-        most = 2 * REACH + 1
-        num_cells = min(most, self.num_rows), min(most, self.num_columns)
-        windows = self.windows[0], self.fast.tobytes()
-        return axes_of(windows, num_cells, is_conjugate=self.is_down)
-
-    @cached_property
-    def signed_beat_step(self) -> float:
-        """Beat frequency from one column to the next, with the sign of the slope [Hz]."""
-        return float(np.sign(self.coordinates.waveform.slope)) * self.beat_step
-
-    @cached_property
-    def per_variance(self) -> NDArray[np.float64]:
-        """Covariance of range and velocity by the variances of row and column [cells^2], (2, 4)."""
-        slopes = np.asarray(self.coordinates.slopes() * (self.signed_beat_step, self.doppler_step))
-        slopes[[not self.has_range, not self.has_velocity]] = np.nan
-        return np.array([np.outer(slope, slope).ravel() for slope in slopes.T[::-1]])
-
-    @cached_property
-    def metres_per_column(self) -> float:
-        """Range from one column to the next [m]."""
-        return abs(float(self.beat_step * self.coordinates.slopes()[0, 0]))
-
-    @cached_property
-    def num_rows(self) -> int:
-        """Rows of the map."""
-        return len(self.row_gain)
-
-    def searched(self, lowest: float) -> tuple[int, int]:
-        """First and last column (exclusive) to be searched."""
-        if not self.has_range or self.num_columns <= 2 * _MAIN_LOBE:
-            return 0, self.num_columns
-        first = _MAIN_LOBE if lowest == -np.inf else min(_MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
-        return first, self.num_columns - (first if self.is_iq else 1)
-
-    def wrapped_row(self, row: Any) -> Any:
-        """Rows from zero velocity on: half a row below the lowest velocity is the highest."""
-        half = 0.5 * self.num_rows
-        return (row - self.num_rows // 2 + half) % self.num_rows - half
-
-    def wrapped_column(self, column: Any) -> Any:
-        return column % len(self.fast) if self.is_iq and self.has_range else column
-
-
-@dataclass(frozen=True, eq=False)
 class _Search:
-    """What the arguments of `detect` ask for, checked."""
+    """Checked arguments of `detect`, and what follows from them."""
 
-    layout: _Layout
+    layout: Layout
     columns: tuple[int, int]
     """First and last (exclusive) to be searched."""
     test: MapTest
@@ -346,12 +242,12 @@ class _Search:
 
     @cached_property
     def has_limits(self) -> bool:
-        """Whether there are ranges that are not reported."""
+        """True if there are ranges that are not reported."""
         return self.layout.has_range and (self.lowest > -np.inf or self.highest < np.inf)
 
 
 def _search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
-    """The same for every frame of a stream, but of arguments that may have no hash, or that of others."""
+    """Search of a radar, kept for the next frame but of arguments that may have no hash, or that of others."""
     return (_kept_search if _PLAIN.issuperset(map(type, arguments)) else _new_search)(radar, is_iq, *arguments)
 
 
@@ -390,57 +286,13 @@ def _new_search(
         raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
     if remove_static and radar.waveform.num_chirps < 2:
         raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
-    layout = _layout(radar, window, doppler_window, remove_static, is_iq)
+    layout = layout_of(radar, window, doppler_window, remove_static, is_iq)
     if trainings is None:
         trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
     first, last = layout.searched(lowest)
     shape = layout.num_rows, last - first
     test = map_test(shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
     return _Search(layout, (first, last), test, lowest, highest, 10.0 ** (-0.1 * dynamic_range))
-
-
-def _layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
-    """The same for every frame of a stream, unless windows may have no hash."""
-    named = all(each is None or isinstance(each, str) for each in (window, doppler_window))
-    return (_kept_layout if named else _new_layout)(radar, window, doppler_window, remove_static, is_iq)
-
-
-@lru_cache(maxsize=16)
-def _kept_layout(radar: Radar, *settings: Any) -> _Layout:
-    return _new_layout(radar, *settings)
-
-
-def _new_layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> _Layout:
-    wf = radar.waveform
-    fast = window_weights("window", window, wf.num_samples)
-    slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
-    centres = window_centre(fast), window_centre(slow)
-    has_velocity = wf.has_uniform_chirps and bool(np.count_nonzero(slow) > 1)
-    has_range = not wf.is_cw and bool(np.count_nonzero(fast) > 1)
-    num_looks = radar.num_channels
-    row_gain = np.ones(1)
-    if has_velocity:
-        row_gain = np.ones(len(slow))
-        if remove_static:
-            row_gain -= np.abs(np.fft.fftshift(np.fft.fft(slow))) ** 2 / (len(slow) * np.sum(slow**2))
-    else:
-        slow = np.ones(1)
-        num_looks *= wf.num_chirps - int(remove_static)
-    return _Layout(
-        slow=slow,
-        fast=fast,
-        has_velocity=has_velocity,
-        has_range=has_range,
-        is_iq=is_iq,
-        is_down=wf.slope < 0.0,
-        num_looks=num_looks,
-        num_columns=1 if not has_range else wf.num_samples if is_iq else wf.num_samples // 2 + 1,
-        row_gain=row_gain,
-        beat_step=wf.sample_rate / wf.num_samples,
-        doppler_step=1.0 / (wf.num_chirps * wf.chirp_interval),
-        smear=wf.velocity_resolution * wf.duration / wf.range_resolution if has_velocity and has_range else 0.0,
-        coordinates=Coordinates(wf, *centres, has_velocity),
-    )
 
 
 def _pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
@@ -462,7 +314,7 @@ def _limits(wf: Waveform, min_range: float | None, max_range: float | None) -> t
 def _map(
     samples: NDArray[Any],
     wf: Waveform,
-    layout: _Layout,
+    layout: Layout,
     window: Window,
     remove_static: bool,
 ) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -478,7 +330,7 @@ def _map(
     squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
     power = squares[:, ::2] + squares[:, 1::2]
     if remove_static and layout.has_velocity:
-        power /= np.maximum(layout.row_gain, _LEAST_GAIN)[:, None].astype(power.dtype)
+        power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
     return cells, power
@@ -500,9 +352,9 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 
 def _local_maxima(
-    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: _Layout
+    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
 ) -> NDArray[np.bool_]:
-    """Whether cells are to be tested and none of their eight neighbours exceeds them; `around` as `_surrounded`."""
+    """True for cells that are to be tested and that no neighbour of eight exceeds; `around` as `_surrounded`."""
     width = around.shape[1]
     square = np.array([[-width - 1, -width, 1 - width, -1, 0, 1, width - 1, width, width + 1]])
     power = around.ravel()[((rows + 1) * width + columns + 1)[:, None] + square]
@@ -543,7 +395,7 @@ def _without_sidelobes(
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
-    layout: _Layout,
+    layout: Layout,
     least_part: float,
 ) -> NDArray[np.intp]:
     """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
@@ -559,7 +411,7 @@ def _few_without_sidelobes(
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
-    layout: _Layout,
+    layout: Layout,
     least_part: float,
 ) -> list[int]:
     """`_without_sidelobes` one by one, in less time than arrays of a few take to make."""
@@ -592,7 +444,7 @@ def _many_without_sidelobes(
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
-    layout: _Layout,
+    layout: Layout,
     least_part: float,
 ) -> list[int]:
     """`_without_sidelobes` in blocks."""
@@ -626,7 +478,7 @@ def _many_without_sidelobes(
 
 
 def _fitted(
-    cells: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], start: NDArray[np.float64], layout: _Layout
+    cells: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], start: NDArray[np.float64], layout: Layout
 ) -> Fit:
     """The tones of the cells about some peaks."""
     num_rows, num_columns = (min(2 * REACH + 1, length) for length in cells.shape[1:])
@@ -640,7 +492,7 @@ def _fitted(
     return fit(patches, np.array([top - rows, left - columns]).T, start, layout.axes)
 
 
-def _covariance(layout: _Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
+def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
     some = np.where(tones.information > 0.0, tones.information, np.inf)  # what is not told has none
     variance = 0.5 / (snr[:, None] * some)  # in cells^2

@@ -1,4 +1,4 @@
-"""What processing takes: a cube with its radar or waveform, a frame or a recording; lengths of transforms."""
+"""Inputs of processing: a cube with its radar or waveform, a frame or a recording; lengths of transforms."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class MapTest:
 
     @cached_property
     def has_training(self) -> NDArray[np.bool_]:
-        """Whether a cell has training cells, (row, column)."""
+        """True for cells that have training cells, (row, column)."""
         return np.isfinite(self.factor)
 
     def passed(

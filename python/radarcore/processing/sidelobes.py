@@ -1,4 +1,4 @@
-"""How much an echo can add to the cells around it: the envelope of the sidelobes of a window."""
+"""Largest amplitude that an echo adds to the cells around it: the envelope of the sidelobes of a window."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class VelocityEstimate:
 
 
 class Echo(NamedTuple):
-    """What one frame gives."""
+    """Estimate of one frame."""
 
     range: float = np.nan
     velocity: float = np.nan
@@ -147,7 +147,7 @@ def decibels(ratio: float) -> float:
 
 
 def measured(given: EchoInput, measure: Callable[[NDArray[Any]], Echo]) -> VelocityEstimate:
-    """What a function measures frame by frame."""
+    """Estimates of a function, frame by frame."""
     return stacked([measure(frame) for frame in given.samples], given.is_one)
 
 

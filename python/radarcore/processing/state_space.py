@@ -21,7 +21,7 @@ _UNITS = [np.eye(d) for d in range(4)]
 
 
 class Expected(NamedTuple):
-    """What a radar is expected to measure of targets."""
+    """Expected measurements of targets."""
 
     value: Array
     """(target, d + 1): range [m], velocity [m/s], azimuth, elevation [rad]; their mean, to second order."""
@@ -73,7 +73,7 @@ def observe(state: Array) -> tuple[Array, Array]:
 
 
 def expect(state: Array, covariance: Array) -> Expected:
-    """What is measured of targets whose states are known to some covariance.
+    """Expected measurements of targets whose states are known to some covariance.
 
     Range and velocity are taken to second order, as in the second-order extended Kalman filter (Bar-Shalom, Li and
     Kirubarajan 2001, section 10.3): where angles or the velocity across are poorly known, the range rate varies

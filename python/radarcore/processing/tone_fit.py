@@ -36,7 +36,7 @@ _EXPONENTS = np.arange(_DEGREE + 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """What a tone looks like in neighbouring cells of slow and of fast time, and the noise in them.
+    """Shape of a tone in neighbouring cells of slow and of fast time, and the noise in them.
 
     Both have the same number of cells; the shorter axis has zeros beyond its own.
 

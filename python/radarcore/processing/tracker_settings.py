@@ -12,7 +12,7 @@ from radarcore import check
 @check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class TrackerSettings:
-    """How targets move, how well they are detected, and when a track begins and ends.
+    """Settings of a tracker: how targets move, how well they are detected, when tracks begin and end.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ class Tracker:
         return self._states()
 
     def _targets(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
-        """What was measured of targets, and its covariance, from all detections."""
+        """Measurements of targets, and their covariance, from all detections."""
         s, told = self.settings, values.shape[1]
 
         # The usual errors where detections do not tell theirs.
@@ -218,7 +218,7 @@ class Tracker:
         )
 
     def _confirms(self, life: _Life) -> bool:
-        """Whether detections have been many and fast enough."""
+        """True if detections have been many and fast enough."""
         return life.hits >= self.settings.confirm_hits and life.age <= self.settings.confirm_frames
 
     def _keep(self, which: list[bool]) -> None:
@@ -279,7 +279,7 @@ class Tracker:
 
 @dataclass(slots=True)
 class _Life:
-    """What has become of a track; of few, numbers are counted faster one by one than in arrays."""
+    """History of a track; of few, numbers are counted faster one by one than in arrays."""
 
     id: int
     seen: float

@@ -53,7 +53,7 @@ def divider_of(sample_rate: float) -> int:
 
 
 def limits(divider: int) -> Limits:
-    """What the chip can do at a number of cycles per sample."""
+    """Limits of the chip at a number of cycles per sample."""
     longest = (LONGEST_RAMP - FIRST_SAMPLE - LEAD) // divider
     return Limits(
         sample_rate=CLOCK / divider,

@@ -64,7 +64,7 @@ class WishError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a radar can do.
+    """Limits of a radar.
 
     Parameters
     ----------

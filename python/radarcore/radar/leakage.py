@@ -15,7 +15,7 @@ PerReceiver = float | tuple[float, ...]
 @check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Leakage:
-    """What leaks from a transmitter to the receivers: a tone of very low frequency, and what turning on leaves.
+    """Leakage from a transmitter to the receivers: a tone of very low frequency, and what turning on leaves.
 
     Both are the same in every chirp. Levels and phases are numbers, or sequences with one per receiver.
 

@@ -83,7 +83,7 @@ def _leaking(radar: Radar) -> NDArray[np.complex64]:
 
 
 def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex64]:
-    """What phase noise adds to an echo of 1 at the delays of the parts of the signal: ``exp(j phase) - 1``.
+    """Change that phase noise makes to an echo of 1 at the delays of the parts of the signal: ``exp(j phase) - 1``.
 
     Shape (delay, 1 or channel, chirp, sample): transmitters that take turns send at times of their own.
     """
