@@ -1,0 +1,9 @@
+from radarcore.adapters.planar_depth import radar_in_camera as radar_in_camera
+from radarcore.adapters.ros.images import from_camera_info as from_camera_info
+from radarcore.adapters.ros.images import from_ros_image as from_ros_image
+from radarcore.adapters.ros.messages import DEFINITIONS as DEFINITIONS
+from radarcore.adapters.ros.messages import installed as installed
+from radarcore.adapters.ros.stamps import header_nanoseconds as header_nanoseconds
+from radarcore.adapters.ros.stamps import nanoseconds as nanoseconds
+from radarcore.adapters.ros.stamps import nearest_nanoseconds as nearest_nanoseconds
+from radarcore.adapters.ros.stamps import seconds as seconds
